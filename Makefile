@@ -14,11 +14,11 @@ TORCH ?= torch>=2.4,<3
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo compile test test-all test-packaging test-damage bench bench-cluster bench-maintenance bench-remote bench-samples bench-sim build check \
+.PHONY: help install install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cluster bench-maintenance bench-remote bench-samples bench-sim build check \
 	clean convert docs docs-site notebooks test-devkits test-learn test-metadrive
 
 help:  ## List the targets.
-	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-15s %s\n", $$1, $$2}'
+	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-16s %s\n", $$1, $$2}'
 
 install: $(INSTALLED)  ## Create .venv with every extra and the development tools (PYTHON=python3.12 selects an interpreter).
 
@@ -50,7 +50,10 @@ compile: install  ## Compile all kernels beforehand, so that first uses are fast
 test: install  ## Run the tests, about five minutes of processor time (ARGS="-k lake" selects some).
 	$(PYTEST) $(ARGS)
 
-test-all: install  ## Run the tests, including those marked as long.
+test-integration: install  ## Run the tests of whole programs: command line, browser, servers, workers, object stores, Bullet.
+	$(PYTEST) -m 'integration and not long' $(ARGS)
+
+test-all: install  ## Run all tests that need no other environment, including those marked as long.
 	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn' $(ARGS)
 
 test-packaging: install  ## Build the distributions, install them into empty environments, and use them.
@@ -60,7 +63,7 @@ test-damage: install  ## Read thousands of damaged lakes, about an hour of proce
 	$(PYTEST) -m damage tests/scenarionet_data/damage $(ARGS)
 
 test-duckdb15: install .duckdb15/.installed  ## Run the tests that query DuckDB with the oldest supported version (1.5).
-	PYTHONPATH=.duckdb15 $(PYTEST) $(DUCKDB_TESTS) $(ARGS)
+	PYTHONPATH=.duckdb15 $(PYTEST) -m 'not long and not damage' $(DUCKDB_TESTS) $(ARGS)
 
 .duckdb15/.installed:
 	$(PIP_INSTALL) --target .duckdb15 'duckdb~=1.5.0'

@@ -128,6 +128,7 @@ class Simulation:
         self.batch = WorldBatch(worlds, self._policies, self._prepare, keep)
         shape = len(worlds), self.batch.max_objects
         self.state = State.empty(*shape)
+        history = max([history, *(policy.history for policy in self._policies)])
         if history:
             self.state.history = History.empty(history, *shape)
         self.previous = self.state.twin()
@@ -210,6 +211,9 @@ class Simulation:
         self._own_route[numbers] = np.nan
         for slot in slots:
             self._session.reset(slot, self.state)
+            for policy in self._playing[slot]:
+                if not is_compiled(policy):
+                    policy.begin(self.batch, self.state, slot)
         self._has_begun[numbers] = True
         self._list_agents()
 

@@ -27,6 +27,8 @@ from tests.fixtures.scenarionet_pickles import write_vintages
 from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.waymo import scenario_bytes, write_tfrecord
 
+pytestmark = pytest.mark.integration
+
 
 def test_readme_examples_run(monkeypatch, tmp_path):
     assert run_blocks("README.md", monkeypatch, tmp_path) == 7
@@ -63,6 +65,15 @@ def test_evaluation_examples_run(monkeypatch, tmp_path):
     runs = Lake(tmp_path / "lake").named_query("runs")
     planner = runs.filter(run="driven-my_planner.Planner-replay-kinematic")
     assert planner["success"].item() > 0.8, "the page's planner follows its route"
+
+
+@pytest.mark.long
+def test_planner_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/guides/planners.md", monkeypatch, tmp_path) == 4
+    page = blocks("docs/guides/planners.md", "python")[0]
+    assert len(page.strip().splitlines()) <= 30
+    mine = Lake(tmp_path / "lake").named_query("runs").filter(run="mine")
+    assert mine["success"].item() > 0.8 and mine["nuplan_score"].item() > 0.4, "the page's planner drives"
 
 
 @pytest.mark.long

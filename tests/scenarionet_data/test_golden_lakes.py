@@ -11,6 +11,8 @@ import pytest
 
 from tests.fixtures.golden_lakes import describe
 
+pytestmark = pytest.mark.integration
+
 LAKES = Path(__file__).parents[1] / "golden" / "lakes"
 EXPECTED = sorted(LAKES.glob("format-*/*/expected.json"))
 

@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.integration
+
 USE = """
 import sys
 from scenarionet_data import ScenarioLoader, convert

@@ -20,6 +20,8 @@ from tests.fixtures.made import NAME, held_raw, write_raw
 from tests.fixtures.waiting import HANGS_AFTER, until
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 def test_report(raw, tmp_path):
     result = run("convert", NAME, raw, tmp_path / "lake", "--workers", 1, "--split", "val")

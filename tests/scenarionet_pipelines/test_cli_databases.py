@@ -7,6 +7,8 @@ import pytest
 from scenarionet_data import Lake
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture
 def two(lake, ok):

@@ -10,6 +10,8 @@ from scenarionet_pipelines.cli.advice import as_options
 from scenarionet_pipelines.cli.deprecated import RENAMED_OPTIONS, current_spelling
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 RENAMED = [(verb, old, new) for verb, options in RENAMED_OPTIONS.items() for old, new in options.items()]
 
 

@@ -15,6 +15,8 @@ from scenarionet_pipelines.cli import cli
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory):

@@ -15,6 +15,8 @@ from scenarionet_pipelines.cli.output import cell, count, duration, print_json, 
 from tests.fixtures.made import NAME, write_raw
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 def test_list(lake, ok, as_json):
     ok("filter", lake, "--where", "num_objects > 2", "--name", "busy")

@@ -9,6 +9,8 @@ import pytest
 from scenarionet_data import Lake
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 def test_compact_reports_its_work_and_then_nothing_to_do(lake, ok):
     assert ok("compact", lake, "--dry-run") == "would rewrite 9 scenarios of 2 shards, in 1 bin\n"

@@ -9,6 +9,8 @@ import pytest
 from scenarionet_data.query.named_sql import EVENTS
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 def test_mine(lake, ok, as_json):
     found = as_json("mine", lake, "closest_approach", "-p", "max=30", "--limit", "2")

@@ -13,6 +13,8 @@ from scenarionet_data.ingest.options import Options
 from scenarionet_pipelines.cli.converter import find, options, parse_options
 from tests.fixtures.made import Made
 
+pytestmark = pytest.mark.integration
+
 
 @dataclass(frozen=True)
 class AllKinds(Options):

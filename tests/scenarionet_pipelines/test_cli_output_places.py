@@ -14,6 +14,8 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli import main
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.mark.parametrize(
     ("words", "what"),

@@ -6,6 +6,8 @@ import pytest
 
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture
 def picked(lake, ok):

@@ -10,6 +10,8 @@ from tests.fixtures.drives import make_drive
 from tests.fixtures.lakes import write_lake
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 def test_image(lake, ok, as_json, tmp_path):
     text = ok("render", lake, "s000001", "-o", tmp_path / "s.png", "--size", "200", "--at", "1.5")

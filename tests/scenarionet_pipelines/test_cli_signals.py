@@ -22,6 +22,8 @@ from tests.scenarionet_pipelines.conftest import run
 from tests.scenarionet_pipelines.test_cli import ALL_VERBS, verb
 from tests.scenarionet_pipelines.test_cli_convert import start
 
+pytestmark = pytest.mark.integration
+
 UNENDING = "levenshtein(repeat('a', 1000000), repeat('b', 1000000)) > 0"
 """A condition within which DuckDB checks neither signals nor interrupts."""
 

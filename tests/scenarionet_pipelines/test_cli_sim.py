@@ -11,6 +11,8 @@ from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 SCENARIOS = [make_drive(f"d{k}", speed=8.0 + k, others=(Other(15.0, vx=4.0),)) for k in range(3)]
 
 

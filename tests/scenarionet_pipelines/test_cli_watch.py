@@ -18,6 +18,8 @@ from tests.fixtures.waiting import HANGS_AFTER, until
 from tests.scenarionet_pipelines.conftest import run
 from tests.scenarionet_pipelines.test_cli_convert import start
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

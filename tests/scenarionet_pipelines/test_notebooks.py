@@ -18,6 +18,8 @@ pytest.importorskip("nbclient", reason="the extra `notebooks` is not installed")
 from scenarionet_pipelines.notebooks.execution import execute, make_example_lake, read, strip
 from scenarionet_pipelines.notebooks.rendering import render
 
+pytestmark = pytest.mark.integration
+
 PAGES = Path(__file__).parents[2] / "docs" / "notebooks"
 RECORDINGS = os.environ.get("SCENARIONET_TEST_DATA")
 REAL = {

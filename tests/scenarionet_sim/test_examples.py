@@ -16,6 +16,8 @@ from scenarionet_data.conversion import convert
 from scenarionet_sim.examples import idm_ego, ppo, random_agent
 from scenarionet_sim.scenarios import Scenarios
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture(scope="module")
 def generated(tmp_path_factory):

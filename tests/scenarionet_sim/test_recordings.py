@@ -48,7 +48,9 @@ def pickled(recordings, tmp_path_factory):
     return Scenarios(lake)
 
 
-@pytest.mark.parametrize("backend", [Kinematic(), Bullet()], ids=["kinematic", "bullet"])
+@pytest.mark.parametrize(
+    "backend", [Kinematic(), pytest.param(Bullet(), marks=pytest.mark.integration)], ids=["kinematic", "bullet"]
+)
 def test_every_recording_replays_to_success(pickled, backend):
     env = ScenarioNetEnv(scenarios=pickled, policies=(Replay(),), backend=backend)
     for _ in range(len(env)):
@@ -61,7 +63,9 @@ def test_every_recording_replays_to_success(pickled, backend):
         assert info["success"], info["scenario_id"]
 
 
-@pytest.mark.parametrize("backend", [Kinematic(), Bullet()], ids=["kinematic", "bullet"])
+@pytest.mark.parametrize(
+    "backend", [Kinematic(), pytest.param(Bullet(), marks=pytest.mark.integration)], ids=["kinematic", "bullet"]
+)
 def test_every_vehicle_of_a_recording_is_an_agent(pickled, backend):
     env, most = ScenarioNetParallelEnv(scenarios=pickled, backend=backend), 0
     for _ in range(14):

@@ -21,6 +21,8 @@ from tests.fixtures.lakes import content
 from tests.fixtures.made import held_raw, raw_of, run, write_raw
 from tests.fixtures.waiting import HANGS_AFTER, until
 
+pytestmark = pytest.mark.integration
+
 CONVERT = """
 import sys
 from scenarionet_data import convert

@@ -66,7 +66,9 @@ def outcome(dataset: str, raw: Path, lake: Path) -> ConversionReport | SourceErr
     return report
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize(
+    "damage", [name if name == "garbage" else pytest.param(name, marks=pytest.mark.long) for name in DAMAGES]
+)
 @pytest.mark.parametrize("dataset", RECORDING)
 def test_damaged_recording(dataset: str, damage: str, written: Callable[[str], Path], tmp_path: Path) -> None:
     raw = Path(shutil.copytree(written(dataset), tmp_path / "raw"))

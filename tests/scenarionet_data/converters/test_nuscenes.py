@@ -336,6 +336,7 @@ def test_bad_box_costs_that_box(raw: Path, written: Path, what: str) -> None:
         assert np.array_equal(before, after)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what", BAD_ROWS)
 def test_bad_row_costs_that_row(raw: Path, what: str) -> None:
     """The first rows of each table belong to the first scene, and are reported there."""
@@ -431,6 +432,7 @@ BAD_FEATURES: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what", BAD_FEATURES)
 def test_bad_map_feature_costs_that_feature(raw: Path, written: Path, what: str) -> None:
     change, action = BAD_FEATURES[what]

@@ -57,6 +57,7 @@ class TestNuScenesDamage(DamageConformance):
         return RowDamage(frozenset(hit | {rows[0]["instance_token"]}), num_added=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("frames", ["recorded", "resampled"])
 @pytest.mark.parametrize(("share", "is_kept"), [(0.15, True), (0.45, False)])
 def test_share_of_bad_rows_is_one_of_recorded_rows(tmp_path: Path, frames: str, share: float, is_kept: bool) -> None:

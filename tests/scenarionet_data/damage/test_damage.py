@@ -13,6 +13,8 @@ from tests.scenarionet_data.damage.lakes import copy_older, write_newer, write_s
 from tests.scenarionet_data.damage.trial import Outcome
 from tests.scenarionet_data.damage.worker import load, subject_of
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture(scope="module")
 def lakes(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:

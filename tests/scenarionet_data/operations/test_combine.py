@@ -33,7 +33,7 @@ def make(lake, name, numbers):
 NUMBERS = st.sets(st.integers(0, 20), max_size=8)
 
 
-@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(a=NUMBERS, b=NUMBERS, c=NUMBERS)
 def test_set_operations_match_python_sets(logs, a, b, c):
     for name, numbers in (("a", a), ("b", b), ("c", c)):

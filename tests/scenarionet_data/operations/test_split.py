@@ -37,13 +37,13 @@ def check_rebuilds(lake, parts):
 @pytest.mark.parametrize(
     "how",
     [
-        {"fractions": {"a": 0.7, "b": 0.3}},
+        pytest.param({"fractions": {"a": 0.7, "b": 0.3}}, marks=pytest.mark.long),
         {"fractions": {"a": 0.7, "b": 0.3}, "by": "source_log"},
-        {"fractions": {"a": 0.5, "b": 0.3, "c": 0.2}, "stratify": "city"},
+        pytest.param({"fractions": {"a": 0.5, "b": 0.3, "c": 0.2}, "stratify": "city"}, marks=pytest.mark.long),
         {"fractions": {"a": 0.5, "b": 0.5}, "stratify": "city", "by": "source_log"},
         {"fractions": {"a": 0.5, "b": 0.5}, "along": "date"},
         {"levels": 7},
-        {"each": "city"},
+        pytest.param({"each": "city"}, marks=pytest.mark.long),
     ],
     ids=str,
 )

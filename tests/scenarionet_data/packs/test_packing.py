@@ -18,6 +18,8 @@ from scenarionet_data.scenario.content_hash import content_hash
 from tests.fixtures import made, made_city
 from tests.fixtures.made import write_raw
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture(scope="module")
 def _lake(tmp_path_factory):

@@ -16,6 +16,8 @@ from scenarionet_data.storage.write.table_file import publish_table
 from tests.fixtures import made_city
 from tests.fixtures.made import write_raw
 
+pytestmark = pytest.mark.integration
+
 KINDS = ("tracks", "maps", "metadata", "snapshots/0", "snapshots/manifest", "databases", "layers")
 
 

@@ -132,6 +132,7 @@ def runs_red(episode):
     return found
 
 
+@pytest.mark.long
 def test_vehicles_keep_apart_and_stop_at_red():
     episodes = [generate(seed, OPTIONS) for seed in range(40)]
     assert sum(bool(touches(episode)) for episode in episodes) <= 1

@@ -190,6 +190,7 @@ def write_case(root: Path, recordings: datasets.Recordings, variants: dict[str, 
     next(root.glob("tracks/**/lost-*.parquet")).unlink()
 
 
+@pytest.mark.long
 def test_recorded_scenarios_violate_no_rule(case: Case) -> None:
     sound = {scenario.id for scenario in case.recordings.scenarios} | {case.id(name) for name in SOUND}
     rows = [row for row in case.findings.rows.to_pylist() if row["scenario_id"] in sound]

@@ -12,6 +12,8 @@ from scenarionet_data.testing import differences
 from tests.fixtures.lakes import everything, write_lake
 from tests.fixtures.scenarios import make_scenario
 
+pytestmark = pytest.mark.integration
+
 MADE = [make_scenario(seed, num_objects=4, num_steps=11) for seed in range(3)]
 
 

@@ -15,6 +15,8 @@ from scenarionet_data.converters import nuscenes as nuscenes_converter
 from tests.fixtures import argoverse1, argoverse2, lyft, nuplan, nuplan_drive, nuscenes
 from tests.fixtures.buckets import fetched, put, same, upload
 
+pytestmark = pytest.mark.integration
+
 DRIVES = [nuplan_drive.invented(seed, seconds=4.0) for seed in range(3)]
 BOSTON = "us-ma-boston"
 

@@ -19,6 +19,8 @@ from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
+pytestmark = pytest.mark.integration
+
 MADE = [make_scenario(seed, num_objects=4, num_steps=11) for seed in range(6)]
 ASKED = "SELECT scenario_id, count(*) AS n, sum(len(x)) AS states FROM tracks GROUP BY ALL ORDER BY ALL"
 

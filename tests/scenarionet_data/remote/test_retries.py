@@ -13,6 +13,8 @@ from scenarionet_data.storage.files.object_store import ObjectStore
 from scenarionet_data.storage.files.opening import open_files
 from tests.fixtures.object_store import BUCKET
 
+pytestmark = pytest.mark.integration
+
 CONTENT = bytes(range(256)) * 400
 FAULTS = ("reset", "lost", "cut")
 

@@ -18,6 +18,8 @@ from tests.fixtures.lakes import content
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.waiting import until
 
+pytestmark = pytest.mark.integration
+
 THREADS = """
 kind = "local"
 workers = 2

@@ -10,6 +10,8 @@ from scenarionet_data.errors import BadParameter, ClusterLost
 from scenarionet_pipelines.cluster import open_cluster
 from scenarionet_pipelines.cluster import profile as profiles
 
+pytestmark = pytest.mark.integration
+
 
 def test_scheduler_address_as_profile():
     found = profiles.find("tcp://10.0.0.5:8786")

@@ -14,6 +14,8 @@ from tests.scenarionet_pipelines.cluster.conftest import Dask
 from tests.scenarionet_pipelines.cluster.test_dask_executor import THREADS
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture
 def threads(tmp_path: Path) -> Path:

@@ -13,6 +13,8 @@ from scenarionet_pipelines.report import gather
 from scenarionet_pipelines.report.contents import PICTURE_SIZE
 from scenarionet_pipelines.report.measures import COLUMNS, ScenarioMeasures, read_measures, select_examples
 
+pytestmark = pytest.mark.integration
+
 
 def measured(**columns):
     size = len(next(iter(columns.values())))

@@ -19,6 +19,8 @@ from tests.fixtures.pages import HOSTILE, WIDTHS, check_layout, launched, visiti
 from tests.fixtures.scenarios import make_scenario
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 VOID = {"meta", "img", "br", "hr", "link"}
 
 

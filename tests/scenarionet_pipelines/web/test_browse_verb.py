@@ -14,6 +14,8 @@ import pytest
 from tests.fixtures.waiting import HANGS_AFTER
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 def test_help_shows_examples():
     text = run("browse", "--help").output

@@ -15,6 +15,8 @@ from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.waiting import until
 from tests.scenarionet_pipelines.conftest import run
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture(scope="module")
 def browser():

@@ -25,6 +25,8 @@ from tests.fixtures.lakes import write_lake
 from tests.fixtures.pages import launched, serving, visiting
 from tests.fixtures.scenarios import make_scenario
 
+pytestmark = pytest.mark.integration
+
 SIDE, PIXELS = 160.0, 800
 """Side of the square that is compared [m], and of its picture [pixel]."""
 

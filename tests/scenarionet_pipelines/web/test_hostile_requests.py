@@ -18,6 +18,8 @@ from tests.fixtures.pages import HOSTILE, serving
 from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.waiting import HANGS_AFTER
 
+pytestmark = pytest.mark.integration
+
 NUM_REQUESTS = 2_500
 
 TEXTS = [

@@ -15,6 +15,8 @@ from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor, Objec
 from scenarionet_pipelines.web.packing import pack
 from tests.fixtures.scenarios import make_scenario
 
+pytestmark = pytest.mark.integration
+
 
 def unpack(content: bytes):
     (length,) = struct.unpack_from("<I", content)

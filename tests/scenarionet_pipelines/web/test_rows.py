@@ -7,6 +7,8 @@ import pytest
 from scenarionet_data.errors import BadParameter, QueryError, UnsafeSql
 from scenarionet_pipelines.web.rows import PageQuery, columns, read_page
 
+pytestmark = pytest.mark.integration
+
 
 def ask(lake, where="true", sort="scenario_id", is_falling=False, first=0, count=10, names=()):
     known = {column.name: column for column in columns(lake)}

@@ -20,6 +20,8 @@ from tests.fixtures.pages import HOSTILE, serving
 from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.waiting import HANGS_AFTER, until
 
+pytestmark = pytest.mark.integration
+
 
 def request(address, path, method="GET", body=None, **headers):
     """Status, headers and body; the path is sent unmodified."""

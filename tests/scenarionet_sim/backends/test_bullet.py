@@ -25,6 +25,8 @@ from tests.scenarionet_sim.backends.conformance import (
     roll,
 )
 
+pytestmark = pytest.mark.integration
+
 pytest.importorskip("pybullet", reason="pybullet has a wheel for CPython 3.11 only")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
@@ -145,7 +146,9 @@ def test_scenario_without_moving_vehicles(scene):
         env.step({})
 
 
-@pytest.mark.parametrize("backend", BACKENDS, ids=["kinematic", "bullet"])
+@pytest.mark.parametrize(
+    "backend", [BACKENDS[0], pytest.param(BACKENDS[1], marks=pytest.mark.integration)], ids=["kinematic", "bullet"]
+)
 def test_equal_seeds_and_actions_are_bit_identical(only, backend):
     scenarios = only("crowd", "wall", order="random")
     env = ScenarioNetParallelEnv(scenarios=scenarios, backend=backend, seed=2)
@@ -167,3 +170,8 @@ def test_actions_must_match_the_agents(only):
         env.step(dict.fromkeys(env.agents, (np.nan, 0.0)))
     assert env.reset(options={"scenario_id": "made/v1/crowd", "timestep": 4})[1]["t0"]["timestep"] == 4
     env.close()
+
+
+def test_gymnasium_says_how_to_make_it():
+    with pytest.raises(BadParameter, match=r"make it with scenarionet_sim.ScenarioNetParallelEnv\(scenarios=...\)"):
+        gymnasium.make("scenarionet_sim:ScenarioNet-MultiAgent-v0", scenarios=None)

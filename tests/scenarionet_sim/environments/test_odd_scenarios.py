@@ -45,7 +45,9 @@ def lake(tmp_path_factory) -> Path:
     return write_lake(tmp_path_factory.mktemp("odd"), ODD.values()).root
 
 
-@pytest.mark.parametrize("backend", [Kinematic(), Bullet()], ids=["kinematic", "bullet"])
+@pytest.mark.parametrize(
+    "backend", [Kinematic(), pytest.param(Bullet(), marks=pytest.mark.integration)], ids=["kinematic", "bullet"]
+)
 @pytest.mark.parametrize("name", ODD)
 def test_every_scenario_can_be_driven(lake, name, backend):
     env = ScenarioNetEnv(scenarios=Scenarios(lake, [f"made/v1/{name}"]), backend=backend, sensors=EVERYTHING)
@@ -101,7 +103,9 @@ def test_nan_action_raises_error(lake, action):
     assert env.step((0.0, 0.0))[4]["timestep"] == 1  # state unchanged
 
 
-@pytest.mark.parametrize("backend", [Kinematic(), Bullet()], ids=["kinematic", "bullet"])
+@pytest.mark.parametrize(
+    "backend", [Kinematic(), pytest.param(Bullet(), marks=pytest.mark.integration)], ids=["kinematic", "bullet"]
+)
 def test_action_out_of_range_is_clipped(lake, backend):
     results = []
     for action in ((-1.0, 1.0), (-7.0, 55.0), (-np.inf, np.inf)):

@@ -9,6 +9,8 @@ import pytest
 
 from tests.fixtures.waiting import HANGS_AFTER
 
+pytestmark = pytest.mark.integration
+
 PARENT = """
 import sys
 from functools import partial

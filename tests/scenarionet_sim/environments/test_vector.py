@@ -35,7 +35,11 @@ def run(envs, steps, seed=0):
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-@pytest.mark.parametrize(("backend", "exact"), [(Kinematic(), True), (Bullet(), False)], ids=["kinematic", "bullet"])
+@pytest.mark.parametrize(
+    ("backend", "exact"),
+    [(Kinematic(), True), pytest.param(Bullet(), False, marks=pytest.mark.integration)],
+    ids=["kinematic", "bullet"],
+)
 def test_batch_equals_its_worlds_one_by_one(only, mode, backend, exact):
     """Each slot of Gymnasium's own vector environment gets the scenario that the batch draws for it."""
     count, steps = 4, 60
@@ -62,7 +66,9 @@ def test_batch_equals_its_worlds_one_by_one(only, mode, backend, exact):
     assert running.sum() < count
 
 
-@pytest.mark.parametrize("backend", [Kinematic(), Bullet()], ids=["kinematic", "bullet"])
+@pytest.mark.parametrize(
+    "backend", [Kinematic(), pytest.param(Bullet(), marks=pytest.mark.integration)], ids=["kinematic", "bullet"]
+)
 @pytest.mark.parametrize("observation", ["flat", "dict"])
 def test_equal_seeds_and_actions_are_bit_identical(drives, backend, observation):
     made = [
@@ -124,6 +130,21 @@ def test_gymnasium_makes_it(only):
         seen, *_, info = recorded.step(actions(step, 3))
         assert seen in envs.observation_space
     assert "episode" in info or recorded.episode_count > 0
+
+
+def test_renders_every_world(only):
+    envs = gymnasium.make_vec("ScenarioNet-v0", 2, scenarios=only("crowd", "wall"), render_mode="rgb_array")
+    with pytest.raises(ResetNeeded):
+        envs.render()
+    envs.reset(seed=0)
+    crowd, wall = envs.render()
+    assert crowd.shape == wall.shape == (800, 800, 3) and crowd.dtype == np.uint8 and (crowd != wall).any()
+    envs.step(np.zeros((2, 2)))
+    assert (envs.render()[0] != crowd).any()
+    assert pickle.loads(pickle.dumps(envs)).render_mode == envs.render_mode == "rgb_array"
+    envs.close()
+    with pytest.raises(BadParameter, match=r"render_mode='human' of 2 worlds; expected 'rgb_array'"):
+        ScenarioNetVectorEnv(2, scenarios=only("wall"), render_mode="human")
 
 
 def test_vector_environment_is_picklable(only):

@@ -20,6 +20,8 @@ from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.small_disk import filled, in_own_mounts, on_small_disk
 from tests.fixtures.waiting import HANGS_AFTER
 
+pytestmark = pytest.mark.integration
+
 
 @contextmanager
 def as_user():
