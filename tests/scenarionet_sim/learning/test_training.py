@@ -74,7 +74,9 @@ def test_a_killed_run_ends_with_the_same_weights(lake, algorithm):
     curve = "SELECT * EXCLUDE (run, environment_seconds, inference_seconds, update_seconds) FROM training"
     first, second = (lake.sql(f"{curve} WHERE run = $run ORDER BY round", {"run": run}) for run in ("whole", "parts"))
     assert first.equals(second) and first["steps"][-1] == report.steps
-    assert train(lake, algorithm=algorithm, config=config, name="whole").resumed == report.steps  # nothing left to do
+    assert (
+        train(lake, algorithm=algorithm, config=config, name="whole", **options).resumed == report.steps
+    )  # nothing left to do
 
 
 def test_imitation_needs_experts(lake):
