@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scenarionet_sim.backends.base import Drive
     from scenarionet_sim.backends.bullet import Bullet
+    from scenarionet_sim.backends.fleet import Fleet
     from scenarionet_sim.backends.kinematic import Kinematic
     from scenarionet_sim.cameras.weather import Weather
     from scenarionet_sim.environments.config import (
@@ -90,6 +91,7 @@ _MODULE_OF = {
     "EnvConfig": "environments.config",
     "External": "policies",
     "FlatEnv": "environments.flat",
+    "Fleet": "backends.fleet",
     "Idm": "policies",
     "IdmPlanner": "planners.following",
     "Kinematic": "backends.kinematic",
@@ -155,6 +157,7 @@ __all__ = [
     "EnvConfig",
     "External",
     "FlatEnv",
+    "Fleet",
     "Idm",
     "IdmPlanner",
     "Kinematic",
