@@ -30,7 +30,7 @@ def rectified(inputs: int, hidden: tuple[int, ...], outputs: int) -> nn.Sequenti
     return nn.Sequential(*layers, nn.Linear(inputs, outputs))
 
 
-class Replay:
+class ReplayBuffer:
     """The newest transitions, in a ring.
 
     Attributes:
@@ -77,7 +77,7 @@ class Td3Learner:
         self._policy_adam = torch.optim.Adam(self.policy.parameters(), config.rate, fused=True)
         self._critic_adam = torch.optim.Adam(critics, config.rate, fused=True)
         self._generator = torch.Generator().manual_seed(seed)
-        self._replay, self._updates = Replay(config.replay, width), 0
+        self._replay, self._updates = ReplayBuffer(config.replay, width), 0
         self.outcomes, self.clock = Outcomes(env.num_agents), Clock()
 
     @property

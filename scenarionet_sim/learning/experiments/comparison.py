@@ -20,7 +20,7 @@ from scenarionet_sim.learning.experiments.statistics import Interval, Verdict, b
 
 
 @dataclass(frozen=True)
-class Arm:
+class TrainingArm:
     """One way to train.
 
     Attributes:
@@ -73,24 +73,24 @@ class Comparison:
 
     name: str
     size: str
-    arms: tuple[Arm, ...]
+    arms: tuple[TrainingArm, ...]
     seeds: tuple[int, ...]
     tests: Mapping[str, str]
     claims: tuple[Claim, ...]
     metrics: tuple[str, ...] = ("success", "out_of_road", "timeout", "route_completion", "cost", "speed")
     sources: Mapping[str, str] = field(default_factory=dict)
 
-    def run_name(self, arm: Arm, seed: int) -> str:
+    def run_name(self, arm: TrainingArm, seed: int) -> str:
         """Return the name of a run in the lake."""
         words = f"{self.name}-{self.size}-{arm.name}-seed{seed}".replace(" ", "-").replace("+", "and")
         return words.replace(",", "")
 
 
 @dataclass(frozen=True)
-class _Job:
+class _ArmJob:
     lake: str
     name: str
-    arm: Arm
+    arm: TrainingArm
     seed: int
     tests: tuple[str, ...]
 
@@ -117,7 +117,9 @@ def run_comparison(
     """
     root = str(lake.root) if isinstance(lake, Lake) else str(lake)
     jobs = [
-        _Job(root, comparison.run_name(arm, seed), arm, seed, tuple(dict.fromkeys([arm.validation, *comparison.tests])))
+        _ArmJob(
+            root, comparison.run_name(arm, seed), arm, seed, tuple(dict.fromkeys([arm.validation, *comparison.tests]))
+        )
         for seed in comparison.seeds
         for arm in comparison.arms
     ]
@@ -125,7 +127,7 @@ def run_comparison(
         pass
 
 
-def train_job(job: _Job) -> list[str]:
+def train_job(job: _ArmJob) -> list[str]:
     """Train one arm with one seed; return the name of its run."""
     from scenarionet_sim.learning.training import train  # imports torch, in the worker
 
@@ -138,7 +140,7 @@ def train_job(job: _Job) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class ComparisonResult:
     """What the runs of a comparison say.
 
     Attributes:
@@ -150,7 +152,7 @@ class Outcome:
     chosen: pl.DataFrame
 
 
-def read_comparison(lake: Lake, comparison: Comparison) -> Outcome:
+def read_comparison(lake: Lake, comparison: Comparison) -> ComparisonResult:
     """Return the curves of all runs, and the tests at the chosen checkpoints.
 
     Raises:
@@ -173,10 +175,10 @@ def read_comparison(lake: Lake, comparison: Comparison) -> Outcome:
         tested = curves.filter((pl.col("run") == run) & pl.col("test").is_not_null())
         valid = tested.filter(pl.col("test") == arm.validation).sort(["success", "round"])
         rows.append(tested.filter(pl.col("round") == valid["round"][-1]))
-    return Outcome(curves.sort(["arm", "seed", "round"]), pl.concat(rows))
+    return ComparisonResult(curves.sort(["arm", "seed", "round"]), pl.concat(rows))
 
 
-def table(found: Outcome, comparison: Comparison, test: str) -> dict[str, dict[str, Interval]]:
+def table(found: ComparisonResult, comparison: Comparison, test: str) -> dict[str, dict[str, Interval]]:
     """Return the interval over seeds of each metric by arm."""
     rows = found.chosen.filter(pl.col("test") == test)
     return {
@@ -185,7 +187,7 @@ def table(found: Outcome, comparison: Comparison, test: str) -> dict[str, dict[s
     }
 
 
-def judge(found: Outcome, claim: Claim) -> tuple[Verdict, Interval, str]:
+def judge(found: ComparisonResult, claim: Claim) -> tuple[Verdict, Interval, str]:
     """Return the verdict about a claim, the paired difference, and why."""
     rows = found.chosen.filter(pl.col("test") == claim.test)
     better, worse = (_by_seed(rows, arm, claim.metric) for arm in (claim.better, claim.worse))

@@ -12,7 +12,7 @@ from pathlib import Path
 from scenarionet_data import Lake
 from scenarionet_data.conversion import convert
 from scenarionet_sim.learning.config import LearnerConfig, PpoConfig, make_learner_config
-from scenarionet_sim.learning.experiments.comparison import Arm, Claim, Comparison
+from scenarionet_sim.learning.experiments.comparison import Claim, Comparison, TrainingArm
 
 STAND_IN = {
     "num_blocks": 2, "max_steps": 180, "density": 4.0, "oncoming": 0.8, "min_speed_limit": 6.0, "max_speed_limit": 24.0,
@@ -75,7 +75,7 @@ def cross_dataset(size: str = "small", recorded: str | None = None, recorded_tra
     for name, prefix in (("generated", "generated"), (title, real), ("both", "both")):
         for levels in (0, SMALL_LEVELS if is_small else PAPER_LEVELS):
             label = f"{name}, curriculum" if levels else name
-            arms.append(Arm(label, "ppo", _settings(size, levels), f"{prefix}_train", f"{prefix}_val"))
+            arms.append(TrainingArm(label, "ppo", _settings(size, levels), f"{prefix}_train", f"{prefix}_val"))
     tests = {f"{real}_test": f"{title} test", "generated_test": "generated test"}
     tests |= {recorded: "recorded test"} if recorded else {}
     return Comparison(

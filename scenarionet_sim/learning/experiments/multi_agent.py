@@ -7,7 +7,7 @@ from pathlib import Path
 from scenarionet_data import Lake
 from scenarionet_sim.evaluation.recording import record
 from scenarionet_sim.learning.config import CONFIGS, make_learner_config
-from scenarionet_sim.learning.experiments.comparison import Arm, Claim, Comparison
+from scenarionet_sim.learning.experiments.comparison import Claim, Comparison, TrainingArm
 from scenarionet_sim.learning.experiments.cross_dataset import prepare
 
 ALGORITHMS = ("ippo", "td3", "copo", "gail", "airl")
@@ -44,7 +44,7 @@ def multi_agent(size: str = "small", prefix: str = "standin") -> Comparison:
         settings = SMALL | every if size == "small" else PAPER
         config = make_learner_config(algorithm, size, settings)
         experts = EXPERTS if algorithm in ("gail", "airl") else None
-        arms.append(Arm(algorithm, algorithm, config, f"{prefix}_train", f"{prefix}_val", experts))
+        arms.append(TrainingArm(algorithm, algorithm, config, f"{prefix}_train", f"{prefix}_val", experts))
     test = f"{prefix}_test"
     return Comparison(
         "multi-agent", size, tuple(arms), (0, 1, 2), {test: "test"}, _claims(test),

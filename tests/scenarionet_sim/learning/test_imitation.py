@@ -15,7 +15,7 @@ from scenarionet_sim.learning.airl import AirlLearner, InverseDynamics  # noqa: 
 from scenarionet_sim.learning.config import AirlConfig, GailConfig  # noqa: E402
 from scenarionet_sim.learning.experts import Experts  # noqa: E402
 from scenarionet_sim.learning.gail import GailLearner  # noqa: E402
-from scenarionet_sim.learning.td3 import Replay  # noqa: E402
+from scenarionet_sim.learning.td3 import ReplayBuffer  # noqa: E402
 
 SETTINGS = {"worlds": 2, "seats": 10, "hidden": (16, 16), "horizon": 12, "minibatch": 64, "epochs": 1}
 
@@ -101,7 +101,7 @@ def test_inverse_dynamics_finds_the_controls_of_the_bicycle_model():
 
 
 def test_a_replay_keeps_the_newest_transitions():
-    replay = Replay(5, 1)
+    replay = ReplayBuffer(5, 1)
     for first in (0, 3, 6):
         numbers = torch.arange(first, first + 3, dtype=torch.float32)
         pair = torch.stack([numbers, numbers], dim=1)
