@@ -34,6 +34,23 @@ class Law(NamedTuple):
     hardest: float
 
 
+class Surroundings(NamedTuple):
+    """Memory for what one vehicle after another sees.
+
+    Attributes:
+        stations: (64, 4) places on its path ahead.
+        boxes: (11, N) present objects of its world.
+    """
+
+    stations: Float64
+    boxes: Float64
+
+    @classmethod
+    def of(cls, num_objects: int) -> Surroundings:
+        """Allocate the memory for worlds of up to so many objects."""
+        return cls(np.empty((_STATIONS, 4)), np.empty((11, num_objects)))
+
+
 _YELLOW, _RED = 2, 3  # LightColor
 _STATIONS = 64
 _SPACING, _COARSER = 2.0, 1.0 / 12.0  # least distance between stations [m], and its growth with the distance ahead
@@ -41,7 +58,7 @@ _SX, _SY, _ARC, _HEADING = range(4)  # columns of stations
 _BX, _BY, _BZ, _COS, _SIN, _VX, _VY, _HALF_LENGTH, _HALF_WIDTH, _HALF_HEIGHT, _RADIUS = range(11)  # rows of boxes
 
 
-@device_function(allocates=True)
+@device_function
 def drive_along_paths(
     w: int,
     recorded: Recorded,
@@ -52,6 +69,7 @@ def drive_along_paths(
     dt: float,
     law: Law,
     colors: UInt8,
+    memory: Surroundings,
 ) -> None:
     """Advance every object of a policy in a world by one step.
 
@@ -67,8 +85,9 @@ def drive_along_paths(
         dt: [s].
         law: Parameters of the driver model.
         colors: (K,) ``LightColor`` by ``LightState``.
+        memory: Written.
     """
-    stations, boxes = np.empty((_STATIONS, 4)), _boxes(w, now)
+    stations, boxes = memory.stations, memory.boxes[:, : _write_boxes(w, now, memory.boxes)]
     count, num_steps, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS], recorded.place[w, OBJECTS]
     t, own = smaller(now.timestep[w], num_steps - 1), -1
     log, lights = recorded.place[w, LOG] + (t + 1) * count, recorded.place[w, LIGHTS] + t
@@ -112,13 +131,10 @@ def drive_along_paths(
         then.route[w, n, 0], then.present[w, n] = s, True
 
 
-@device_function(allocates=True)
-def _boxes(w: int, now: StateArrays) -> Float64:
-    """Return the present boxes of a world (11, B), in the order of their rows."""
-    count = 0
-    for n in range(now.present.shape[1]):
-        count += now.present[w, n]
-    boxes, b = np.empty((11, count)), 0
+@device_function
+def _write_boxes(w: int, now: StateArrays, boxes: Float64) -> int:
+    """Write the present boxes of a world in the order of their rows; return their number."""
+    b = 0
     for n in range(now.present.shape[1]):
         if not now.present[w, n]:
             continue
@@ -130,7 +146,7 @@ def _boxes(w: int, now: StateArrays) -> Float64:
             boxes[_HALF_LENGTH + axis, b] = now.size[w, n, axis] / 2.0
         boxes[_RADIUS, b] = np.hypot(boxes[_HALF_LENGTH, b], boxes[_HALF_WIDTH, b])
         b += 1
-    return boxes
+    return b
 
 
 @device_function

@@ -14,7 +14,7 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.episodes import copy_world
-from scenarionet_sim.kernels.idm import Law, drive_along_paths
+from scenarionet_sim.kernels.idm import Law, Surroundings, drive_along_paths
 from scenarionet_sim.kernels.motion import move_on, replay
 from scenarionet_sim.kernels.observation import Scratch, Sensing, observe
 from scenarionet_sim.kernels.overlap import touch
@@ -156,6 +156,7 @@ def drive_by_idm(
     now: StateArrays,
     then: StateArrays,
     traffic: Traffic,
+    memory: Surroundings,
 ) -> None:
     """Write the next state of objects that follow paths by IDM; a kernel of its own, which replays need not compile.
 
@@ -163,6 +164,7 @@ def drive_by_idm(
         first, end: Range of worlds, moved already by :func:`step_worlds`.
         dt: Length of the step [s].
         has_begun, recorded, now, then, traffic: See :func:`step_worlds`.
+        memory: Memory of this call.
     """
     for w in range(first, end):
         for policy in range(len(traffic.movement)):
@@ -171,7 +173,7 @@ def drive_by_idm(
             if recorded.place[w, DRIVERS] >> policy & 1:
                 row = traffic.law[w, policy]
                 law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
-                drive_along_paths(w, recorded, now, then, traffic.driver, policy, dt, law, traffic.colors)
+                drive_along_paths(w, recorded, now, then, traffic.driver, policy, dt, law, traffic.colors, memory)
 
 
 @device_function(forceinline=True)
