@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scenarionet_sim.backends.base import Drive
     from scenarionet_sim.backends.bullet import Bullet
+    from scenarionet_sim.backends.fleet import Fleet
     from scenarionet_sim.backends.kinematic import Kinematic
     from scenarionet_sim.cameras.weather import Weather
     from scenarionet_sim.environments.config import (
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
         Replay,
         RouteFollower,
         SampledIdm,
+        SocialForce,
         ego,
         other_vehicles,
         vehicles,
@@ -90,6 +92,7 @@ _MODULE_OF = {
     "EnvConfig": "environments.config",
     "External": "policies",
     "FlatEnv": "environments.flat",
+    "Fleet": "backends.fleet",
     "Idm": "policies",
     "IdmPlanner": "planners.following",
     "Kinematic": "backends.kinematic",
@@ -122,6 +125,7 @@ _MODULE_OF = {
     "Scenarios": "scenarios",
     "Sensor": "sensors",
     "Simulation": "simulation",
+    "SocialForce": "policies",
     "Surrounding": "sensors",
     "Termination": "task.task",
     "Trajectory": "planners",
@@ -155,6 +159,7 @@ __all__ = [
     "EnvConfig",
     "External",
     "FlatEnv",
+    "Fleet",
     "Idm",
     "IdmPlanner",
     "Kinematic",
@@ -186,6 +191,7 @@ __all__ = [
     "Scenarios",
     "Sensor",
     "Simulation",
+    "SocialForce",
     "Surrounding",
     "Termination",
     "Trajectory",
@@ -222,4 +228,7 @@ if find_spec("gymnasium"):
         "ScenarioNet-v0",
         entry_point="scenarionet_sim.environments.single_agent:ScenarioNetEnv",
         vector_entry_point="scenarionet_sim.environments.vector:ScenarioNetVectorEnv",
+    )
+    gymnasium.register(
+        "ScenarioNet-MultiAgent-v0", entry_point="scenarionet_sim.environments.multi_agent:not_for_gymnasium"
     )

@@ -15,6 +15,9 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
+from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
+from scenarionet_sim.kernels.episodes import UNDRIVEN, begin_worlds, list_agents
+from scenarionet_sim.kernels.observation import Scratch, Sensing
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, StepResult
 from scenarionet_sim.kernels.step import (
     DRIVE,
@@ -24,14 +27,9 @@ from scenarionet_sim.kernels.step import (
     OBSERVE,
     ONLY_BEGUN,
     UNCOMPILED,
-    UNDRIVEN,
     DrivenArrays,
-    Scratch,
-    Sensing,
     Traffic,
-    begin_worlds,
     drive_by_idm,
-    list_agents,
     step_worlds,
 )
 from scenarionet_sim.policies import External, Policy, Replay
@@ -300,7 +298,9 @@ class Simulation:
     def _run(self, phases: int) -> None:
         """Run phases of the compiled step in all worlds."""
         session, observer = self._session, self.observer
-        limits, substeps = (session.limits, session.substeps) if isinstance(session, KinematicSession) else _NO_VEHICLE
+        vehicles, substeps = (
+            (session.vehicles, session.substeps) if isinstance(session, KinematicSession) else _NO_VEHICLE
+        )
         before = self._own_route_before if self._has_passengers else self.previous.route
         agents = DrivenArrays(
             self.agents, self._first_agent, self.actions, self.route, before, self.contacts, self._contacts_before,
@@ -310,7 +310,7 @@ class Simulation:
         numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if self._has_passengers else 1.0
         moments = self.previous.moment, self.state.moment
         rest = (
-            numbers, self._has_begun, self.batch.recorded, self.batch.lines, *moments, traffic, agents, limits,
+            numbers, self._has_begun, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles,
             observer.task, observer.result, observer.sensing,
         )  # fmt: skip
 
@@ -398,8 +398,8 @@ class Simulation:
         self._own_route_before = np.pad(self._own_route_before, wider, constant_values=np.nan)
 
 
-_NO_VEHICLE = np.zeros(6), 1
-"""Limits and substeps for the compiled step of a backend that is not part of it."""
+_NO_VEHICLE = np.zeros((0, 0, NUM_COLUMNS)), 1
+"""Vehicles and substeps for the compiled step of a backend that is not part of it."""
 
 
 def _laws(policies: tuple[Policy, ...]) -> Float64:

@@ -85,19 +85,13 @@ def kernel(function: Any = None, *, allocates: bool = True, nogil: bool = False,
 def device_function(function: Function) -> Function: ...
 @overload
 def device_function(
-    *,
-    allocates: bool = False,
-    nogil: bool = False,
-    inline: bool = False,
-    forceinline: bool = False,
-    divides_by_zero: bool = False,
+    *, allocates: bool = False, nogil: bool = False, forceinline: bool = False, divides_by_zero: bool = False
 ) -> Callable[[Function], Function]: ...
 def device_function(
     function: Any = None,
     *,
     allocates: bool = False,
     nogil: bool = False,
-    inline: bool = False,
     forceinline: bool = False,
     divides_by_zero: bool = False,
 ) -> Any:
@@ -107,11 +101,10 @@ def device_function(
         function: Works on its arguments; calling it from Python raises TypeError.
         allocates: Count references, which functions that create or return arrays need.
         nogil: As the kernel that calls it.
-        inline: Copy the body into the caller before types are inferred.
         forceinline: Inline the machine code regardless of its size.
         divides_by_zero: As the kernel that calls it.
     """
-    options: dict[str, Any] = {"_nrt": allocates, "nogil": nogil, "inline": "always" if inline else "never"}
+    options: dict[str, Any] = {"_nrt": allocates, "nogil": nogil}
     if forceinline:
         options["forceinline"] = True
     if divides_by_zero:

@@ -2,7 +2,7 @@
 """The compiler of loops over arrays: Numba's, without the work that functions which create no arrays do not need.
 
 It is the only module that knows Numba's internals, and is used with the versions of Numba that it was tested with.
-The first reset and step of a simulation compile 45 functions; with Numba's own compiler that takes twice as long.
+The first reset and step of a simulation compile 45 functions; with Numba's own compiler that takes over twice as long.
 What is left out or done differently, with its share of that time:
 
 * Variables assigned once stay values. Numba gives each that is used in several blocks a place in memory, and copies
@@ -11,7 +11,7 @@ What is left out or done differently, with its share of that time:
 * Device functions are optimised where they end up, in kernels: not before, and without machine code of their own (a
   tenth). Kernels are optimised once, as there are no reference counts to remove in between.
 * The types of calls of built-in functions are looked up once for the same arguments, not once per call (a tenth).
-* No passes for closures, context managers, array expressions and reference counts (a twentieth).
+* No passes for closures, inlining, array expressions and lifetimes of variables (a tenth).
 """
 
 from __future__ import annotations
@@ -30,31 +30,20 @@ from numba.core import (
     errors,
     funcdesc,
     ir,
+    ir_utils,
     lowering,
+    transforms,
     typed_passes,
     untyped_passes,
 )
+from numba.core.analysis import rewrite_semantic_constants
+from numba.core.rewrites import rewrite_registry
+from numba.core.ssa import reconstruct_ssa
 from numba.core.targetconfig import ConfigStack
 from numba.core.typing import Context, signature
 from numba.np import arrayobj
 
 _TESTED = (0, 65), (0, 68)
-
-_PASSES: tuple[Any, ...] = (
-    untyped_passes.TranslateByteCode,
-    untyped_passes.FixupArgs,
-    untyped_passes.IRProcessing,
-    untyped_passes.RewriteSemanticConstants,
-    untyped_passes.DeadBranchPrune,
-    untyped_passes.GenericRewrites,
-    untyped_passes.InlineInlinables,
-    untyped_passes.DeadBranchPrune,
-    untyped_passes.ReconstructSSA,
-    typed_passes.NopythonTypeInference,
-    typed_passes.PreLowerStripPhis,
-    typed_passes.InlineOverloads,
-)
-"""Numba's passes from bytecode to typed code."""
 
 _MEMINFO, _PARENT, _COUNT, _ITEMSIZE, _DATA, _SHAPE, _STRIDES = range(7)
 """Members of Numba's structure of an array."""
@@ -78,16 +67,15 @@ class LoopCompiler(compiler.CompilerBase):
         return []
 
     def _compile_core(self) -> Any:
-        state, analyses = self.state, dict.fromkeys(_PASSES)
+        state = self.state
         if state.func_id.is_generator or state.func_id.code.co_exceptiontable:
             raise errors.UnsupportedError(
                 f"{state.func_id.func_qualname}() has a yield, with or try statement; declare it with allocates=True"
             )
         with ConfigStack().enter(state.flags.copy()):
-            for kind in _PASSES:
-                step = kind()
-                step.analysis = analyses
-                step.run_pass(state)
+            _translate(state)
+            typed_passes.NopythonTypeInference().run_pass(state)
+            state.func_ir = typed_passes.PreLowerStripPhis()._strip_phi_nodes(state.func_ir)
             state.cr = _lower(state)
         state.pipeline = None
         return state.cr
@@ -124,6 +112,19 @@ class _Typing(Context):
 
 _signatures: dict[Any, tuple[Any, Any]] = {}
 """Functions and signatures of calls, by the identity of the function and the types of the arguments."""
+
+
+def _translate(state: Any) -> None:
+    """Translate bytecode to code with one assignment per variable."""
+    untyped_passes.TranslateByteCode().run_pass(state)
+    untyped_passes.FixupArgs().run_pass(state)
+    code = state.func_ir
+    code.blocks = transforms.canonicalize_cfg(code.blocks)
+    rewrite_semantic_constants(code, state.args)
+    analysis.dead_branch_prune(code, state.args)
+    rewrite_registry.apply("before-inference", state)
+    state.func_ir = reconstruct_ssa(code)
+    state.func_ir._definitions = ir_utils.build_definitions(state.func_ir.blocks)
 
 
 def _lower(state: Any) -> Any:

@@ -14,12 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.learning.driver import PREFIX, load_driver
 from scenarionet_sim.planners import Lqr, PerfectTracking, Planned, Planner, Tracker
 from scenarionet_sim.planners.following import ConstantVelocityPlanner, IdmPlanner, LogReplayPlanner, PurePursuitPlanner
 from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
+from scenarionet_sim.planners.manual import GamePadPlanner, KeyboardPlanner
 from scenarionet_sim.policies import (
     ConstantVelocity,
     External,
@@ -28,6 +31,7 @@ from scenarionet_sim.policies import (
     Policy,
     Replay,
     SampledIdm,
+    SocialForce,
     ego,
 )
 from scenarionet_sim.sensors import EgoState
@@ -47,8 +51,13 @@ PLANNERS: dict[str, type[Planner]] = {
     "pure-pursuit": PurePursuitPlanner,
     "idm-planner": IdmPlanner,
     "lane-graph": LaneGraphPlanner,
+    "keyboard": KeyboardPlanner,
+    "gamepad": GamePadPlanner,
 }
 """Planners that come along."""
+
+MANUAL = ("keyboard", "gamepad")
+"""Those that a person drives, in one process."""
 
 TRACKERS: dict[str, Tracker] = {"lqr": Lqr(), "perfect": PerfectTracking()}
 """What follows the trajectories of planners."""
@@ -60,10 +69,11 @@ TRAFFIC: dict[str, tuple[Policy, ...]] = {
     "replay": (Replay(),),
     "idm": (Replay(), Idm()),
     "idm-sampled": (Replay(), SampledIdm()),
+    "idm-walking": (Replay(), Idm(), SocialForce()),
     "constant": (ConstantVelocity(),),
     "constant-noisy": (NoisyVelocity(),),
 }
-REACTIVE = ("idm", "idm-sampled")
+REACTIVE = ("idm", "idm-sampled", "idm-walking")
 """Traffic that reacts to the ego."""
 
 
@@ -116,22 +126,30 @@ class Drivers:
 
 
 def resolve_drivers(
-    policy: str, traffic: str = "replay", backend: str = "kinematic", tracker: str = "lqr", route: str = "log"
+    policy: str,
+    traffic: str = "replay",
+    backend: str = "kinematic",
+    tracker: str = "lqr",
+    route: str = "log",
+    lake: str | None = None,
 ) -> Drivers:
     """Return the drivers of ego and traffic.
 
     Args:
-        policy: A name in DRIVERS or PLANNERS, or ``module:Class``.
+        policy: A name in DRIVERS or PLANNERS, ``module:Class``, or ``runs/NAME`` of a training run.
         traffic: A name in TRAFFIC.
         backend: A name in BACKENDS: the vehicle of a planner that returns actions.
         tracker: A name in TRACKERS: what follows the trajectories of a planner.
         route: ``log`` for the recorded path of the ego, ``lanes`` for the way along the lanes to its end.
+        lake: The lake that has the training run.
 
     Raises:
         BadParameter: A name is unknown, or the class is no planner, policy or driver.
     """
     others, along = _lookup(TRAFFIC, traffic, "traffic"), _lookup(ROUTES, route, "route")
     vehicle, follows = find_backend(backend), _lookup(TRACKERS, tracker, "tracker")
+    if lake is not None and policy.startswith(PREFIX):
+        return Drivers((*others, External(route=along)), load_driver(open_files(lake), policy))
     if policy == RANDOM:
         return Drivers((*others, External(route=along)), RandomActions())
     if policy in PLANNERS:
@@ -168,7 +186,7 @@ def find_backend(name: str) -> Backend:
 
 def _lookup(choices: dict[str, Any], name: str, kind: str) -> Any:
     if name not in choices:
-        own = ", or module:Class for your own" if kind == "policy" else ""
+        own = ", runs/NAME of a training run, or module:Class for your own" if kind == "policy" else ""
         names = [*choices, *PLANNERS, RANDOM] if kind == "policy" else choices
         raise BadParameter(f"unknown {kind} {name!r}; choose from {', '.join(names)}{own}")
     return choices[name]

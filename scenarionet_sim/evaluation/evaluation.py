@@ -28,6 +28,7 @@ from scenarionet_sim.evaluation.episode import EPISODES, EpisodeSpan
 from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
 from scenarionet_sim.evaluation.rollout import roll_out
 from scenarionet_sim.evaluation.rollout_table import concat_rollouts, rollout_rows
+from scenarionet_sim.learning.driver import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.scenarios.selection import database_reference
 from scenarionet_sim.worlds.world import World
@@ -85,7 +86,7 @@ class Evaluation:
         words = [describe_database(self.database) or "all", self.policy, self.traffic, self.backend]
         words += [value for value in (self.episode, self.route) if value != "log"]
         name = "-".join(words if self.tracker == "lqr" else [*words, self.tracker])
-        return name.replace("@", ".").replace(":", ".")
+        return name.replace("@", ".").replace(":", ".").replace("/", ".")
 
 
 _SHOWN = 10
@@ -158,10 +159,10 @@ def evaluate(
     Args:
         lake: The lake, its path or its URL.
         database: A ``Database``, its name, scenario ids, or None for the whole lake.
-        policy: Driver of the ego: a name in ``evaluation.drivers.DRIVERS`` or ``PLANNERS``, ``random``, or
-            ``module:Class`` for one of your own.
+        policy: Driver of the ego: a name in ``evaluation.drivers.DRIVERS`` or ``PLANNERS``, ``random``,
+            ``runs/NAME`` of a training run, or ``module:Class`` for one of your own.
         name: Name of the run; None for database, policy, traffic and backend joined by hyphens.
-        traffic: Driver of all other objects: ``replay``, ``idm``, ``idm-sampled``, ``constant`` or ``constant-noisy``.
+        traffic: Driver of all other objects: a name in ``evaluation.drivers.TRAFFIC``.
         backend: ``bullet`` or ``kinematic``; None for ``bullet`` if actions drive the ego, else ``kinematic``.
         seed: Seed of stochastic policies and of the sensors' noise.
         num_rollouts: Rollouts of each scenario.
@@ -216,7 +217,9 @@ def plan_evaluation(
     if episode not in EPISODES:
         raise BadParameter(f"unknown episode {episode!r}; choose from {', '.join(EPISODES)}")
     lake = lake if isinstance(lake, Lake) else Lake(lake)
-    drivers = resolve_drivers(policy, traffic, backend or "kinematic", tracker, route)
+    if policy.startswith(PREFIX):
+        policy, backend = pinned(lake.files, policy), backend or "kinematic"  # with which it was trained
+    drivers = resolve_drivers(policy, traffic, backend or "kinematic", tracker, route, str(lake.root))
     backend = backend or ("kinematic" if drivers.driver is None else "bullet")
     reference = database_reference(database)
     if isinstance(reference, str):
@@ -303,7 +306,12 @@ def simulate_part(job: _EvaluationJob) -> list[ScenarioEnd]:
     """Simulate the rollouts of a part, and publish the rows if it belongs to a run."""
     evaluation, loader = job.evaluation, _loader(job.evaluation)
     drivers = resolve_drivers(
-        evaluation.policy, evaluation.traffic, evaluation.backend, evaluation.tracker, evaluation.route
+        evaluation.policy,
+        evaluation.traffic,
+        evaluation.backend,
+        evaluation.tracker,
+        evaluation.route,
+        evaluation.lake,
     )
     episode = EPISODES[evaluation.episode]
     backend, sensors = find_backend(evaluation.backend), getattr(drivers.driver, "sensors", None)

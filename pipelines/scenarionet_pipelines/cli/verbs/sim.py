@@ -35,6 +35,7 @@ _MAX_EXAMPLES = 5
     "sim",
     "scenarionet sim lake busy_val --policy idm",
     "scenarionet sim lake busy_val --policy my_planner:Planner --backend kinematic --traffic idm --workers 4",
+    "scenarionet sim lake busy_val --policy runs/busy_train-ppo-seed0 --workers 4",
     "scenarionet sim lake busy_val --policy idm --name idm_twice --json",
     "scenarionet sim lake busy_val --policy idm-sampled --traffic idm-sampled --rollouts 32 --seed 0",
     "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
@@ -46,14 +47,15 @@ _MAX_EXAMPLES = 5
     required=True,
     metavar="NAME",
     help="Policy of the ego: replay, idm, idm-sampled, constant, constant-noisy, random, a planner (log-planner, "
-    "constant-planner, pure-pursuit, idm-planner, lane-graph) or module:Class.",
+    "constant-planner, pure-pursuit, idm-planner, lane-graph), runs/NAME of a training run, or module:Class.",
 )
 @click.option(
     "--traffic",
     default="replay",
     show_default=True,
     metavar="NAME",
-    help="Policy of the others: replay, idm, idm-sampled, constant or constant-noisy.",
+    help="Policy of the others: replay, idm, idm-sampled, idm-walking (where pedestrians and cyclists react, too), "
+    "constant or constant-noisy.",
 )
 @click.option(
     "--backend",
@@ -136,6 +138,7 @@ def command(
     Finished scenarios are kept: run the same command again to continue after an interruption.
     """
     from scenarionet_pipelines.machine import default_workers
+    from scenarionet_sim.evaluation.drivers import MANUAL
     from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
     from scenarionet_sim.evaluation.references import run_references
 
@@ -153,6 +156,7 @@ def command(
         route=route,
     )
     run = name or _default_name(evaluation, database)
+    workers = 1 if policy in MANUAL else workers
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
         ProgressDisplay(f"sim {run}", "part", is_quiet=quiet) as progress,
@@ -184,7 +188,7 @@ def _default_name(evaluation: Evaluation, database: str | None) -> str:
     words = [database or "all", evaluation.policy, evaluation.traffic, evaluation.backend]
     words += [value for value in (evaluation.episode, evaluation.route) if value != "log"]
     words += [] if evaluation.tracker == "lqr" else [evaluation.tracker]
-    return "-".join(words).replace("@", ".").replace(":", ".")
+    return "-".join(words).replace("@", ".").replace(":", ".").replace("/", ".")
 
 
 def _print(
