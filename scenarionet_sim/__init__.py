@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from scenarionet_sim.backends.base import Drive
     from scenarionet_sim.backends.bullet import Bullet
+    from scenarionet_sim.backends.fleet import Fleet
     from scenarionet_sim.backends.kinematic import Kinematic
+    from scenarionet_sim.cameras.weather import Weather
     from scenarionet_sim.environments.config import (
         BOUNDARY,
         PAPER_OBSERVATION,
@@ -32,6 +34,14 @@ if TYPE_CHECKING:
     from scenarionet_sim.evaluation.comparison import compare_runs
     from scenarionet_sim.evaluation.evaluation import evaluate
     from scenarionet_sim.evaluation.recording import record
+    from scenarionet_sim.planners import Lqr, PerfectTracking, Planned, Planner, Trajectory, View
+    from scenarionet_sim.planners.following import (
+        ConstantVelocityPlanner,
+        IdmPlanner,
+        LogReplayPlanner,
+        PurePursuitPlanner,
+    )
+    from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
     from scenarionet_sim.policies import (
         ConstantVelocity,
         External,
@@ -41,6 +51,7 @@ if TYPE_CHECKING:
         Replay,
         RouteFollower,
         SampledIdm,
+        SocialForce,
         ego,
         other_vehicles,
         vehicles,
@@ -50,17 +61,21 @@ if TYPE_CHECKING:
     from scenarionet_sim.sensors import (
         BirdView,
         BoundaryDetector,
+        Camera,
         EgoState,
         LaneLineDetector,
         Lidar,
         LightAhead,
+        Mount,
         Navigation,
         PointCloud,
         Sensor,
         Surrounding,
+        camera_ring,
     )
     from scenarionet_sim.simulation import Simulation
     from scenarionet_sim.task.task import Reward, Termination
+    from scenarionet_sim.worlds.lane_routes import LaneRoute
     from scenarionet_sim.worlds.world import World
 
 _MODULE_OF = {
@@ -68,25 +83,38 @@ _MODULE_OF = {
     "BirdView": "sensors",
     "BoundaryDetector": "sensors",
     "Bullet": "backends.bullet",
+    "Camera": "sensors",
     "ConstantVelocity": "policies",
+    "ConstantVelocityPlanner": "planners.following",
     "Curriculum": "scenarios",
     "Drive": "backends.base",
     "EgoState": "sensors",
     "EnvConfig": "environments.config",
     "External": "policies",
     "FlatEnv": "environments.flat",
+    "Fleet": "backends.fleet",
     "Idm": "policies",
+    "IdmPlanner": "planners.following",
     "Kinematic": "backends.kinematic",
+    "LaneGraphPlanner": "planners.lane_graph",
     "LaneLineDetector": "sensors",
+    "LaneRoute": "worlds.lane_routes",
     "Lidar": "sensors",
     "LightAhead": "sensors",
     "Live": "render",
+    "LogReplayPlanner": "planners.following",
+    "Lqr": "planners",
+    "Mount": "sensors",
     "MultiAgentConfig": "environments.config",
     "Navigation": "sensors",
     "NoisyVelocity": "policies",
     "PAPER_OBSERVATION": "environments.config",
+    "PerfectTracking": "planners",
+    "Planned": "planners",
+    "Planner": "planners",
     "PointCloud": "sensors",
     "Policy": "policies",
+    "PurePursuitPlanner": "planners.following",
     "Replay": "policies",
     "Reward": "task.task",
     "RouteFollower": "policies",
@@ -97,10 +125,15 @@ _MODULE_OF = {
     "Scenarios": "scenarios",
     "Sensor": "sensors",
     "Simulation": "simulation",
+    "SocialForce": "policies",
     "Surrounding": "sensors",
     "Termination": "task.task",
+    "Trajectory": "planners",
     "VectorConfig": "environments.config",
+    "View": "planners",
+    "Weather": "cameras.weather",
     "World": "worlds.world",
+    "camera_ring": "sensors",
     "compare_runs": "evaluation.comparison",
     "ego": "policies",
     "evaluate": "evaluation.evaluation",
@@ -117,24 +150,37 @@ __all__ = [
     "BirdView",
     "BoundaryDetector",
     "Bullet",
+    "Camera",
     "ConstantVelocity",
+    "ConstantVelocityPlanner",
     "Curriculum",
     "Drive",
     "EgoState",
     "EnvConfig",
     "External",
     "FlatEnv",
+    "Fleet",
     "Idm",
+    "IdmPlanner",
     "Kinematic",
+    "LaneGraphPlanner",
     "LaneLineDetector",
+    "LaneRoute",
     "Lidar",
     "LightAhead",
     "Live",
+    "LogReplayPlanner",
+    "Lqr",
+    "Mount",
     "MultiAgentConfig",
     "Navigation",
     "NoisyVelocity",
+    "PerfectTracking",
+    "Planned",
+    "Planner",
     "PointCloud",
     "Policy",
+    "PurePursuitPlanner",
     "Replay",
     "Reward",
     "RouteFollower",
@@ -145,10 +191,15 @@ __all__ = [
     "Scenarios",
     "Sensor",
     "Simulation",
+    "SocialForce",
     "Surrounding",
     "Termination",
+    "Trajectory",
     "VectorConfig",
+    "View",
+    "Weather",
     "World",
+    "camera_ring",
     "compare_runs",
     "ego",
     "evaluate",
@@ -177,4 +228,7 @@ if find_spec("gymnasium"):
         "ScenarioNet-v0",
         entry_point="scenarionet_sim.environments.single_agent:ScenarioNetEnv",
         vector_entry_point="scenarionet_sim.environments.vector:ScenarioNetVectorEnv",
+    )
+    gymnasium.register(
+        "ScenarioNet-MultiAgent-v0", entry_point="scenarionet_sim.environments.multi_agent:not_for_gymnasium"
     )

@@ -15,6 +15,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
+from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, StepResult
 from scenarionet_sim.kernels.step import (
     DRIVE,
@@ -128,6 +129,7 @@ class Simulation:
         self.batch = WorldBatch(worlds, self._policies, self._prepare, keep)
         shape = len(worlds), self.batch.max_objects
         self.state = State.empty(*shape)
+        history = max([history, *(policy.history for policy in self._policies)])
         if history:
             self.state.history = History.empty(history, *shape)
         self.previous = self.state.twin()
@@ -210,6 +212,9 @@ class Simulation:
         self._own_route[numbers] = np.nan
         for slot in slots:
             self._session.reset(slot, self.state)
+            for policy in self._playing[slot]:
+                if not is_compiled(policy):
+                    policy.begin(self.batch, self.state, slot)
         self._has_begun[numbers] = True
         self._list_agents()
 
@@ -296,7 +301,9 @@ class Simulation:
     def _run(self, phases: int) -> None:
         """Run phases of the compiled step in all worlds."""
         session, observer = self._session, self.observer
-        limits, substeps = (session.limits, session.substeps) if isinstance(session, KinematicSession) else _NO_VEHICLE
+        vehicles, substeps = (
+            (session.vehicles, session.substeps) if isinstance(session, KinematicSession) else _NO_VEHICLE
+        )
         before = self._own_route_before if self._has_passengers else self.previous.route
         agents = DrivenArrays(
             self.agents, self._first_agent, self.actions, self.route, before, self.contacts, self._contacts_before,
@@ -306,7 +313,7 @@ class Simulation:
         numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if self._has_passengers else 1.0
         moments = self.previous.moment, self.state.moment
         rest = (
-            numbers, self._has_begun, self.batch.recorded, self.batch.lines, *moments, traffic, agents, limits,
+            numbers, self._has_begun, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles,
             observer.task, observer.result, observer.sensing,
         )  # fmt: skip
 
@@ -394,8 +401,8 @@ class Simulation:
         self._own_route_before = np.pad(self._own_route_before, wider, constant_values=np.nan)
 
 
-_NO_VEHICLE = np.zeros(6), 1
-"""Limits and substeps for the compiled step of a backend that is not part of it."""
+_NO_VEHICLE = np.zeros((0, 0, NUM_COLUMNS)), 1
+"""Vehicles and substeps for the compiled step of a backend that is not part of it."""
 
 
 def _laws(policies: tuple[Policy, ...]) -> Float64:

@@ -68,6 +68,15 @@ def test_evaluation_examples_run(monkeypatch, tmp_path):
 
 
 @pytest.mark.long
+def test_planner_examples_run(monkeypatch, tmp_path):
+    assert run_blocks("docs/guides/planners.md", monkeypatch, tmp_path) == 4
+    page = blocks("docs/guides/planners.md", "python")[0]
+    assert len(page.strip().splitlines()) <= 30
+    mine = Lake(tmp_path / "lake").named_query("runs").filter(run="mine")
+    assert mine["success"].item() > 0.8 and mine["nuplan_score"].item() > 0.4, "the page's planner drives"
+
+
+@pytest.mark.long
 def test_cluster_examples_run(monkeypatch, tmp_path):
     (profile,) = blocks("docs/guides/cluster.md", "toml")
     (tmp_path / "mine.toml").write_text(profile)

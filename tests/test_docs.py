@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import shlex
 from dataclasses import asdict
 from pathlib import Path
+
+from gymnasium import registry
 
 from scenarionet_data import converters
 from scenarionet_data.quality import rules
@@ -118,6 +121,36 @@ def test_examples_import_public_names_by_one_line_per_package():
             wrong += [(page.name, name) for name in modules if "." in name and name not in public]
             wrong += [(page.name, name) for name in set(modules) if modules.count(name) > 1]
     assert wrong == []
+
+
+def test_names_of_modules_and_environments_exist():
+    """Every dotted name of our packages in the pages can be imported; every id of an environment is registered."""
+    lost = []
+    for page in PAGES:
+        if page.name == "CHANGELOG.md":  # names of its time
+            continue
+        text = page.read_text("utf-8")
+        for name in set(re.findall(r"(?:`|::: )(scenarionet_(?:data|sim|pipelines)(?:\.\w+)*\w)", text)):
+            if not name.endswith((".py", ".md")) and not exists(name):
+                lost.append((page.name, name))
+        lost += [(page.name, name) for name in re.findall(r"ScenarioNet[\w-]*-v\d", text) if name not in registry]
+    assert lost == []
+
+
+def exists(dotted: str) -> bool:
+    """Whether a dotted name is a module or an attribute of one; those that need an optional package count."""
+    module, *names = dotted.split(".")
+    found: object = importlib.import_module(module)
+    for name in names:
+        module = f"{module}.{name}"
+        if hasattr(found, name):
+            found = getattr(found, name)
+            continue
+        try:
+            found = importlib.import_module(module)
+        except ModuleNotFoundError as error:
+            return not (error.name or "").startswith("scenarionet")
+    return True
 
 
 def test_sensors_page_lists_every_sensor():

@@ -27,6 +27,7 @@ FORWARDED = {
     "scenarionet_data.storage.files.fsspec_adapter.RemoteFilesystem.glob": "signature of fsspec",
     "scenarionet_sim.environments.single_agent.ScenarioNetEnv.__init__": "to the dataclass EnvConfig",
     "scenarionet_sim.environments.multi_agent.ScenarioNetParallelEnv.__init__": "to the dataclass EnvConfig",
+    "scenarionet_sim.environments.multi_agent.not_for_gymnasium": "refuses all of them",
     "scenarionet_sim.environments.vector.ScenarioNetVectorEnv.__init__": "to the dataclass EnvConfig",
     "scenarionet_sim.environments.vector.ScenarioNetVectorEnv.close_extras": "signature of Gymnasium",
     "scenarionet_sim.environments.stable_baselines.StableBaselinesEnv.env_method": "signature of Stable-Baselines3",

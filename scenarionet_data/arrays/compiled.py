@@ -25,6 +25,8 @@ from typing import Any, NoReturn, TypeVar, cast, overload
 from numba import njit, types
 from numba.core import caching, registry
 
+from scenarionet_data.arrays.compiler import loop_compiler
+
 if sys.platform != "win32":
     import fcntl
 
@@ -53,18 +55,25 @@ _LONGEST_WAIT = 120.0  # [s] for another process to compile a kernel
 @overload
 def kernel(function: Function) -> Function: ...
 @overload
-def kernel(*, allocates: bool = True, nogil: bool = False) -> Callable[[Function], Function]: ...
-def kernel(function: Any = None, *, allocates: bool = True, nogil: bool = False) -> Any:
+def kernel(
+    *, allocates: bool = True, nogil: bool = False, divides_by_zero: bool = False
+) -> Callable[[Function], Function]: ...
+def kernel(function: Any = None, *, allocates: bool = True, nogil: bool = False, divides_by_zero: bool = False) -> Any:
     """Compile a function that Python calls on its first call, and cache the machine code on disk.
 
     Args:
         function: Called with arrays, numbers, and NamedTuples of these.
         allocates: Count references, which kernels that create or return arrays need; others compile faster without.
         nogil: Release the interpreter lock while it runs, for use in threads.
+        divides_by_zero: Division by 0 gives infinity or NaN instead of an exception, so that the processor can divide
+            several numbers at once.
     """
 
     def decorate(plain: Function) -> Function:
-        dispatcher = _njit(no_cfunc_wrapper=True, nogil=nogil, _nrt=allocates)(plain)
+        options: dict[str, Any] = {"error_model": "numpy" if divides_by_zero else "python"}
+        if not allocates:
+            options["pipeline_class"] = loop_compiler()
+        dispatcher = _njit(no_cfunc_wrapper=True, nogil=nogil, _nrt=allocates, **options)(plain)
         if isinstance(dispatcher, _CPUDispatcher):  # a plain function under NUMBA_DISABLE_JIT
             dispatcher.__class__ = Kernel
         return cast(Function, dispatcher)
@@ -76,15 +85,15 @@ def kernel(function: Any = None, *, allocates: bool = True, nogil: bool = False)
 def device_function(function: Function) -> Function: ...
 @overload
 def device_function(
-    *, allocates: bool = False, nogil: bool = False, inline: bool = False, forceinline: bool = False
+    *, allocates: bool = False, nogil: bool = False, forceinline: bool = False, divides_by_zero: bool = False
 ) -> Callable[[Function], Function]: ...
 def device_function(
     function: Any = None,
     *,
     allocates: bool = False,
     nogil: bool = False,
-    inline: bool = False,
     forceinline: bool = False,
+    divides_by_zero: bool = False,
 ) -> Any:
     """Compile a function that only kernels call: without reference counts and a Python entry, in half the time.
 
@@ -92,12 +101,16 @@ def device_function(
         function: Works on its arguments; calling it from Python raises TypeError.
         allocates: Count references, which functions that create or return arrays need.
         nogil: As the kernel that calls it.
-        inline: Copy the body into the caller before types are inferred.
         forceinline: Inline the machine code regardless of its size.
+        divides_by_zero: As the kernel that calls it.
     """
-    options: dict[str, Any] = {"_nrt": allocates, "nogil": nogil, "inline": "always" if inline else "never"}
+    options: dict[str, Any] = {"_nrt": allocates, "nogil": nogil}
     if forceinline:
         options["forceinline"] = True
+    if divides_by_zero:
+        options["error_model"] = "numpy"
+    if not allocates:
+        options["pipeline_class"] = loop_compiler()
 
     def decorate(plain: Function) -> Function:
         dispatcher = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(plain)

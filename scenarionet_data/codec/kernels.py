@@ -6,7 +6,7 @@ from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 
 
-@kernel(nogil=True)
+@kernel(nogil=True, allocates=False)
 def fill_states(
     first: int, start: Array, lengths: Array, at: int, at_z: int, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
 ) -> None:
@@ -36,7 +36,7 @@ def fill_states(
             at_z += at_z >= 0
 
 
-@kernel(nogil=True)
+@kernel(nogil=True, allocates=False)
 def fill_flags(
     first: int, start: Array, lengths: Array, num_flags: Array, at: int, flags: Array, default: bool, out: Array
 ) -> None:
@@ -58,7 +58,7 @@ def fill_flags(
             at += has_flags
 
 
-@kernel(nogil=True)
+@kernel(nogil=True, allocates=False)
 def fill_sizes(
     first: int, start: Array, spans: Array, lengths: Array, at: int, values: Array, valid: Array, size: Array, axis: int
 ) -> None:

@@ -31,7 +31,7 @@ SUBSTEPS = 5
 
 @dataclass(frozen=True)
 class Drive:
-    """Capabilities of a driven vehicle, the same for every backend.
+    """Capabilities of a driven vehicle; of the defaults, the first five are the same for every backend.
 
     Attributes:
         max_steer: Angle of the front wheels at steering 1 [rad].
@@ -39,6 +39,10 @@ class Drive:
         braking: Deceleration at full brake [m/s²].
         max_speed: Speed above which the engine does not accelerate [m/s].
         wheelbase: Distance between the axles, as a share of the length; both axles at equal distance from the centre.
+        steering_rate: Largest change of the front wheels' angle [rad/s]; ``Kinematic`` alone, as the rest.
+        drag: Deceleration by the air per square of the speed [1/m].
+        rolling: Deceleration by rolling resistance and engine brake [m/s²].
+        reverse: Largest speed backwards [m/s], which the brake leads to from standstill; 0 without a reverse gear.
     """
 
     max_steer: float = math.radians(40.0)
@@ -46,6 +50,10 @@ class Drive:
     braking: float = 8.0
     max_speed: float = 40.0
     wheelbase: float = 0.6
+    steering_rate: float = math.inf
+    drag: float = 0.0
+    rolling: float = 0.0
+    reverse: float = 0.0
 
 
 class Session(Protocol):
@@ -66,8 +74,8 @@ class Session(Protocol):
         Args:
             state: Rows of agents hold their current state, all other rows their state after the step.
             agents: (A, 2) int32 world and row of each agent.
-            actions: (A, 2) float64 steering (positive to the left) and throttle (negative: brake, never
-                reverse), as :func:`checked_actions` returns them.
+            actions: (A, 2) float64 steering (positive to the left) and throttle (negative: brake), as
+                :func:`checked_actions` returns them.
             dt: Length of the control step [s].
         """
         ...

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_data.arrays.dtypes import Array, Float64, Int32
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
-from scenarionet_sim.kernels.bicycle import drive_bicycles
+from scenarionet_sim.backends.fleet import Fleet
+from scenarionet_sim.kernels.bicycle import GRIP, MAX_STEER, NUM_COLUMNS, STEER_RATE, WHEELBASE, drive_bicycles
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -18,41 +19,60 @@ class Kinematic:
     """A kinematic bicycle model for any number of worlds and agents in one call.
 
     Attributes:
-        drive: What vehicles are capable of.
-        grip: Largest lateral acceleration [m/s²]; beyond it a vehicle understeers.
+        drive: What vehicles are capable of: the same for all, or ``Fleet()`` for limits by class and size.
+        grip: Radius of the friction circle [m/s²], of all vehicles that have the same ``Drive``; what engine, brakes
+            and bend ask for beyond is cut to it.
         substeps: Physics steps per control step.
     """
 
-    drive: Drive = field(default_factory=Drive)
+    drive: Drive | Fleet = field(default_factory=Drive)
     grip: float = 8.0
     substeps: int = SUBSTEPS
 
     def open(self, batch: WorldBatch) -> KinematicSession:
-        """Open a session; it is independent of the batch."""
-        del batch
-        return KinematicSession(self)
+        """Open a session."""
+        return KinematicSession(self, len(batch), batch.max_objects)
 
 
 class KinematicSession:
-    """Stateless session; the compiled step drives by ``limits`` and ``substeps`` itself.
+    """Vehicles of W worlds; the compiled step drives by ``vehicles`` and ``substeps`` itself.
 
     Attributes:
-        limits: (6,) see ``kernels.bicycle``.
+        vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
         substeps: Physics steps per control step.
     """
 
-    def __init__(self, backend: Kinematic) -> None:
-        drive = backend.drive
-        numbers = drive.max_steer, drive.acceleration, drive.braking, drive.max_speed, drive.wheelbase, backend.grip
-        self.limits = np.array(numbers)
+    def __init__(self, backend: Kinematic, num_worlds: int, num_objects: int) -> None:
         self.substeps = backend.substeps
+        self._fleet = backend.drive if isinstance(backend.drive, Fleet) else None
+        drive = backend.drive.car if isinstance(backend.drive, Fleet) else backend.drive
+        self._row = _columns(np.array([(*astuple(drive), backend.grip)]))[0]
+        self.vehicles: Float64 = np.tile(self._row, (num_worlds, num_objects, 1))
 
     def reset(self, world: int, state: State) -> None:
-        """Do nothing: the session is stateless."""
+        """Set the vehicles of a world: wheels straight, limits of their classes."""
+        missing = state.present.shape[1] - self.vehicles.shape[1]
+        if missing > 0:
+            more = np.tile(self._row, (len(self.vehicles), missing, 1))
+            self.vehicles = np.concatenate([self.vehicles, more], axis=1)
+        if self._fleet is None:
+            self.vehicles[world] = self._row
+        else:
+            of_objects = self._fleet.numbers(state.object_type[world], state.size[world])
+            self.vehicles[world] = _columns(of_objects)
 
     def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:
         """Move the agents by one control step, in place; see :class:`scenarionet_sim.backends.base.Session`."""
-        drive_bicycles(agents, actions, dt, self.substeps, self.limits, state.size, state.motion)
+        drive_bicycles(agents, actions, dt, self.substeps, self.vehicles, state.size, state.motion)
 
     def close(self) -> None:
         """Do nothing: the session holds no resources."""
+
+
+def _columns(numbers: Array) -> Float64:
+    """Return rows (N, NUM_COLUMNS) of the kernel for the numbers of ``Drive`` and the grip (N, 10)."""
+    rows = np.zeros((len(numbers), NUM_COLUMNS))
+    rows[:, MAX_STEER : WHEELBASE + 1] = numbers[:, :5]
+    rows[:, GRIP] = numbers[:, -1]
+    rows[:, STEER_RATE : STEER_RATE + 4] = numbers[:, 5:-1]
+    return rows

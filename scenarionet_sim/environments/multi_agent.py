@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import MultiAgentConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
-from scenarionet_sim.environments.rendering import METADATA, Renderer
+from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.policies import External
 from scenarionet_sim.task.task import ARRIVED
 from scenarionet_sim.worlds.world import World
@@ -55,6 +55,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
     ) -> None:
         self.config = make_config(MultiAgentConfig, config, settings)
         self.render_mode, self._renderer = render_mode, Renderer(render_mode)
+        self.metadata = self.metadata | metadata_here()
         self._episodes = Episodes(self.config, seed)
         self._action_space = action_space()
         self.agents: list[str] = []
@@ -177,3 +178,16 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
 
     def _named(self, values: list[Any]) -> Named:
         return dict(zip(self.agents, values, strict=True))
+
+
+def not_for_gymnasium(**settings: Any) -> NoReturn:
+    """Say how to make the environment: Gymnasium's ``make`` returns environments of one agent only.
+
+    Raises:
+        BadParameter: Always.
+    """
+    given = ", ".join(f"{name}=..." for name in settings) or "scenarios=..."
+    raise BadParameter(
+        "ScenarioNet-MultiAgent-v0 is an environment of PettingZoo, which gymnasium.make cannot return; make it with "
+        f"scenarionet_sim.ScenarioNetParallelEnv({given})"
+    )

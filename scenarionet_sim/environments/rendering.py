@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -14,6 +17,14 @@ if TYPE_CHECKING:
     from scenarionet_sim.render.live import Live
 
 METADATA: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+"""Of the classes; an environment has those of :func:`metadata_here`."""
+
+
+def metadata_here() -> dict[str, Any]:
+    """Return the metadata with the render modes that work on this machine: a window needs a display."""
+    has_display = sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    modes = ["rgb_array", *(["human"] if has_display else [])] if find_spec("matplotlib") else []
+    return METADATA | {"render_modes": modes}
 
 
 class Renderer:
@@ -30,7 +41,7 @@ class Renderer:
         if mode is not None and mode not in METADATA["render_modes"]:
             raise BadParameter(f"unknown render_mode {mode!r}; choose from {', '.join(METADATA['render_modes'])}")
         self.mode, self.is_window = mode, mode == "human"
-        self._live: Live | None = None
+        self._live: list[Live] = []
 
     def render(self, core: BatchedEnvironment) -> UInt8 | None:
         """Return the current moment as an image (H, W, 3), or show it in a window and return None.
@@ -38,21 +49,30 @@ class Renderer:
         Raises:
             MissingDependency: matplotlib is not installed.
         """
+        pictures = self.pictures(core, 1)
+        if pictures is None or not self.is_window:
+            return None if pictures is None else pictures[0]
+        self._live[0].show(pictures[0])
+        return None
+
+    def pictures(self, core: BatchedEnvironment, count: int) -> tuple[UInt8, ...] | None:
+        """Return images (H, W, 3) of the first ``count`` worlds; None without a render mode.
+
+        Raises:
+            MissingDependency: matplotlib is not installed.
+        """
         if self.mode is None:
             gymnasium.logger.warn("render needs an environment that was made with render_mode='rgb_array' or 'human'")
             return None
-        if self._live is None:
+        if len(self._live) < count:
             from scenarionet_sim.render.live import Live
 
-            self._live = Live()
-        picture = self._live.picture(core.simulation.batch.worlds[0], core.simulation.state)
-        if not self.is_window:
-            return picture
-        self._live.show(picture)
-        return None
+            self._live += [Live() for _ in range(count - len(self._live))]
+        worlds, state = core.simulation.batch.worlds, core.simulation.state
+        return tuple(live.picture(worlds[slot], state, slot) for slot, live in enumerate(self._live[:count]))
 
     def close(self) -> None:
         """Close the window."""
-        if self._live is not None:
-            self._live.close()
-            self._live = None
+        for live in self._live:
+            live.close()
+        self._live = []

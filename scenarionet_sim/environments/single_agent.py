@@ -15,7 +15,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
-from scenarionet_sim.environments.rendering import METADATA, Renderer
+from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
 
 
@@ -47,6 +47,7 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
     ) -> None:
         self.config = make_config(EnvConfig, config, settings)
         self.render_mode, self._renderer = render_mode, Renderer(render_mode)
+        self.metadata = self.metadata | metadata_here()
         self._episodes = Episodes(self.config, seed)
         self.observation_space = self._episodes.observation.space
         self.action_space = action_space()

@@ -10,11 +10,12 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
 from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
+from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.task.task import ARRIVED
 from scenarionet_sim.threads import all_cores
@@ -36,13 +37,14 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         config: Configuration.
         autoreset_mode: ``NEXT_STEP`` or ``SAME_STEP``.
         seed: Seed of the first series if ``reset`` gets none; None for a random one.
+        render_mode: ``rgb_array`` or None.
         settings: Fields of ``VectorConfig`` instead of ``config``; an unknown one is a ``TypeError``.
 
     Example:
         envs = gymnasium.make_vec("ScenarioNet-v0", 64, scenarios=Scenarios("lake", "busy"))
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012  # as the base class
+    metadata: dict[str, Any] = METADATA | {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
         self,
@@ -50,6 +52,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         config: VectorConfig | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         seed: int | None = None,
+        render_mode: str | None = None,
         **settings: Any,
     ) -> None:
         if num_envs < 1:
@@ -58,7 +61,11 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self._mode = AutoresetMode(autoreset_mode)
         if self._mode is AutoresetMode.DISABLED:
             raise BadParameter("autoreset_mode: expected NEXT_STEP or SAME_STEP; single worlds cannot wait for a reset")
-        self.metadata = self.metadata | {"autoreset_mode": self._mode}
+        if render_mode not in (None, "rgb_array"):
+            raise BadParameter(f"render_mode={render_mode!r} of {num_envs} worlds; expected 'rgb_array' or None")
+        self.render_mode, self._renderer = render_mode, Renderer(render_mode)
+        modes = [mode for mode in metadata_here()["render_modes"] if mode == "rgb_array"]
+        self.metadata = self.metadata | {"autoreset_mode": self._mode, "render_modes": modes}
         self.num_envs = num_envs
         prefetch = min(self.config.prefetch * num_envs, _LOADED_AHEAD)
         self._episodes = Episodes(self.config, seed, num_envs, prefetch, self.config.threads or all_cores())
@@ -68,7 +75,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self._has_ended = np.zeros(num_envs, np.bool_)
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetVectorEnv], tuple[Any, ...]]:
-        return type(self), (self.num_envs, self.config, self._mode, self._episodes.seed)
+        return type(self), (self.num_envs, self.config, self._mode, self._episodes.seed, self.render_mode)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -121,10 +128,20 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             observed, infos = self._begin_others(ended, observed, infos)
         return observed, rewards, terminated, truncated, infos
 
+    def render(self) -> tuple[UInt8, ...] | None:
+        """Return an image (H, W, 3) uint8 of each world from above, centred on its ego; None without a render mode.
+
+        Raises:
+            ResetNeeded: ``reset`` was not called yet.
+            MissingDependency: matplotlib is not installed.
+        """
+        return self._renderer.pictures(self.core, self.num_envs)
+
     def close_extras(self, **kwargs: Any) -> None:
         """Stop the thread and the physics."""
         del kwargs
         self._episodes.close()
+        self._renderer.close()
 
     @property
     def core(self) -> BatchedEnvironment:

@@ -1,7 +1,7 @@
 """Drivers and traffic of an evaluation, by name.
 
-A driver of your own is a class named as ``module:Class``: a ``Policy``, which has access to everything and drives the
-ego, or a class with a method ``act`` that maps an observation to an action.
+A driver of your own is a class named as ``module:Class``: a ``Planner``, which gets a view of the world in metres, a
+``Policy``, which has access to everything, or a class with a method ``act`` that maps an observation to an action.
 """
 
 from __future__ import annotations
@@ -14,9 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.learning.driver import PREFIX, load_driver
+from scenarionet_sim.planners import Lqr, PerfectTracking, Planned, Planner, Tracker
+from scenarionet_sim.planners.following import ConstantVelocityPlanner, IdmPlanner, LogReplayPlanner, PurePursuitPlanner
+from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
 from scenarionet_sim.policies import (
     ConstantVelocity,
     External,
@@ -25,9 +30,11 @@ from scenarionet_sim.policies import (
     Policy,
     Replay,
     SampledIdm,
+    SocialForce,
     ego,
 )
 from scenarionet_sim.sensors import EgoState
+from scenarionet_sim.worlds.lane_routes import LaneRoute
 
 BACKENDS: dict[str, Backend] = {"kinematic": Kinematic(), "bullet": Bullet()}
 DRIVERS: dict[str, Policy] = {
@@ -37,6 +44,18 @@ DRIVERS: dict[str, Policy] = {
     "constant": ConstantVelocity(objects=ego),
     "constant-noisy": NoisyVelocity(objects=ego),
 }
+PLANNERS: dict[str, type[Planner]] = {
+    "log-planner": LogReplayPlanner,
+    "constant-planner": ConstantVelocityPlanner,
+    "pure-pursuit": PurePursuitPlanner,
+    "idm-planner": IdmPlanner,
+    "lane-graph": LaneGraphPlanner,
+}
+"""Planners that come along."""
+
+TRACKERS: dict[str, Tracker] = {"lqr": Lqr(), "perfect": PerfectTracking()}
+"""What follows the trajectories of planners."""
+
 RANDOM = "random"
 """Name of the driver :class:`RandomActions`."""
 
@@ -44,11 +63,16 @@ TRAFFIC: dict[str, tuple[Policy, ...]] = {
     "replay": (Replay(),),
     "idm": (Replay(), Idm()),
     "idm-sampled": (Replay(), SampledIdm()),
+    "idm-walking": (Replay(), Idm(), SocialForce()),
     "constant": (ConstantVelocity(),),
     "constant-noisy": (NoisyVelocity(),),
 }
-REACTIVE = ("idm", "idm-sampled")
+REACTIVE = ("idm", "idm-sampled", "idm-walking")
 """Traffic that reacts to the ego."""
+
+
+ROUTES: dict[str, LaneRoute | None] = {"log": None, "lanes": LaneRoute()}
+"""Routes of the ego: the recorded path, or the lanes to its end."""
 
 
 @runtime_checkable
@@ -95,31 +119,53 @@ class Drivers:
     driver: Driver | None
 
 
-def resolve_drivers(policy: str, traffic: str = "replay") -> Drivers:
+def resolve_drivers(
+    policy: str,
+    traffic: str = "replay",
+    backend: str = "kinematic",
+    tracker: str = "lqr",
+    route: str = "log",
+    lake: str | None = None,
+) -> Drivers:
     """Return the drivers of ego and traffic.
 
     Args:
-        policy: A name in DRIVERS, or ``module:Class``.
+        policy: A name in DRIVERS or PLANNERS, ``module:Class``, or ``runs/NAME`` of a training run.
         traffic: A name in TRAFFIC.
+        backend: A name in BACKENDS: the vehicle of a planner that returns actions.
+        tracker: A name in TRACKERS: what follows the trajectories of a planner.
+        route: ``log`` for the recorded path of the ego, ``lanes`` for the way along the lanes to its end.
+        lake: The lake that has the training run.
 
     Raises:
-        BadParameter: A name is unknown, or the class is neither a policy nor a driver.
+        BadParameter: A name is unknown, or the class is no planner, policy or driver.
     """
-    others = _lookup(TRAFFIC, traffic, "traffic")
+    others, along = _lookup(TRAFFIC, traffic, "traffic"), _lookup(ROUTES, route, "route")
+    vehicle, follows = find_backend(backend), _lookup(TRACKERS, tracker, "tracker")
+    if lake is not None and policy.startswith(PREFIX):
+        return Drivers((*others, External(route=along)), load_driver(open_files(lake), policy))
     if policy == RANDOM:
-        return Drivers((*others, External()), RandomActions())
+        return Drivers((*others, External(route=along)), RandomActions())
+    if policy in PLANNERS:
+        planned = Planned(planner=PLANNERS[policy], tracker=follows, backend=vehicle, route=along)
+        return Drivers((*others, planned), None)
     if ":" not in policy:
-        return Drivers((*others, _lookup(DRIVERS, policy, "policy")), None)
+        return Drivers((*others, replace(_lookup(DRIVERS, policy, "policy"), route=along)), None)
     module, _, name = policy.partition(":")
     try:
-        made = getattr(importlib.import_module(module), name)()
+        kind = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError) as error:
         raise BadParameter(f"policy {policy}: {error}; is its folder on PYTHONPATH?") from error
+    if isinstance(kind, type) and issubclass(kind, Planner):
+        return Drivers((*others, Planned(planner=kind, tracker=follows, backend=vehicle, route=along)), None)
+    made = kind()
     if isinstance(made, Policy):
-        return Drivers((*others, replace(made, objects=ego)), None)
+        return Drivers((*others, replace(made, objects=ego, route=along or made.route)), None)
     if isinstance(made, Driver):
-        return Drivers((*others, External()), made)
-    raise BadParameter(f"{policy} is not a driver: expected a subclass of Policy, or a class with act(observation)")
+        return Drivers((*others, External(route=along)), made)
+    raise BadParameter(
+        f"{policy} is not a driver: expected a subclass of Planner or Policy, or a class with act(observation)"
+    )
 
 
 def find_backend(name: str) -> Backend:
@@ -134,7 +180,7 @@ def find_backend(name: str) -> Backend:
 
 def _lookup(choices: dict[str, Any], name: str, kind: str) -> Any:
     if name not in choices:
-        own = ", or module:Class for your own" if kind == "policy" else ""
-        names = [*choices, RANDOM] if kind == "policy" else choices
+        own = ", runs/NAME of a training run, or module:Class for your own" if kind == "policy" else ""
+        names = [*choices, *PLANNERS, RANDOM] if kind == "policy" else choices
         raise BadParameter(f"unknown {kind} {name!r}; choose from {', '.join(names)}{own}")
     return choices[name]

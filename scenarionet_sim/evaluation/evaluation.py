@@ -28,6 +28,7 @@ from scenarionet_sim.evaluation.episode import EPISODES, EpisodeSpan
 from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
 from scenarionet_sim.evaluation.rollout import roll_out
 from scenarionet_sim.evaluation.rollout_table import concat_rollouts, rollout_rows
+from scenarionet_sim.learning.driver import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.scenarios.selection import database_reference
 from scenarionet_sim.worlds.world import World
@@ -53,6 +54,8 @@ class Evaluation:
         seed: Seed of stochastic policies and of the sensors' noise.
         rollouts: Number of rollouts of each scenario.
         episode: A name in ``EPISODES``.
+        tracker: A name in ``TRACKERS``.
+        route: A name in ``ROUTES``.
     """
 
     lake: str
@@ -64,20 +67,26 @@ class Evaluation:
     seed: int = 0
     rollouts: int = 1
     episode: str = "log"
+    tracker: str = "lqr"
+    route: str = "log"
 
     @property
     def description(self) -> dict[str, Any]:
         """Everything the results depend on, as stored with the run."""
         spec = {name: value for name, value in asdict(self).items() if name != "lake"}
         spec["database"] = describe_database(self.database)
+        for name in ("tracker", "route"):  # as in runs from before there was a choice
+            if spec[name] == getattr(type(self), name):
+                del spec[name]
         return spec | {"part": PART_SIZE, "software": version.name_and_version()}
 
     @property
     def default_name(self) -> str:
         """Name of the run unless one is given: database, policy, traffic and backend, and the episode if not all."""
         words = [describe_database(self.database) or "all", self.policy, self.traffic, self.backend]
-        name = "-".join(words if self.episode == "log" else [*words, self.episode])
-        return name.replace("@", ".").replace(":", ".")
+        words += [value for value in (self.episode, self.route) if value != "log"]
+        name = "-".join(words if self.tracker == "lqr" else [*words, self.tracker])
+        return name.replace("@", ".").replace(":", ".").replace("/", ".")
 
 
 _SHOWN = 10
@@ -136,6 +145,8 @@ def evaluate(
     seed: int = 0,
     num_rollouts: int = 1,
     episode: str = "log",
+    tracker: str = "lqr",
+    route: str = "log",
     workers: int = 1,
     executor: Executor | None = None,
     rollouts: bool = True,
@@ -148,14 +159,16 @@ def evaluate(
     Args:
         lake: The lake, its path or its URL.
         database: A ``Database``, its name, scenario ids, or None for the whole lake.
-        policy: Driver of the ego: ``replay``, ``idm``, ``idm-sampled``, ``constant``, ``constant-noisy``, ``random``
-            or ``module:Class``.
+        policy: Driver of the ego: a name in ``evaluation.drivers.DRIVERS`` or ``PLANNERS``, ``random``,
+            ``runs/NAME`` of a training run, or ``module:Class`` for one of your own.
         name: Name of the run; None for database, policy, traffic and backend joined by hyphens.
-        traffic: Driver of all other objects: ``replay``, ``idm``, ``idm-sampled``, ``constant`` or ``constant-noisy``.
+        traffic: Driver of all other objects: a name in ``evaluation.drivers.TRAFFIC``.
         backend: ``bullet`` or ``kinematic``; None for ``bullet`` if actions drive the ego, else ``kinematic``.
         seed: Seed of stochastic policies and of the sensors' noise.
         num_rollouts: Rollouts of each scenario.
         episode: ``log`` (the whole recording), ``nuplan`` (15 s) or ``wosac`` (8 s after the history).
+        tracker: ``lqr`` or ``perfect``: what follows the trajectories of a planner.
+        route: ``log`` (the recorded path) or ``lanes`` (along the lanes to its end).
         workers: Number of processes.
         executor: Runs the parts instead of local processes, for example on a cluster.
         rollouts: Also write the trajectories of all objects, not only the metrics.
@@ -177,6 +190,8 @@ def evaluate(
         seed=seed,
         num_rollouts=num_rollouts,
         episode=episode,
+        tracker=tracker,
+        route=route,
     )
     return run_evaluation(
         evaluation, name, workers=workers, executor=executor, rollouts=rollouts, on_progress=on_progress
@@ -193,6 +208,8 @@ def plan_evaluation(
     seed: int = 0,
     num_rollouts: int = 1,
     episode: str = "log",
+    tracker: str = "lqr",
+    route: str = "log",
 ) -> Evaluation:
     """Return the specification of an evaluation; arguments and errors as in :func:`evaluate`."""
     if num_rollouts < 1:
@@ -200,17 +217,16 @@ def plan_evaluation(
     if episode not in EPISODES:
         raise BadParameter(f"unknown episode {episode!r}; choose from {', '.join(EPISODES)}")
     lake = lake if isinstance(lake, Lake) else Lake(lake)
-    if backend is None:
-        backend = "kinematic" if resolve_drivers(policy, traffic).driver is None else "bullet"
-    else:
-        resolve_drivers(policy, traffic)
-        find_backend(backend)
+    if policy.startswith(PREFIX):
+        policy, backend = pinned(lake.files, policy), backend or "kinematic"  # with which it was trained
+    drivers = resolve_drivers(policy, traffic, backend or "kinematic", tracker, route, str(lake.root))
+    backend = backend or ("kinematic" if drivers.driver is None else "bullet")
     reference = database_reference(database)
     if isinstance(reference, str):
         reference = lake.database(reference).reference
     number = lake.snapshot.number
     return Evaluation(
-        str(lake.root), reference, number, policy, traffic, backend, seed, rollouts=num_rollouts, episode=episode
+        str(lake.root), reference, number, policy, traffic, backend, seed, num_rollouts, episode, tracker, route
     )
 
 
@@ -289,7 +305,15 @@ def _loader(evaluation: Evaluation) -> ScenarioLoader:
 def simulate_part(job: _EvaluationJob) -> list[ScenarioEnd]:
     """Simulate the rollouts of a part, and publish the rows if it belongs to a run."""
     evaluation, loader = job.evaluation, _loader(job.evaluation)
-    drivers, episode = resolve_drivers(evaluation.policy, evaluation.traffic), EPISODES[evaluation.episode]
+    drivers = resolve_drivers(
+        evaluation.policy,
+        evaluation.traffic,
+        evaluation.backend,
+        evaluation.tracker,
+        evaluation.route,
+        evaluation.lake,
+    )
+    episode = EPISODES[evaluation.episode]
     backend, sensors = find_backend(evaluation.backend), getattr(drivers.driver, "sensors", None)
     results: list[dict[str, Any]] = []
     rollouts: list[pa.Table] = []

@@ -43,6 +43,7 @@ def run_references(
             evaluation,
             policy=policy,
             backend="kinematic",
+            tracker="lqr",
             seed=evaluation.seed if is_random else 0,
             rollouts=evaluation.rollouts if is_random else 1,
         )

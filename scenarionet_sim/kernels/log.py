@@ -17,7 +17,7 @@ ARC = 4
 """Column of ``Paths.path`` with the arc length [m]."""
 
 
-@kernel
+@kernel(allocates=False)
 def thin(log: Float32, spacing: float, is_kept: Bool) -> None:
     """Select the recorded positions of each object's path: the first, then each ``spacing`` from the last selected.
 

@@ -203,7 +203,7 @@ def step_worlds(
     then: StateArrays,
     traffic: Traffic,
     agents: DrivenArrays,
-    limits: Float64,
+    vehicles: Float64,
     task: Float64,
     result: StepResult,
     sensing: Sensing,
@@ -220,7 +220,7 @@ def step_worlds(
         now, then: Current and next state.
         traffic: Policies.
         agents: DrivenArrays and their contacts.
-        limits: (6,) see ``kernels.bicycle``.
+        vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
         task: (12,) see ``task.task_parameters``.
         result: Scores.
         sensing: Sensors.
@@ -242,7 +242,9 @@ def step_worlds(
             if phases & DRIVE:
                 for a in range(a0, a1):
                     n, action = agents.rows[a, 1], agents.actions[a]
-                    drive_bicycle(action[0], action[1], dt, substeps, limits, then.size[w, n, 0], then.motion[w, n])
+                    drive_bicycle(
+                        action[0], action[1], dt, substeps, vehicles[w, n], then.size[w, n, 0], then.motion[w, n]
+                    )
         if phases & LOCATE:
             for a in range(a0, a1):
                 _locate(a, w, agents.rows[a, 1], back, ahead, is_own != 0.0, recorded, then, agents)
@@ -300,7 +302,7 @@ def _copy(w: int, count: int, source: StateArrays, target: StateArrays) -> None:
                 target.motion[w, n, column] = source.motion[w, n, column]
 
 
-@device_function(inline=True)
+@device_function(forceinline=True)
 def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateArrays, traffic: Traffic) -> None:
     """Write the next state of all objects that do not follow paths and whose policy is compiled; others keep theirs."""
     _copy(w, recorded.place[w, NUM_OBJECTS], now, then)
@@ -316,7 +318,7 @@ def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateAr
             move_on(w, recorded, t, driver, policy, dt, then.motion, then.present)
 
 
-@device_function(inline=True)
+@device_function(forceinline=True)
 def _locate(
     a: int,
     w: int,
@@ -339,7 +341,7 @@ def _locate(
     agents.hits[a] = touch(n, then.motion[w], then.size[w], then.object_type[w], then.present[w], contacts)
 
 
-@device_function(inline=True)
+@device_function(forceinline=True)
 def _begin(w: int, first: int, end: int, agents: DrivenArrays, result: StepResult) -> None:
     """Clear the scores of a world; contacts at the beginning do not count as crashes."""
     for n in range(result.totals.shape[1]):
@@ -353,7 +355,7 @@ def _begin(w: int, first: int, end: int, agents: DrivenArrays, result: StepResul
             agents.contacts_before[a, m] = agents.contacts[a, m]
 
 
-@device_function(inline=True)
+@device_function(forceinline=True)
 def _score(
     a: int,
     w: int,
@@ -372,7 +374,7 @@ def _score(
         before[m] = contacts[m]
 
 
-@device_function(inline=True)
+@device_function(forceinline=True)
 def _observe(
     a: int,
     w: int,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import torch
@@ -70,6 +70,10 @@ class GaussianPolicy(nn.Module):
         """Return steering and throttle (B, 2) in [-1, 1] of actions."""
         return actions.clamp(-1.0, 1.0)
 
+    def nearest(self, controls: Tensor) -> Tensor:
+        """Return the actions (B, 2) of controls (B, 2)."""
+        return controls
+
 
 class DiscretePolicy(nn.Module):
     """One categorical distribution for each control, over values that divide [-1, 1] evenly.
@@ -110,6 +114,10 @@ class DiscretePolicy(nn.Module):
         """Return steering and throttle (B, 2) in [-1, 1] of actions."""
         return actions * (2.0 / (self._bins - 1)) - 1.0
 
+    def nearest(self, controls: Tensor) -> Tensor:
+        """Return the actions (B, 2) whose controls are nearest to given ones."""
+        return ((controls + 1.0) * (0.5 * (self._bins - 1))).round()
+
 
 StochasticPolicy = GaussianPolicy | DiscretePolicy
 
@@ -117,6 +125,17 @@ StochasticPolicy = GaussianPolicy | DiscretePolicy
 def make_policy(inputs: int, hidden: Sequence[int], bins: int, spread: float) -> StochasticPolicy:
     """Return a continuous policy, or with ``bins`` a discrete one."""
     return DiscretePolicy(inputs, hidden, bins) if bins else GaussianPolicy(inputs, hidden, spread)
+
+
+def network_tensors(networks: Mapping[str, nn.Module]) -> dict[str, Tensor]:
+    """Return the parameters of networks, named ``network.parameter``."""
+    return {f"{part}.{key}": value for part, net in networks.items() for key, value in net.state_dict().items()}
+
+
+def restore_networks(networks: Mapping[str, nn.Module], tensors: Mapping[str, Tensor]) -> None:
+    """Set the parameters of networks from :func:`network_tensors`."""
+    for part, net in networks.items():
+        net.load_state_dict({key: tensors[f"{part}.{key}"] for key in net.state_dict()})
 
 
 def optimizer_tensors(optimizer: torch.optim.Optimizer, name: str) -> dict[str, Tensor]:
@@ -128,7 +147,7 @@ def optimizer_tensors(optimizer: torch.optim.Optimizer, name: str) -> dict[str, 
     }
 
 
-def restore_optimizer(optimizer: torch.optim.Optimizer, name: str, tensors: dict[str, Tensor]) -> None:
+def restore_optimizer(optimizer: torch.optim.Optimizer, name: str, tensors: Mapping[str, Tensor]) -> None:
     """Set the state of an optimizer from :func:`optimizer_tensors`."""
     state: dict[int, dict[str, Tensor]] = {}
     for key, value in tensors.items():

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from scenarionet_data.arrays.dtypes import Float32
+from scenarionet_data.arrays.dtypes import Bool, Float32
 from scenarionet_sim.learning.config import PpoConfig
 from scenarionet_sim.learning.networks import (
     StochasticPolicy,
     make_policy,
+    network_tensors,
     optimizer_tensors,
     perceptron,
+    restore_networks,
     restore_optimizer,
 )
 from scenarionet_sim.learning.rollout import RolloutBuffer, advantages
@@ -90,21 +92,21 @@ class PpoLearner:
 
     Attributes:
         policy: The policy.
-        critic: Values (B, K) of observations; K = 1 except for CoPO.
+        critic: Values (B, 1) of observations.
         outcomes: What the agents' episodes achieved.
         clock: Wall time by activity.
     """
 
     kinds = 1
-    """Number K of rewards and values of an agent."""
+    """Number K of rewards of an agent in each step."""
 
     def __init__(self, env: AgentRows, config: PpoConfig, seed: int = 0) -> None:
-        self._env, self.config = env, config
+        self._env, self.config, self._lambda = env, config, config.smoothing
         width = env.observations.shape[1]
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             self.policy = make_policy(width, config.hidden, config.bins, config.spread)
-            self.critic = perceptron([width, *config.hidden, self.kinds])
+            self.critic = perceptron([width, *config.hidden, 1])
         self._parameters = [*self.policy.parameters(), *self.critic.parameters()]
         self._adam = torch.optim.Adam(self._parameters, config.rate, eps=1e-5, fused=True)
         self._generator = torch.Generator().manual_seed(seed)
@@ -132,18 +134,15 @@ class PpoLearner:
 
     def tensors(self) -> dict[str, Tensor]:
         """Return everything that the next rounds depend on, except the environment."""
-        networks = {"policy": self.policy, "critic": self.critic}
-        found = {f"{part}.{key}": value for part, net in networks.items() for key, value in net.state_dict().items()}
+        found = network_tensors({"policy": self.policy, "critic": self.critic})
         found["generator"] = self._generator.get_state()
         found["returns"] = torch.from_numpy(self.outcomes.returns.copy())
         return found | optimizer_tensors(self._adam, "adam")
 
     def restore(self, tensors: Mapping[str, Tensor]) -> None:
         """Continue from :meth:`tensors`."""
-        for part, net in (("policy", self.policy), ("critic", self.critic)):
-            mine = {key: tensors[f"{part}.{key}"] for key in net.state_dict()}
-            net.load_state_dict(mine)
-        restore_optimizer(self._adam, "adam", dict(tensors))
+        restore_networks({"policy": self.policy, "critic": self.critic}, tensors)
+        restore_optimizer(self._adam, "adam", tensors)
         self._generator.set_state(tensors["generator"])
         self.outcomes.returns[:] = tensors["returns"].numpy()
 
@@ -175,8 +174,8 @@ class PpoLearner:
     def _before_step(self) -> None:
         """Look at the environment before a step."""
 
-    def _rewards(self, alive: np.ndarray) -> Float32:
-        """Return the rewards (A, K) of the last step."""
+    def _rewards(self, alive: Bool) -> Float32:
+        """Return the rewards (A, K) of the last step; the first kind is what the policy's critic predicts."""
         del alive
         return self._env.rewards[:, None]
 
@@ -184,57 +183,47 @@ class PpoLearner:
 
     def _update(self, rollout: RolloutBuffer) -> dict[str, float]:
         """Learn from a round."""
-        return self._learn(self._batch(rollout))
+        estimates, values = self.estimate(self.critic, rollout, (self.config.gamma,))
+        return self._learn(self._batch(rollout, estimates[:, 0], estimates + values, values))
 
-    def _batch(self, rollout: RolloutBuffer) -> Batch:
-        """Return all steps of agents, with advantages."""
-        values, last_values = self._values(rollout)
-        gammas = self._gammas()
-        estimates = np.stack(
-            [
-                advantages(
-                    rollout.rewards[..., kind], values[..., kind], last_values[..., kind], rollout.ends, gamma,
-                    self.config.smoothing,
-                )
-                for kind, gamma in enumerate(gammas)
-            ],
-            axis=2,
-        )  # fmt: skip
-        rows = rollout.rows()
-        own = torch.from_numpy(estimates).flatten(0, 1)[rows]
-        before = torch.from_numpy(values[:-1]).flatten(0, 1)[rows]
-        return Batch(
-            rollout.observations[:-1].flatten(0, 1)[rows],
-            rollout.actions.flatten(0, 1)[rows],
-            rollout.log_probabilities.flatten()[rows],
-            standardized(self._combined(own, rows)),
-            own + before,
-            before,
-        )
+    def estimate(self, critic: nn.Module, rollout: RolloutBuffer, gammas: Sequence[float]) -> tuple[Tensor, Tensor]:
+        """Return the advantages (N, K) of all steps of agents, and the values (N, K) of their observations.
 
-    def _gammas(self) -> tuple[float, ...]:
-        """Return the discount of each kind of reward."""
-        return (self.config.gamma,)
-
-    def _combined(self, estimates: Tensor, rows: Tensor) -> Tensor:
-        """Return the advantages (N,) that the policy follows, from those of each kind (N, K)."""
-        del rows
-        return estimates[:, 0]
-
-    def _values(self, rollout: RolloutBuffer) -> tuple[Float32, Float32]:
-        """Return the values (T + 1, A, K) of the observations, and (T, A, K) of those at truncations, otherwise 0."""
+        Args:
+            critic: Values of K kinds of rewards: the first ones for one kind, the last ones for several.
+            rollout: The experience.
+            gammas: Discount of each kind.
+        """
         alive = np.concatenate([rollout.alive, self._env.masks[None]])
-        values = np.zeros((*alive.shape, self.kinds), np.float32)
+        values = np.zeros((*alive.shape, len(gammas)), np.float32)
         last_values = np.zeros_like(values[:-1])
         with torch.no_grad():
-            values[alive] = self.critic(rollout.observations[torch.from_numpy(alive)]).numpy()
+            values[alive] = critic(rollout.observations[torch.from_numpy(alive)]).numpy()
             if rollout.last:
-                found = self.critic(torch.cat([seen for _, _, seen in rollout.last])).numpy()
+                found = critic(torch.cat([seen for _, _, seen in rollout.last])).numpy()
                 late = np.concatenate(rollout.is_late)
                 steps = np.concatenate([np.full(len(rows), step) for step, rows, _ in rollout.last])
                 rows = np.concatenate([rows for _, rows, _ in rollout.last])
                 last_values[steps[late], rows[late]] = found[late]
-        return values, last_values
+        rewards = rollout.rewards[..., : len(gammas)] if len(gammas) == 1 else rollout.rewards[..., -len(gammas) :]
+        estimates = [
+            advantages(rewards[..., kind], values[..., kind], last_values[..., kind], rollout.ends, gamma, self._lambda)
+            for kind, gamma in enumerate(gammas)
+        ]
+        found = np.stack(estimates, axis=2)[rollout.alive]
+        return torch.from_numpy(found), torch.from_numpy(values[:-1][rollout.alive])
+
+    def _batch(self, rollout: RolloutBuffer, estimates: Tensor, returns: Tensor, values: Tensor) -> Batch:
+        """Return all steps of agents, with the advantages (N,) that the policy follows."""
+        rows = rollout.rows()
+        return Batch(
+            rollout.observations[:-1].flatten(0, 1)[rows],
+            rollout.actions.flatten(0, 1)[rows],
+            rollout.log_probabilities.flatten()[rows],
+            standardized(estimates),
+            returns,
+            values,
+        )
 
     def _learn(self, batch: Batch) -> dict[str, float]:
         """Descend along the loss of minibatches; return means of its parts."""

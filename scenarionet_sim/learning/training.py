@@ -26,6 +26,7 @@ from scenarionet_sim.environments.flat import FlatEnv, FlatState
 from scenarionet_sim.evaluation.evaluation import describe_database
 from scenarionet_sim.learning import checkpoints
 from scenarionet_sim.learning.config import LearnerConfig, describe_config, make_learner_config
+from scenarionet_sim.learning.experts import Experts
 from scenarionet_sim.learning.learners import Algorithm, make_learner
 from scenarionet_sim.learning.testing import drive_each
 from scenarionet_sim.policies import External, Idm, Replay
@@ -221,7 +222,8 @@ def run_training(training: Training, name: str | None = None, on_round: OnRound 
         arrays, facts = checkpoint.arrays, checkpoint.facts
         env.restore(FlatState(facts["series"], arrays["ages"], arrays["past"], arrays["observations"]))
         rounds, steps, number = facts["rounds"], facts["steps"], checkpoint.number
-    learner = make_learner(training.algorithm, env, config, training.seed)
+    experts = Experts.recorded(training.lake, training.observations) if training.observations else None
+    learner = make_learner(training.algorithm, env, config, training.seed, experts)
     if checkpoint is not None:
         learner.restore({key: torch.from_numpy(value.copy()) for key, value in checkpoint.arrays.items()})
     report.resumed, report.memory = steps, learner.num_bytes

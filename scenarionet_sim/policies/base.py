@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
 from scenarionet_sim.kernels.step import UNCOMPILED
 from scenarionet_sim.policies.objects import ObjectMask, all_objects
+from scenarionet_sim.worlds.lane_routes import LaneRoute
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch
@@ -23,9 +24,11 @@ class Policy:
 
     Attributes:
         objects: Selects the objects, as a function of a world that returns a mask (N,).
+        route: A route along the lanes of the map, instead of the recorded path, for policies that follow one.
     """
 
     objects: ObjectMask = all_objects
+    route: LaneRoute | None = field(default=None, kw_only=True)
 
     def selects(self, world: World) -> Bool:
         """Return the mask (N,) of objects it drives, unless a later policy selects them too."""
@@ -38,8 +41,12 @@ class Policy:
 
     def prepare(self, world: World, driven: Bool) -> World:
         """Return the world as this policy needs it; ``driven`` (N,) are the objects it drives."""
-        del driven
-        return world
+        return world if self.route is None else self.route.applied(world, driven)
+
+    @property
+    def history(self) -> int:
+        """Number of past moments that it needs in ``State.history``."""
+        return 0
 
     @property
     def movement(self) -> int:
@@ -50,6 +57,15 @@ class Policy:
     def law(self) -> Float64:
         """(8,) numbers of a ``kernels.idm.Law`` for ``kernels.step.FOLLOW_PATH``."""
         return np.zeros(8)
+
+    def begin(self, batch: WorldBatch, state: State, slot: int) -> None:
+        """Prepare for an episode that begins in a slot; called unless the policy is part of the compiled step.
+
+        Args:
+            batch: Maps, logs and paths of the worlds.
+            state: State at the beginning of the episode.
+            slot: The slot.
+        """
 
     def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
         """Write the next state of its objects.

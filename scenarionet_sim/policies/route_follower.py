@@ -24,4 +24,4 @@ class RouteFollower(Idm):
 
     def prepare(self, world: World, driven: Bool) -> World:
         """Return the world with extended paths."""
-        return continued(world, driven, self.beyond)
+        return continued(super().prepare(world, driven), driven, self.beyond)

@@ -47,6 +47,7 @@ class NoisyVelocity(ConstantVelocity):
 
     def prepare(self, world: World, driven: Bool) -> World:
         """Return the world with noisy velocities, which the objects keep from where they appear."""
+        world = super().prepare(world, driven)
         rng, log = np.random.default_rng(self.seed), world.log.copy()
         factor = np.exp(self.speed * rng.standard_normal(world.num_objects)).astype(np.float32)
         turn = (self.direction * rng.standard_normal(world.num_objects)).astype(np.float32)

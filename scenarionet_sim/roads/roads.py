@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Int32, IntP, Object, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, IntP, Object, UInt8
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.description import MapFeatures
@@ -23,6 +23,7 @@ from scenarionet_data.scenario.vocabulary import (
     is_road_line,
 )
 from scenarionet_sim.kernels.containment import find_polygon, find_polygons
+from scenarionet_sim.kernels.lanes import find_lanes
 from scenarionet_sim.roads.grid import Grid
 
 _LINE_CELL = 5.0
@@ -110,6 +111,23 @@ class Roads:
     def lane_at(self, points: npt.ArrayLike) -> Int32:
         """Return the row of the first lane that contains each point (..., 2) [m], or -1."""
         return self._find(points, is_lane(self.polygon_type))
+
+    def lanes_along(self, places: npt.ArrayLike, headings: npt.ArrayLike, reach: float) -> Float64:
+        """Return the nearest lane in the direction of each pose.
+
+        Args:
+            places: (Q, 2) [m].
+            headings: (Q,) [rad].
+            reach: Largest distance from a centreline [m].
+
+        Returns:
+            (Q, 3) row of the lane, -1 without one; arc length along it [m]; distance from it [m].
+        """
+        where, angles = np.ascontiguousarray(places, np.float32), np.ascontiguousarray(headings, np.float32)
+        found = np.tile([-1.0, 0.0, reach], (len(where), 1))
+        if self.num_lanes and len(where):
+            find_lanes(where, angles, self.lanes.values, self.lanes.offsets, found)
+        return found
 
     def lanes_around(self, points: npt.ArrayLike) -> Bool:
         """Return which of the M lanes contain each point (..., 2) [m], as (..., M)."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP
 from scenarionet_data.arrays.geometry import wrap_angle
-from scenarionet_sim.kernels.lanes import find_lanes, follow_lanes
+from scenarionet_sim.kernels.lanes import follow_lanes
 from scenarionet_sim.kernels.log import HEADING, Z
 from scenarionet_sim.kernels.structures import Lanes
 from scenarionet_sim.roads.roads import Roads
@@ -30,22 +30,27 @@ def continued(world: World, rows: Bool, beyond: float) -> World:
     """
     paths = world.paths
     owners = np.flatnonzero(rows & (np.diff(paths.path_offsets) > 0))
-    way, count = _ways(world.roads, paths, owners, beyond)
+    way, count = ways_beyond(world.roads, paths, owners, beyond)
     if not count.any():
         return world
     longer = _extend(paths, owners, way, count)
     return replace(world, paths=longer, stops=Stops.on(longer, world.light_lane, world.light_stop, world.roads))
 
 
-def _ways(roads: Roads, paths: Paths, owners: IntP, beyond: float) -> tuple[Float64, Int32]:
-    """Return points every ``_STEP`` beyond the ends of the owners' paths (Q, K, 2), and their number (Q,).
+def ways_beyond(roads: Roads, paths: Paths, owners: IntP, beyond: float) -> tuple[Float64, Int32]:
+    """Return points every 2 m along the lanes beyond the ends of some paths (Q, K, 2) [m], and their number (Q,).
 
-    A path that begins next to the centreline returns to it.
+    A way that begins next to the centreline returns to it.
+
+    Args:
+        roads: The map.
+        paths: Paths of N objects.
+        owners: (Q,) rows of those with a path.
+        beyond: Length of the ways [m].
     """
     ends = paths.path_offsets[1:][owners] - 1
-    found = np.tile([-1.0, 0.0, _BESIDE], (len(ends), 1))
     lanes, last = roads.lanes, paths.path_points[ends]
-    find_lanes(last, paths.path[ends, HEADING], lanes.values, lanes.offsets, found)
+    found = roads.lanes_along(last, paths.path[ends, HEADING], _BESIDE)
     ahead = np.arange(0.0, beyond + 1e-6, _STEP)
     way, count = np.zeros((len(ends), len(ahead), 2)), np.zeros(len(ends), np.int32)
     successors = roads.successors

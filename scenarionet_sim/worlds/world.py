@@ -18,6 +18,7 @@ from scenarionet_data.building import resample
 from scenarionet_data.scenario.description import ScenarioDescription, Tracks
 from scenarionet_data.scenario.stop_points import light_places
 from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z
+from scenarionet_sim.roads.heights import Heights
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
 
@@ -46,6 +47,7 @@ class World:
         light_state: (L, T) uint8 codes of ``LightState``.
         roads: The map.
         extents: (4,) float32 min_x, min_y, max_x, max_y [m] of everything recorded.
+        heights: Heights of the ground; None where it is level at z = 0.
     """
 
     scenario_id: str
@@ -63,6 +65,7 @@ class World:
     light_state: UInt8
     roads: Roads
     extents: Float32
+    heights: Heights | None = None
 
     @property
     def num_steps(self) -> int:
@@ -134,6 +137,7 @@ class World:
             light_state=scenario.lights.state,
             roads=roads,
             extents=_extents(log),
+            heights=Heights.from_map(scenario.map, _ground_level(log, tracks)) if scenario.has_z else None,
         )
 
 
@@ -153,6 +157,12 @@ def _log(tracks: Tracks, timestamps: Float64) -> Float32:
     log[..., VALID] = 1.0
     log[~valid] = 0.0
     return np.ascontiguousarray(log.transpose(1, 0, 2))
+
+
+def _ground_level(log: Float32, tracks: Tracks) -> float:
+    """Return the median height of the bottoms of the boxes [m]."""
+    heights = median_sizes(tracks.size, tracks.valid)[:, 2]
+    return float(np.median((log[..., Z] - heights / 2)[log[..., VALID] != 0]))
 
 
 def _extents(log: Float32) -> Float32:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
@@ -169,3 +170,8 @@ def test_actions_must_match_the_agents(only):
         env.step(dict.fromkeys(env.agents, (np.nan, 0.0)))
     assert env.reset(options={"scenario_id": "made/v1/crowd", "timestep": 4})[1]["t0"]["timestep"] == 4
     env.close()
+
+
+def test_gymnasium_says_how_to_make_it():
+    with pytest.raises(BadParameter, match=r"make it with scenarionet_sim.ScenarioNetParallelEnv\(scenarios=...\)"):
+        gymnasium.make("scenarionet_sim:ScenarioNet-MultiAgent-v0", scenarios=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import sys
 from dataclasses import replace
 
 import gymnasium
@@ -54,6 +55,16 @@ def test_gymnasium_checker_passes(only, backend, observation):
     env = gymnasium.make("ScenarioNet-v0", scenarios=only("crowd", "wall"), backend=backend, observation=observation)
     check_env(env.unwrapped, skip_render_check=True)
     assert env.spec.id == "ScenarioNet-v0"
+
+
+def test_gymnasium_checker_renders_without_a_display(only, monkeypatch):
+    """Without arguments: it makes the environment again in every render mode that its metadata list."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    env = gymnasium.make("ScenarioNet-v0", scenarios=only("wall"), backend=Kinematic())
+    check_env(env.unwrapped)
+    assert env.metadata["render_modes"] == (["rgb_array"] if sys.platform == "linux" else ["rgb_array", "human"])
+    assert ScenarioNetEnv.metadata["render_modes"] == ["rgb_array", "human"]
 
 
 def test_default_matches_the_paper(only):

@@ -132,6 +132,21 @@ def test_gymnasium_makes_it(only):
     assert "episode" in info or recorded.episode_count > 0
 
 
+def test_renders_every_world(only):
+    envs = gymnasium.make_vec("ScenarioNet-v0", 2, scenarios=only("crowd", "wall"), render_mode="rgb_array")
+    with pytest.raises(ResetNeeded):
+        envs.render()
+    envs.reset(seed=0)
+    crowd, wall = envs.render()
+    assert crowd.shape == wall.shape == (800, 800, 3) and crowd.dtype == np.uint8 and (crowd != wall).any()
+    envs.step(np.zeros((2, 2)))
+    assert (envs.render()[0] != crowd).any()
+    assert pickle.loads(pickle.dumps(envs)).render_mode == envs.render_mode == "rgb_array"
+    envs.close()
+    with pytest.raises(BadParameter, match=r"render_mode='human' of 2 worlds; expected 'rgb_array'"):
+        ScenarioNetVectorEnv(2, scenarios=only("wall"), render_mode="human")
+
+
 def test_vector_environment_is_picklable(only):
     envs = ScenarioNetVectorEnv(2, VectorConfig(only("wall", "empty", "crowd", order="random")), seed=9)
     results = run(envs, 30, seed=None)

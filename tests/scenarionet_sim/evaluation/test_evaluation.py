@@ -214,12 +214,16 @@ def test_database_is_evaluated_in_its_order(lake):
 @pytest.mark.parametrize(
     ("policy", "options", "message"),
     [
-        ("idn", {}, "unknown policy 'idn'; choose from replay, idm, idm-sampled, constant, constant-noisy, random, or"),
+        (
+            "idn",
+            {},
+            "unknown policy 'idn'; choose from replay, idm, idm-sampled, constant, constant-noisy, log-planner, ",
+        ),
         ("idm", {"traffic": "none"}, "unknown traffic 'none'; choose from replay, idm"),
         ("idm", {"backend": "cuda"}, "unknown backend 'cuda'; choose from kinematic, bullet"),
         ("nowhere:Planner", {}, "policy nowhere:Planner: No module named 'nowhere'; is its folder on PYTHONPATH"),
         (own("Missing"), {}, "has no attribute 'Missing'"),
-        (own("NoDriver"), {}, "is not a driver: expected a subclass of Policy, or a class with act"),
+        (own("NoDriver"), {}, "is not a driver: expected a subclass of Planner or Policy, or a class"),
     ],
 )
 def test_unknown_names_are_refused(lake, policy, options, message):

@@ -12,6 +12,7 @@ from scenarionet_data import Lake  # noqa: E402
 from scenarionet_data.errors import BadParameter, LakeError  # noqa: E402
 from scenarionet_data.maintenance.fsck import fsck  # noqa: E402
 from scenarionet_data.storage.files.opening import open_files  # noqa: E402
+from scenarionet_sim import record  # noqa: E402
 from scenarionet_sim.learning import checkpoints  # noqa: E402
 from scenarionet_sim.learning.config import make_learner_config  # noqa: E402
 from scenarionet_sim.learning.training import train  # noqa: E402
@@ -19,6 +20,10 @@ from scenarionet_sim.learning.training import train  # noqa: E402
 TINY = {
     "ppo": {"worlds": 3, "horizon": 20, "minibatch": 32, "epochs": 2, "steps": 600, "levels": 2, "traffic": "idm"},
     "ippo": {"worlds": 2, "seats": 8, "horizon": 15, "minibatch": 64, "epochs": 2, "steps": 1000},
+    "copo": {"worlds": 2, "seats": 8, "horizon": 15, "minibatch": 64, "epochs": 2, "steps": 1000, "angle_rate": 0.01},
+    "td3": {"worlds": 2, "seats": 8, "minibatch": 32, "warm_up": 100, "replay": 300, "steps": 1000},
+    "gail": {"worlds": 2, "seats": 8, "horizon": 15, "minibatch": 64, "epochs": 2, "steps": 1000, "input_noise": 0.1},
+    "airl": {"worlds": 2, "seats": 8, "horizon": 15, "minibatch": 64, "epochs": 2, "steps": 1000, "inverse_steps": 3},
 }
 
 
@@ -52,12 +57,14 @@ def lake(drives, tmp_path):
 
 @pytest.mark.parametrize("algorithm", TINY)
 def test_a_killed_run_ends_with_the_same_weights(lake, algorithm):
-    config = tiny(algorithm)
-    report = train(lake, algorithm=algorithm, config=config, name="whole", tests=())
+    config, options = tiny(algorithm), {"observations": "experts"} if algorithm in ("gail", "airl") else {}
+    if options:
+        record(lake, name="experts")
+    report = train(lake, algorithm=algorithm, config=config, name="whole", **options)
     for rounds in (2, 4, 2):  # before the first checkpoint, and twice after one
         with pytest.raises(Killed):
-            train(lake, algorithm=algorithm, config=config, name="parts", on_round=kill_after(rounds))
-    again = train(lake, algorithm=algorithm, config=config, name="parts")
+            train(lake, algorithm=algorithm, config=config, name="parts", on_round=kill_after(rounds), **options)
+    again = train(lake, algorithm=algorithm, config=config, name="parts", **options)
     assert report.resumed == 0 < again.resumed < again.steps == report.steps
     files = open_files(lake.root)
     whole, parts = (checkpoints.load(files, name) for name in ("whole", "parts"))
@@ -67,7 +74,16 @@ def test_a_killed_run_ends_with_the_same_weights(lake, algorithm):
     curve = "SELECT * EXCLUDE (run, environment_seconds, inference_seconds, update_seconds) FROM training"
     first, second = (lake.sql(f"{curve} WHERE run = $run ORDER BY round", {"run": run}) for run in ("whole", "parts"))
     assert first.equals(second) and first["steps"][-1] == report.steps
-    assert train(lake, algorithm=algorithm, config=config, name="whole").resumed == report.steps  # nothing left to do
+    assert (
+        train(lake, algorithm=algorithm, config=config, name="whole", **options).resumed == report.steps
+    )  # nothing left to do
+
+
+def test_imitation_needs_experts(lake):
+    with pytest.raises(BadParameter, match="gail imitates experts; pass observations"):
+        train(lake, algorithm="gail", config=tiny("gail"))
+    with pytest.raises(BadParameter, match="no transitions of experts in run 'unknown'"):
+        train(lake, algorithm="airl", config=tiny("airl"), observations="unknown")
 
 
 def test_curves_have_tests_at_checkpoints(lake):

@@ -35,6 +35,7 @@ _MAX_EXAMPLES = 5
     "sim",
     "scenarionet sim lake busy_val --policy idm",
     "scenarionet sim lake busy_val --policy my_planner:Planner --backend kinematic --traffic idm --workers 4",
+    "scenarionet sim lake busy_val --policy runs/busy_train-ppo-seed0 --workers 4",
     "scenarionet sim lake busy_val --policy idm --name idm_twice --json",
     "scenarionet sim lake busy_val --policy idm-sampled --traffic idm-sampled --rollouts 32 --seed 0",
     "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
@@ -45,14 +46,16 @@ _MAX_EXAMPLES = 5
     "--policy",
     required=True,
     metavar="NAME",
-    help="Policy of the ego: replay, idm, idm-sampled, constant, constant-noisy, random or module:Class.",
+    help="Policy of the ego: replay, idm, idm-sampled, constant, constant-noisy, random, a planner (log-planner, "
+    "constant-planner, pure-pursuit, idm-planner, lane-graph), runs/NAME of a training run, or module:Class.",
 )
 @click.option(
     "--traffic",
     default="replay",
     show_default=True,
     metavar="NAME",
-    help="Policy of the others: replay, idm, idm-sampled, constant or constant-noisy.",
+    help="Policy of the others: replay, idm, idm-sampled, idm-walking (where pedestrians and cyclists react, too), "
+    "constant or constant-noisy.",
 )
 @click.option(
     "--backend",
@@ -81,6 +84,20 @@ _MAX_EXAMPLES = 5
     show_default=True,
     help="What to drive: the whole recording, 15 s of it, or 8 s after the history.",
 )
+@click.option(
+    "--tracker",
+    type=click.Choice(["lqr", "perfect"]),
+    default="lqr",
+    show_default=True,
+    help="What follows the trajectories of a planner: nuPlan's LQR with a bicycle, or exactly.",
+)
+@click.option(
+    "--route",
+    type=click.Choice(["log", "lanes"]),
+    default="log",
+    show_default=True,
+    help="Route of the ego: its recorded path, or the way along the lanes to the end of it.",
+)
 @click.option("--metrics-only", is_flag=True, help="Do not write the trajectories of the run.")
 @click.option(
     "--no-references", is_flag=True, help="Do not simulate the recording, constant velocity and random actions."
@@ -99,6 +116,8 @@ def command(
     num_rollouts: int,
     seed: int,
     episode: str,
+    tracker: str,
+    route: str,
     metrics_only: bool,
     no_references: bool,
     as_json: bool,
@@ -112,9 +131,9 @@ def command(
     Beside the results stand those of the recording itself, a ceiling, and of constant velocity and random actions, the
     floors, on the same scenarios. They are runs, too, and simulated once.
 
-    A policy of your own is module:Class: a class with a method act(observation) that returns steering and throttle
-    in [-1, 1], or a subclass of scenarionet_sim.policies.Policy. It receives the paper's observation unless it has
-    an attribute `sensors`.
+    A policy of your own is module:Class: a subclass of scenarionet_sim.Planner, whose method act(view) returns an
+    action or a trajectory; a class with a method act(observation) that returns steering and throttle in [-1, 1] for
+    the paper's observation, or that of its attribute `sensors`; or a subclass of scenarionet_sim.Policy.
 
     Finished scenarios are kept: run the same command again to continue after an interruption.
     """
@@ -132,6 +151,8 @@ def command(
         seed=seed,
         num_rollouts=num_rollouts,
         episode=episode,
+        tracker=tracker,
+        route=route,
     )
     run = name or _default_name(evaluation, database)
     with (
@@ -163,8 +184,9 @@ def command(
 def _default_name(evaluation: Evaluation, database: str | None) -> str:
     """Name of the run, by the database as it was given, without its version."""
     words = [database or "all", evaluation.policy, evaluation.traffic, evaluation.backend]
-    words += [] if evaluation.episode == "log" else [evaluation.episode]
-    return "-".join(words).replace("@", ".").replace(":", ".")
+    words += [value for value in (evaluation.episode, evaluation.route) if value != "log"]
+    words += [] if evaluation.tracker == "lqr" else [evaluation.tracker]
+    return "-".join(words).replace("@", ".").replace(":", ".").replace("/", ".")
 
 
 def _print(

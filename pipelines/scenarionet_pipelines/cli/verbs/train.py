@@ -55,6 +55,7 @@ _MAX_EXAMPLES = 5
 @click.option(
     "--observations", metavar="RUN", help="Observations of experts, recorded by `scenarionet record`; for gail, airl."
 )
+@click.option("--onnx", metavar="FILE", help="Write the trained driver as ONNX.")
 @json_option
 @quiet_option
 def command(
@@ -67,6 +68,7 @@ def command(
     parameters: tuple[str, ...],
     tests: tuple[str, ...],
     observations: str | None,
+    onnx: str | None,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -80,7 +82,9 @@ def command(
 
     Run the same command again to continue after an interruption; the weights at the end are the same.
     """
+    from scenarionet_data.storage.files.opening import open_files
     from scenarionet_sim.learning.config import make_learner_config
+    from scenarionet_sim.learning.driver import load_driver
 
     config = make_learner_config(algorithm, size, pairs(parameters, "-p"))
     try:
@@ -98,6 +102,8 @@ def command(
             report = run_training(training, run, lambda row: progress.update(row["steps"], config.steps))
         except KeyboardInterrupt as error:
             raise Interrupted(f"checkpoints are kept in run {run}; run the same command again to continue") from error
+    if onnx is not None:
+        load_driver(open_files(lake), f"runs/{run}").export_onnx(onnx)
     _print(report, lake, as_json)
 
 

@@ -1,0 +1,143 @@
+"""Light and weather: specifications, presets, and the arrays that kernels take."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Float64, UInt8
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.kernels.cameras.layout import (
+    CLOUD,
+    EXPOSURE,
+    HAZE,
+    HORIZON,
+    LAMPS,
+    NUM_LIGHT,
+    SHADOW,
+    SHIFT,
+    VIGNETTE,
+    WET,
+    Look,
+)
+from scenarionet_sim.kernels.cameras.sky import GRAIN_SIZE
+
+
+@dataclass(frozen=True)
+class Weather:
+    """Light and weather of a scene.
+
+    Attributes:
+        sun_elevation: Of the sun over the horizon [rad], above 0.
+        sun_azimuth: Direction to the sun [rad], counter-clockwise from +x of the scenario.
+        clouds: Share of the sky that is cloudy, in [0, 1]; from 0.8 on the sun casts no shadows.
+        haze: Inverse of the distance at which half of the light is haze [1/m].
+        wetness: Of the road, in [0, 1].
+    """
+
+    sun_elevation: float = 0.85
+    sun_azimuth: float = 0.9
+    clouds: float = 0.35
+    haze: float = 1 / 1200
+    wetness: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.sun_elevation <= np.pi / 2:
+            raise BadParameter(f"sun_elevation={self.sun_elevation}; expected an angle in (0, pi/2] [rad]")
+        if not (0 <= self.clouds <= 1 and 0 <= self.wetness <= 1 and self.haze >= 0):
+            raise BadParameter(f"{self}; expected clouds and wetness in [0, 1], and haze of at least 0 per metre")
+
+
+DAY = Weather()
+DUSK = Weather(sun_elevation=0.10, sun_azimuth=0.4, clouds=0.45, haze=1 / 500)
+OVERCAST = Weather(sun_elevation=0.7, clouds=0.9, haze=1 / 700)
+RAIN = Weather(sun_elevation=0.6, clouds=1.0, haze=1 / 160, wetness=1.0)
+
+WEATHERS = {"day": DAY, "dusk": DUSK, "overcast": OVERCAST, "rain": RAIN}
+"""Presets by name."""
+
+
+def random_weather(seed: int, name: str) -> Weather:
+    """Return the weather of a scenario, drawn by seed and id."""
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
+    is_wet = rng.random() < 0.2
+    clouds = float(rng.uniform(0.85, 1.0) if is_wet else rng.uniform(0.0, 0.9))
+    return Weather(
+        sun_elevation=float(rng.uniform(0.08, 1.2)),
+        sun_azimuth=float(rng.uniform(0.0, 2.0 * np.pi)),
+        clouds=clouds,
+        haze=float(1.0 / rng.uniform(120.0 if is_wet else 300.0, 1500.0)),
+        wetness=float(rng.uniform(0.5, 1.0)) if is_wet else 0.0,
+    )
+
+
+_HIGH_SUN, _LOW_SUN = np.array([2.55, 2.40, 2.15]), np.array([1.9, 0.85, 0.30])
+_HIGH_SKY, _LOW_SKY = np.array([0.42, 0.55, 0.78]), np.array([0.20, 0.22, 0.33])
+_ZENITH, _LOW_ZENITH = np.array([0.10, 0.26, 0.68]), np.array([0.07, 0.12, 0.28])
+_HORIZON, _LOW_HORIZON = np.array([0.62, 0.76, 0.94]), np.array([0.78, 0.44, 0.24])
+_GREY = np.array([0.60, 0.63, 0.67])
+
+
+def look_of(weathers: list[Weather], exposure: float, vignette: float, shifts: list[int]) -> Look:
+    """Return the light of frames as kernels take it.
+
+    Args:
+        weathers: Of each frame.
+        exposure: Factor of brightness.
+        vignette: Share of light lost in the corners.
+        shifts: Of the textures [texels], by frame.
+    """
+    lights = np.array([_light(weather) for weather in weathers]).reshape(-1, NUM_LIGHT)
+    lights[:, EXPOSURE], lights[:, VIGNETTE], lights[:, SHIFT] = exposure, vignette, shifts
+    return Look(lights, _grain(), _tone())
+
+
+@lru_cache
+def _light(weather: Weather) -> Float64:
+    """Return the light (NUM_LIGHT,) of a weather."""
+    rise, turn = weather.sun_elevation, weather.sun_azimuth
+    sun = np.array([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)])
+    high = min(rise / 0.6, 1.0) ** 0.7
+    dull = np.clip((weather.clouds - 0.5) / 0.4, 0.0, 1.0)
+    sunlight = (high * _HIGH_SUN + (1 - high) * _LOW_SUN) * (1 - 0.94 * dull)
+    skylight = (high * _HIGH_SKY + (1 - high) * _LOW_SKY) * (1 - dull) + dull * (0.45 + 0.75 * high) * _GREY
+    zenith = (high * _ZENITH + (1 - high) * _LOW_ZENITH) * (1 - dull) + dull * (0.35 + 0.55 * high) * _GREY
+    horizon = (high * _HORIZON + (1 - high) * _LOW_HORIZON) * (1 - dull) + dull * (0.45 + 0.65 * high) * _GREY
+    bounce = 0.16 * (sunlight * np.sin(rise) + skylight)
+    light = np.zeros(NUM_LIGHT)
+    light[: HORIZON + 3] = np.concatenate([sun, sunlight, skylight, bounce, zenith, horizon])
+    light[[HAZE, CLOUD, WET]] = 0.73 * weather.haze, weather.clouds, weather.wetness
+    light[LAMPS] = max(1.0 - min(rise / 0.35, 1.0), weather.wetness)
+    light[SHADOW] = 0.55 + 0.45 * (weather.clouds < 0.8)
+    return light
+
+
+@lru_cache
+def _grain() -> UInt8:
+    """Return fine and coarse noise (2, S, S) that repeats without seams."""
+    rng = np.random.default_rng(11)
+    size = GRAIN_SIZE
+    waves = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.fftfreq(size)[None, :])
+    tables = []
+    for low, high in ((0.0, 0.33), (0.0, 0.035)):
+        spectrum = np.fft.fft2(rng.standard_normal((size, size)))
+        spectrum *= np.exp(-((waves / high) ** 2)) * (waves > low) / np.maximum(waves, 0.006) ** 0.35
+        noise = np.real(np.fft.ifft2(spectrum))
+        noise = (noise - noise.mean()) / noise.std()
+        tables.append(np.clip(127.5 + 50.0 * noise, 0, 255))
+    grain: UInt8 = np.array(tables).astype(np.uint8)
+    grain.flags.writeable = False
+    return grain
+
+
+@lru_cache
+def _tone() -> UInt8:
+    """Return the sRGB values (4096,) of linear light in [0, 1] (IEC 61966-2-1)."""
+    light = (np.arange(4096) + 0.5) / 4096
+    value = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    tone: UInt8 = np.rint(255 * value).astype(np.uint8)
+    tone.flags.writeable = False
+    return tone

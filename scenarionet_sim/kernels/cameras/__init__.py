@@ -1,0 +1,1 @@
+"""Compiled loops of cameras: lenses, triangles in view, the ground, shading, whole frames."""

@@ -1,0 +1,199 @@
+"""Arrays that the kernels of cameras read, and the meaning of their columns."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64, UInt8
+
+PINHOLE, DISTORTED, FISHEYE, RINGS = range(4)
+"""Kinds of lens: ``lens[KIND]``."""
+
+KIND, FX, FY, CX, CY, K1, K2, P1, P2, K3 = range(10)
+"""Columns of a lens: kind, focal lengths and principal point [pixels], coefficients of distortion."""
+
+NUM_LENS = 10
+
+EYE, RIGHT, DOWN, FORWARD, VELOCITY, YAW_SPEED, PIVOT = 0, 3, 6, 9, 12, 14, 15
+"""First columns of a pose: position [m]; axes of the camera in the scenario's frame; velocity [m/s] and yaw rate
+[rad/s] of the vehicle, and the point that it turns about [m]."""
+
+NUM_POSE = 17
+
+ROAD, SIDEWALK, CROSSWALK = 1, 2, 4
+"""Bits of the surface at a point of the ground; none of them is terrain."""
+
+ROAD_BORDER, SIDEWALK_BORDER, CROSSWALK_BORDER, WHITE, YELLOW, CROSSWALK_BAR, KERB = range(7)
+"""Kinds of stroke. A border is an edge x0, y0, x1, y1 of the outline of a surface; others are painted rectangles: start
+x, y, direction x, y, length and half the width."""
+
+(
+    BODY, GLASS, TYRE, HEADLAMP, TAIL_LAMP, TRIM, SKIN, CLOTH, TROUSERS, ORANGE, REFLECTIVE, LEAF, BARK, FACADE, ROOF,
+    METAL, HOUSING, LAMP_RED, LAMP_YELLOW, LAMP_GREEN, INTERIOR,
+) = range(21)  # fmt: skip
+"""Materials of triangles; ``BODY`` has the colour of its instance."""
+
+(
+    BOX, CAR, VAN, TRUCK, BUS, PEDESTRIAN, CYCLIST, CONE, BARRIER, LIGHT_HEAD, POLE, TREE, CONIFER, BUILDING, SIGN,
+    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, TREE_FAR,
+) = range(20)  # fmt: skip
+"""Meshes; those for small pictures are the last."""
+
+(
+    SKY, ROADWAY, LANE_PAINT, CROSSING, PAVEMENT, TERRAIN, BUILDING_CLASS, VEGETATION, POLE_CLASS, TRAFFIC_LIGHT,
+    CAR_CLASS, TRUCK_CLASS, BUS_CLASS, PERSON, RIDER, CONE_CLASS, FENCE, OBJECT_CLASS, SIGN_CLASS, OWN_VEHICLE,
+) = range(20)  # fmt: skip
+"""Classes of the semantic channel, see ``cameras.classes``."""
+
+TRI_FIRST, TRI_END, LEFT, TOP, RIGHT_END, BOTTOM = range(6)
+"""Columns of an instance in view: its triangles, and its bounds on the screen [pixels]."""
+
+INSTANCE_ROW, SEMANTIC, MATERIAL = range(3)
+"""Columns of ``FrameMemory.labels``: row in the state or -1, class, material."""
+
+
+class Ground(NamedTuple):
+    """The ground of every world: surfaces and paint in the cells of a grid, and heights.
+
+    Attributes:
+        place: (W, 2) int64 first cell and first height of each slot's world.
+        frame: (W, 5) x, y of the lower left corner, side of a cell [m]; numbers of columns and rows.
+        height_frame: (W, 5) of the grid of heights in the same form; no columns where the ground is level.
+        level: (W,) height of level ground [m].
+        corner: (C,) surface bits at the lower left corner of each cell.
+        cell_start: (C,) first stroke of each cell, with one more entry for every world.
+        strokes: (K, 6), see the kinds of stroke.
+        stroke_kind: (K,) kind of stroke.
+        heights: (H,) heights [m] at the corners of the cells, row by row.
+    """
+
+    place: Int64
+    frame: Float64
+    height_frame: Float64
+    level: Float64
+    corner: UInt8
+    cell_start: Int64
+    strokes: Float32
+    stroke_kind: UInt8
+    heights: Float32
+
+
+class Solids(NamedTuple):
+    """Everything that stands on the ground.
+
+    Attributes:
+        motion, size, object_type, present, timestep: Of the state, see ``State``.
+        place, log, light_state: Of the recorded worlds, see ``kernels.structures.Recorded``.
+        fixed_range: (W, 2) first and end row of each slot's fixtures.
+        fixed: (F, 7) x, y, z [m] of the base, heading [rad], length, width, height [m].
+        fixed_kind: (F, 4) mesh, class, colour, and traffic light or -1.
+        light_color: (14,) colour of each light state, codes of ``LightColor``.
+    """
+
+    motion: Float64
+    size: Float64
+    object_type: UInt8
+    present: Bool
+    timestep: Int32
+    place: Int64
+    log: Float32
+    light_state: UInt8
+    fixed_range: Int64
+    fixed: Float32
+    fixed_kind: Int32
+    light_color: UInt8
+
+
+class Meshes(NamedTuple):
+    """Meshes in the unit box: x from -0.5 (rear) to 0.5, y from -0.5 (right) to 0.5, z from 0 to 1.
+
+    Attributes:
+        ranges: (M, 5) first and end vertex, first and end triangle, and the mesh to draw when small.
+        vertices: (V, 6) position and normal.
+        part: (V,) 0, or 1 + the wheel that the vertex is on.
+        corners: (T, 3) vertices of each triangle, counter-clockwise from outside.
+        material: (T,) material.
+        wheels: (M, 4, 5) centre of each wheel and its radii in x and z, in the unit box's measures.
+        colors: (P, 3) linear RGB of materials, then of the paint of instances.
+    """
+
+    ranges: Int32
+    vertices: Float32
+    part: UInt8
+    corners: Int32
+    material: UInt8
+    wheels: Float32
+    colors: Float32
+
+
+class Look(NamedTuple):
+    """Light, weather and textures.
+
+    Attributes:
+        lights: (B, NUM_LIGHT) light and weather of each frame.
+        grain: (2, S, S) uint8 fine and coarse noise.
+        tone: (4096,) uint8 sRGB values of linear light.
+    """
+
+    lights: Float64
+    grain: UInt8
+    tone: UInt8
+
+
+SUN, SUNLIGHT, SKYLIGHT, BOUNCE, ZENITH, HORIZON = range(0, 18, 3)
+"""First columns of ``Look.lights``: direction to the sun; linear RGB of sunlight, of light from above and from
+below, of the sky overhead and at the horizon."""
+
+HAZE, CLOUD, WET, EXPOSURE, LAMPS, SHADOW, VIGNETTE, SHIFT = range(18, 26)
+"""Other columns: density of haze [1/m], share of cloud, wetness, exposure, brightness of lamps, strength of shadows,
+vignette, and a shift of all textures [texels]."""
+
+NUM_LIGHT = 26
+
+
+class FrameMemory(NamedTuple):
+    """Memory of one thread: triangles in view of a frame, shadows, and the rows of a band.
+
+    Attributes:
+        vertices: (V, 12) of one mesh in view.
+        edges: (T, 12) three edge functions and the inverse depth, each over the direction of a ray.
+        colors: (T, 12) linear RGB at three corners, and the normal.
+        labels: (T, 3), see above.
+        bounds: (T, 4) on the screen: left, top, right end, bottom end.
+        instances: (I, 6), see above.
+        shadows: (I, 12) x, y, cos, sin, half length, half width, sweep x, y in its frame, and its screen bounds.
+        near: (columns,) inverse depth of the nearest triangle.
+        seen: (columns,) the nearest triangle or -1.
+        row: (8, columns) values of the pixels of a row.
+    """
+
+    vertices: Float64
+    edges: Float64
+    colors: Float32
+    labels: Int32
+    bounds: Int32
+    instances: Int32
+    shadows: Float64
+    near: Float64
+    seen: Int32
+    row: Float64
+
+
+class Pictures(NamedTuple):
+    """Outputs; arrays of channels that are not wanted have no rows.
+
+    Attributes:
+        rgb: (B, H, W, 3) uint8.
+        depth: (B, H, W) float32 [m].
+        semantic: (B, H, W) uint8 class.
+        instance: (B, H, W) int32 row of the state, or -1.
+        normals: (B, H, W, 3) float32 unit vectors in the scenario's frame, 0 in the sky.
+        flow: (B, H, W, 2) float32 [pixels].
+    """
+
+    rgb: UInt8
+    depth: Float32
+    semantic: UInt8
+    instance: Int32
+    normals: Float32
+    flow: Float32

@@ -1,0 +1,230 @@
+"""Comparisons of drivers: arms that are trained with several seeds and tested alike, and claims about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.execution.executors import Executor
+from scenarionet_data.execution.progress import Progress
+from scenarionet_sim.evaluation.parts import run_parts
+from scenarionet_sim.learning.config import LearnerConfig
+from scenarionet_sim.learning.experiments.statistics import Interval, Verdict, bootstrap, has_flattened, verdict
+
+
+@dataclass(frozen=True)
+class TrainingArm:
+    """One way to train.
+
+    Attributes:
+        name: Its name in tables and figures.
+        algorithm, config: How.
+        database: Scenarios to train on.
+        validation: Database whose success selects the checkpoint.
+        observations: Run with the experts' observations, for imitation.
+    """
+
+    name: str
+    algorithm: str
+    config: LearnerConfig
+    database: str
+    validation: str
+    observations: str | None = None
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A sentence of the paper as an inequality: ``metric`` on ``test`` is larger for ``better`` than for ``worse``.
+
+    Attributes:
+        text: The sentence.
+        better, worse: Names of arms.
+        test: Database.
+        metric: Column of the table training.
+    """
+
+    text: str
+    better: str
+    worse: str
+    test: str
+    metric: str = "success"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """An experiment: its configuration is fixed before the first run.
+
+    Attributes:
+        name, size: Its name, and ``small`` or ``paper``.
+        arms: What is compared.
+        seeds: Of every arm.
+        tests: Databases on which all are tested, with a title for each.
+        claims: What the paper says.
+        metrics: Columns of the table.
+        sources: Databases whose statistics are shown.
+    """
+
+    name: str
+    size: str
+    arms: tuple[TrainingArm, ...]
+    seeds: tuple[int, ...]
+    tests: Mapping[str, str]
+    claims: tuple[Claim, ...]
+    metrics: tuple[str, ...] = ("success", "out_of_road", "timeout", "route_completion", "cost", "speed")
+    sources: Mapping[str, str] = field(default_factory=dict)
+
+    def run_name(self, arm: TrainingArm, seed: int) -> str:
+        """Return the name of a run in the lake."""
+        words = f"{self.name}-{self.size}-{arm.name}-seed{seed}".replace(" ", "-").replace("+", "and")
+        return words.replace(",", "")
+
+
+@dataclass(frozen=True)
+class _ArmJob:
+    lake: str
+    name: str
+    arm: TrainingArm
+    seed: int
+    tests: tuple[str, ...]
+
+
+def run_comparison(
+    lake: Lake | str | Path,
+    comparison: Comparison,
+    *,
+    workers: int = 1,
+    executor: Executor | None = None,
+    on_progress: Progress | None = None,
+) -> None:
+    """Train every arm with every seed; runs that are complete are kept, others continue.
+
+    Args:
+        lake: The lake, its path or its URL.
+        comparison: The experiment.
+        workers: Number of processes.
+        executor: Runs the trainings instead of local processes, for example on a cluster.
+        on_progress: Called after each training.
+
+    Raises:
+        WorkerLost: A training kills its worker also when it runs alone.
+    """
+    root = str(lake.root) if isinstance(lake, Lake) else str(lake)
+    jobs = [
+        _ArmJob(
+            root, comparison.run_name(arm, seed), arm, seed, tuple(dict.fromkeys([arm.validation, *comparison.tests]))
+        )
+        for seed in comparison.seeds
+        for arm in comparison.arms
+    ]
+    for _ in run_parts(jobs, train_job, workers, on_progress, executor):
+        pass
+
+
+def train_job(job: _ArmJob) -> list[str]:
+    """Train one arm with one seed; return the name of its run."""
+    from scenarionet_sim.learning.training import train  # imports torch, in the worker
+
+    arm = job.arm
+    train(
+        job.lake, arm.database, algorithm=arm.algorithm, config=arm.config, seed=job.seed, name=job.name,
+        tests=job.tests, observations=arm.observations,
+    )  # fmt: skip
+    return [job.name]
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonResult:
+    """What the runs of a comparison say.
+
+    Attributes:
+        curves: Rows of the table training of all runs, with columns arm and seed.
+        chosen: One row per arm, seed and test, at the checkpoint with the best validation (the latest of equals).
+    """
+
+    curves: pl.DataFrame
+    chosen: pl.DataFrame
+
+
+def read_comparison(lake: Lake, comparison: Comparison) -> ComparisonResult:
+    """Return the curves of all runs, and the tests at the chosen checkpoints.
+
+    Raises:
+        BadParameter: A run is missing or not complete.
+    """
+    named = {comparison.run_name(arm, seed): (arm, seed) for seed in comparison.seeds for arm in comparison.arms}
+    curves = lake.sql("SELECT * FROM training WHERE list_contains($names, run)", {"names": list(named)})
+    missing = set(named) - set(curves.filter(pl.col("test").is_not_null())["run"])
+    if missing:
+        raise BadParameter(f"{comparison.name}: no tests of run {min(missing)}; run the experiment to its end")
+    arms = {run: arm.name for run, (arm, _) in named.items()}
+    seeds = {run: seed for run, (_, seed) in named.items()}
+    curves = curves.with_columns(
+        pl.col("run").replace_strict(arms).alias("arm"),
+        pl.col("run").replace_strict(seeds).alias("seed"),
+        pl.col("test").str.split("@").list.first(),
+    )
+    rows = []
+    for run, (arm, _) in named.items():
+        tested = curves.filter((pl.col("run") == run) & pl.col("test").is_not_null())
+        valid = tested.filter(pl.col("test") == arm.validation).sort(["success", "round"])
+        rows.append(tested.filter(pl.col("round") == valid["round"][-1]))
+    return ComparisonResult(curves.sort(["arm", "seed", "round"]), pl.concat(rows))
+
+
+def table(found: ComparisonResult, comparison: Comparison, test: str) -> dict[str, dict[str, Interval]]:
+    """Return the interval over seeds of each metric by arm."""
+    rows = found.chosen.filter(pl.col("test") == test)
+    return {
+        arm.name: {name: bootstrap(_by_seed(rows, arm.name, name)) for name in comparison.metrics}
+        for arm in comparison.arms
+    }
+
+
+def judge(found: ComparisonResult, claim: Claim) -> tuple[Verdict, Interval, str]:
+    """Return the verdict about a claim, the paired difference, and why."""
+    rows = found.chosen.filter(pl.col("test") == claim.test)
+    better, worse = (_by_seed(rows, arm, claim.metric) for arm in (claim.better, claim.worse))
+    tested = found.curves.filter(pl.col("test") == claim.test)
+    moving = [arm for arm in (claim.better, claim.worse) if not has_flattened(curve(tested, arm, claim.metric))]
+    said, interval = verdict(better - worse, are_flat=not moving)
+    why = f"the curve of {' and of '.join(moving)} has not flattened" if moving else "all curves have flattened"
+    return said, interval, why
+
+
+def curve(tested: pl.DataFrame, arm: str, metric: str) -> np.ndarray:
+    """Return (seeds, checkpoints) of a metric on one test, up to the shortest of the runs."""
+    runs = [rows.sort("steps")[metric].to_numpy() for _, rows in tested.filter(pl.col("arm") == arm).group_by("seed")]
+    shortest = min(map(len, runs))
+    return np.stack([values[:shortest] for values in runs])
+
+
+def with_seeds(comparison: Comparison, seeds: Sequence[int]) -> Comparison:
+    """Return a comparison with other seeds."""
+    return replace(comparison, seeds=tuple(seeds))
+
+
+def source_statistics(lake: Lake, sources: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Return what the scenarios of each source are like: speed, curvature and objects."""
+    rows = []
+    for title, name in sources.items():
+        ids = lake.database(name).scenario_ids
+        (row,) = lake.sql(
+            """SELECT count(*) AS scenarios, avg(ego_mean_speed) AS speed, stddev(ego_mean_speed) AS speed_spread,
+            avg(ego_distance) AS distance, avg(ego_cumulative_curvature / greatest(ego_distance, 1)) AS curvature,
+            avg(num_vehicles) AS vehicles, avg(num_timesteps * dt) AS duration
+            FROM metadata WHERE list_contains($ids, scenario_id)""",
+            {"ids": list(ids)},
+        ).to_dicts()
+        rows.append({"source": title} | row)
+    return rows
+
+
+def _by_seed(rows: pl.DataFrame, arm: str, metric: str) -> np.ndarray:
+    return rows.filter(pl.col("arm") == arm).sort("seed")[metric].to_numpy()

@@ -1,0 +1,64 @@
+"""Multi-agent learning: every vehicle is an agent; reinforcement by displacement against imitation from states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from scenarionet_data import Lake
+from scenarionet_sim.evaluation.recording import record
+from scenarionet_sim.learning.config import CONFIGS, make_learner_config
+from scenarionet_sim.learning.experiments.comparison import Claim, Comparison, TrainingArm
+from scenarionet_sim.learning.experiments.cross_dataset import prepare
+
+ALGORITHMS = ("ippo", "td3", "copo", "gail", "airl")
+EXPERTS = "multi-agent-experts"
+"""Run with the experts' observations."""
+
+SMALL = {"steps": 49_152, "worlds": 16, "seats": 24, "checkpoint_every": 2}
+"""Settings of the small form, on top of ``config.SMALL``."""
+
+SMALL_EVERY = {"td3": 12}
+"""Rounds between checkpoints where a round is not 50 steps: TD3 has rounds of 8."""
+
+PAPER = {"steps": 1_000_000}
+"""A million steps of agents, as in CoPO's code, with the published settings; not run for this page."""
+
+
+def prepare_experts(lake: str | Path, workers: int = 1) -> Lake:
+    """Make the databases of the small form, and record what their vehicles observe; what exists is kept."""
+    opened = prepare(lake, workers)
+    record(opened, "standin_train", name=EXPERTS, workers=workers)
+    return opened
+
+
+def multi_agent(size: str = "small", prefix: str = "standin") -> Comparison:
+    """Return the experiment.
+
+    Args:
+        size: ``small``, or ``paper`` for a machine with the datasets.
+        prefix: Prefix of the databases ``_train``, ``_val`` and ``_test``.
+    """
+    arms = []
+    for algorithm in ALGORITHMS:
+        every = {"checkpoint_every": SMALL_EVERY[algorithm]} if algorithm in SMALL_EVERY else {}
+        settings = SMALL | every if size == "small" else PAPER
+        config = make_learner_config(algorithm, size, settings)
+        experts = EXPERTS if algorithm in ("gail", "airl") else None
+        arms.append(TrainingArm(algorithm, algorithm, config, f"{prefix}_train", f"{prefix}_val", experts))
+    test = f"{prefix}_test"
+    return Comparison(
+        "multi-agent", size, tuple(arms), (0, 1, 2), {test: "test"}, _claims(test),
+        ("success", "out_of_road", "timeout", "route_completion", "cost", "distance_to_log"),
+        {"train": f"{prefix}_train", "test": test},
+    )  # fmt: skip
+
+
+def _claims(test: str) -> tuple[Claim, ...]:
+    names = {name: name.upper() for name in CONFIGS} | {"copo": "CoPO"}
+    above = [("copo", "ippo"), ("ippo", "gail"), ("ippo", "airl"), ("copo", "gail"), ("copo", "airl")]
+    why = {"ippo": "Displacement rewards beat adversarial ones", "copo": "Coordination helps"}
+    return tuple(
+        Claim(f"{why['copo' if worse == 'ippo' else 'ippo']}: {names[better]} succeeds more often than {names[worse]}",
+              better, worse, test)
+        for better, worse in above
+    )  # fmt: skip

@@ -1,0 +1,221 @@
+"""Cameras: colour, depth, classes, instances, normals and optical flow of what an agent sees."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.cameras.drawing import CHANNELS, Optics, draw, poses_on, scaled_down
+from scenarionet_sim.cameras.formats import add_pixel_noise
+from scenarionet_sim.cameras.lenses import Intrinsics, lens_of
+from scenarionet_sim.cameras.weather import DAY, Weather, look_of, random_weather
+from scenarionet_sim.sensors.base import Sensor, require
+from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import WorldBatch
+
+
+@dataclass(frozen=True)
+class Mount:
+    """Place of a camera on its vehicle.
+
+    Attributes:
+        x, y: Forward and left of the middle of the box [m].
+        z: Height above the ground [m].
+        yaw: Counter-clockwise from straight ahead [rad].
+        pitch: Upwards [rad].
+        roll: Clockwise, as the camera sees it [rad].
+    """
+
+    x: float = 1.2
+    y: float = 0.0
+    z: float = 1.5
+    yaw: float = 0.0
+    pitch: float = 0.0
+    roll: float = 0.0
+
+
+@dataclass(frozen=True)
+class Camera(Sensor):
+    """A camera on the agent, by ray casting on the processor.
+
+    Observes (height, width, values per pixel), uint8 if all channels are uint8, else float32 with the channels one
+    after another; :meth:`frames` returns each channel in a type of its own. Channels:
+
+    * ``rgb``: 3 x uint8, sRGB.
+    * ``depth``: float32 [m]: along the optical axis with a pinhole, along the ray with a fisheye; ``range`` where
+      nothing is closer.
+    * ``semantic``: uint8 codes of ``cameras.classes.SemanticClass``.
+    * ``instance``: int32 row of the object in the state, -1 elsewhere.
+    * ``normals``: 3 x float32 unit vectors in the scenario's frame, 0 in the sky.
+    * ``flow``: 2 x float32 [pixels], columns and rows: where the point of a pixel will be ``flow_time`` later, if all
+      objects and the agent keep their velocity and yaw rate.
+
+    Objects stand on the ground, which has the heights of the map or is level. The agent itself is not visible, unless
+    ``is_own_visible``; its shadow is.
+
+    Attributes:
+        width, height: [pixels].
+        fov: Horizontal angle of view [rad], unless ``intrinsics`` are given; pixels are square.
+        intrinsics: Focal lengths fx, fy and principal point cx, cy [pixels].
+        lens: ``pinhole`` or ``fisheye``.
+        distortion: Coefficients k1, k2, p1, p2, k3 of a pinhole, or k1, k2, k3, k4 of a fisheye, as in OpenCV.
+        mount: Place on the agent.
+        channels: Names of the channels, in order.
+        range: Farthest visible distance [m].
+        weather: Light and weather; None to draw it for every scenario by ``seed``.
+        has_sidewalks: Whether roads have kerbs and sidewalks.
+        has_scenery: Whether there are buildings, trees and lamps off the road, drawn by ``seed``.
+        are_boxes: Whether objects are their boxes instead of meshes.
+        is_own_visible: Whether the agent itself is visible.
+        exposure: Factor of brightness.
+        vignette: Share of light lost in the corners.
+        noise: Standard deviation of Gaussian noise [levels of 0 to 255].
+        jitter: Standard deviation of the mount's angles [rad], drawn anew at every observation.
+        supersampling: Rays per pixel and axis for ``rgb``; other channels have one ray per pixel.
+        flow_time: [s].
+        seed: Seed of scenery, textures and weather.
+        threads: Largest number of threads; pictures do not depend on it.
+    """
+
+    width: int = 640
+    height: int = 360
+    fov: float = 1.2
+    intrinsics: Intrinsics | None = None
+    lens: str = "pinhole"
+    distortion: tuple[float, ...] = ()
+    mount: Mount = Mount()
+    channels: tuple[str, ...] = ("rgb",)
+    range: float = 500.0
+    weather: Weather | None = DAY
+    has_sidewalks: bool = True
+    has_scenery: bool = True
+    are_boxes: bool = False
+    is_own_visible: bool = False
+    exposure: float = 1.0
+    vignette: float = 0.0
+    noise: float = 0.0
+    jitter: float = 0.0
+    supersampling: int = 1
+    flow_time: float = 0.1
+    seed: int = 0
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        require(min(self.width, self.height) > 0, f"a camera needs pixels, found {self.width} x {self.height}")
+        require(max(self.width, self.height) <= 16384, "a camera has at most 16384 pixels along a side")
+        require(0 < self.fov < np.pi, f"a camera's fov is above 0 and below pi [rad], found fov={self.fov}")
+        require(self.lens in ("pinhole", "fisheye"), f"lens={self.lens!r}; expected 'pinhole' or 'fisheye'")
+        unknown = [name for name in self.channels if name not in CHANNELS]
+        if unknown or not self.channels:
+            raise BadParameter(f"channels={self.channels!r}; choose from {', '.join(CHANNELS)}")
+        require(len(set(self.channels)) == len(self.channels), f"channels={self.channels!r} has one channel twice")
+        if self.intrinsics is not None:
+            require(min(self.intrinsics[:2]) > 0, f"intrinsics={self.intrinsics}; focal lengths must be above 0")
+        most = 4 if self.lens == "fisheye" else 5
+        require(len(self.distortion) <= most, f"a {self.lens} has at most {most} coefficients of distortion")
+        require(self.range > 0 and self.exposure > 0, "a camera's range and exposure must be above 0")
+        require(min(self.noise, self.jitter) >= 0, "a camera's noise and jitter must be at least 0")
+        require(1 <= self.supersampling <= 4, f"supersampling={self.supersampling}; expected 1 to 4")
+        require(self.threads > 0, f"threads={self.threads}; expected at least 1")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(height, width, values per pixel)."""
+        return self.height, self.width, sum(CHANNELS[name][0] for name in self.channels)
+
+    @property
+    def is_bytes(self) -> bool:
+        """Whether all channels are uint8."""
+        return all(CHANNELS[name][1] is np.uint8 for name in self.channels)
+
+    @property
+    def dtype(self) -> type[np.generic]:  # type: ignore[override]  # depends on the channels
+        """Type of the values."""
+        return np.uint8 if self.is_bytes else np.float32
+
+    @property
+    def low(self) -> float:  # type: ignore[override]
+        """Lower bound of the values."""
+        return 0.0 if self.is_bytes else -np.inf
+
+    @property
+    def high(self) -> float:  # type: ignore[override]
+        """Upper bound of the values."""
+        return 255.0 if self.is_bytes else np.inf
+
+    @property
+    def matrix(self) -> Intrinsics:
+        """Focal lengths fx, fy and principal point cx, cy [pixels]."""
+        if self.intrinsics is not None:
+            return self.intrinsics
+        half = self.fov / 2
+        focal = self.width / 2 / (half if self.lens == "fisheye" else np.tan(half))
+        return float(focal), float(focal), self.width / 2, self.height / 2
+
+    @cached_property
+    def _optics(self) -> dict[int, Optics]:
+        """Lens and size by number of rays per pixel and axis."""
+        made = {}
+        for factor in {1, self.supersampling}:
+            fx, fy, cx, cy = (factor * value for value in self.matrix)
+            lens = lens_of(self.lens, (fx, fy, cx, cy), self.distortion)
+            size = self.width * factor, self.height * factor
+            made[factor] = Optics(lens, *size, self.range, self.are_boxes, self.flow_time)
+        return made
+
+    def frames(
+        self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator | None = None
+    ) -> dict[str, Array]:
+        """Return what agents see by channel: (A, height, width) or (A, height, width, values).
+
+        Args:
+            batch: The worlds' maps, logs and paths.
+            state: Current state of all objects.
+            agents: (A, 2) int32 world and row of each agent.
+            rng: Source of noise and jitter; unused without them.
+        """
+        rng = rng or np.random.default_rng()
+        mount = self.mount
+        turns = mount.yaw, mount.pitch, mount.roll
+        if self.jitter:
+            yaw, pitch, roll = np.array(turns)[:, None] + self.jitter * rng.standard_normal((3, len(agents)))
+        else:
+            yaw, pitch, roll = (np.full(len(agents), turn) for turn in turns)
+        poses = poses_on(batch, state, agents, (mount.x, mount.y, mount.z), yaw, pitch, roll)
+        who = np.column_stack([agents, np.full(len(agents), self.is_own_visible)]).astype(np.int32)
+        ids = [batch.worlds[slot].scenario_id for slot in agents[:, 0].tolist()]
+        weathers = [self.weather or random_weather(self.seed, name) for name in ids]
+        shifts = [zlib.crc32(name.encode(), self.seed) % 512 for name in ids]
+        look = look_of(weathers, self.exposure, self.vignette, shifts)
+        scenery = self.has_sidewalks, self.has_scenery, self.seed
+        drawn = partial(draw, batch, state, who, poses, look=look, scenery=scenery, threads=self.threads)
+        found: dict[str, Array] = {}
+        if self.supersampling > 1 and "rgb" in self.channels:
+            fine = drawn(optics=self._optics[self.supersampling], channels=("rgb",))["rgb"]
+            found["rgb"] = scaled_down(fine, self.supersampling)
+        if rest := tuple(name for name in self.channels if name not in found):
+            found |= drawn(optics=self._optics[1], channels=rest)
+        if self.noise and "rgb" in self.channels:
+            add_pixel_noise(found["rgb"], self.noise, rng)
+        return {name: found[name] for name in self.channels}
+
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
+        """Draw the pictures."""
+        first = 0
+        for name, values in self.frames(batch, state, agents, rng).items():
+            count = CHANNELS[name][0]
+            out[..., first : first + count] = values if count > 1 else values[..., None]
+            first += count
+        return out
+
+    def split(self, observed: Array) -> dict[str, Array]:
+        """Return views of the channels of observations (..., height, width, values)."""
+        ends = np.cumsum([CHANNELS[name][0] for name in self.channels]).tolist()
+        return {
+            name: observed[..., end - CHANNELS[name][0] : end] for name, end in zip(self.channels, ends, strict=True)
+        }

@@ -1,0 +1,111 @@
+"""The compiler of loops gives what Python gives, and refuses what it cannot compile."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba.core.compiler import Compiler
+from numba.core.errors import UnsupportedError
+
+from scenarionet_data.arrays import compiler
+from scenarionet_data.arrays.compiled import device_function, kernel
+
+
+class Table(NamedTuple):
+    values: np.ndarray
+    flags: np.ndarray
+
+
+@device_function
+def ends(row):
+    return row[0], row[-1]
+
+
+@device_function
+def add_row(table, k, out):
+    """Variables that are assigned in some branches, in loops, and once."""
+    row = table.values[k]
+    first, last = ends(row)
+    if table.flags[k]:
+        factor = 2.0
+    elif first > last:
+        factor = -1.0
+        last += first
+    else:
+        factor = 0.5
+    total, previous = 0.0, np.nan
+    for value in row:
+        if not np.isnan(previous) and value > previous:
+            total += value - previous
+        elif value < 0.0:
+            break
+        previous = value
+    else:
+        total *= 2.0
+    out[k, 0], out[k, 1], out[k, -1] = first * factor, total, last
+    inner = table.values[k, 1:-1]
+    for j in range(len(inner) - 1, -1, -1):
+        out[k, 2] += inner[j] * (j - inner.shape[0])
+    return total
+
+
+@kernel(allocates=False)
+def add_rows(table, columns, out):
+    best, count = -1, 0
+    while count < len(table.flags):
+        total = add_row(table, count, out)
+        if best < 0 or total > out[best, 1]:
+            best = count
+        out[count][3] = table.values[count - 1][columns[count, 0]]
+        out[-1 - count, columns[count, -1]] -= 1.0
+        count += 1
+    return best
+
+
+NUMBERS = st.floats(-9.0, 9.0, width=32)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_compiled_loops_return_what_python_returns(data):
+    count, width = data.draw(st.integers(1, 5)), data.draw(st.integers(3, 5))
+    rows = data.draw(st.lists(st.lists(NUMBERS, min_size=width, max_size=width), min_size=count, max_size=count))
+    is_reversed, is_transposed = data.draw(st.booleans()), data.draw(st.booleans())
+    values = np.array(rows, np.float32)
+    if is_reversed:
+        values = values[::-1]
+    if is_transposed:
+        values = np.asfortranarray(values)
+    flags = np.array(data.draw(st.lists(st.booleans(), min_size=count, max_size=count)))
+    columns = np.array(
+        [data.draw(st.tuples(st.integers(-width, width - 1), st.integers(0, 4))) for _ in flags], np.int8
+    )
+    out, expected = np.zeros((2, count, 5))
+    with pytest.MonkeyPatch.context() as patch:
+        for function in (ends, add_row):
+            patch.setitem(add_rows.py_func.__globals__, function.__name__, function.py_func)
+        wanted = add_rows.py_func(Table(values, flags), columns, expected)
+    assert add_rows(Table(values, flags), columns, out) == wanted
+    np.testing.assert_allclose(out, expected, rtol=1e-6)
+
+
+def test_try_statement_needs_the_other_compiler():
+    @kernel(allocates=False)
+    def divide(a, b):
+        try:
+            return a / b
+        except Exception:
+            return 0.0
+
+    with pytest.raises(UnsupportedError, match=r"divide\(\) has a yield, with or try statement.*allocates=True"):
+        divide(1.0, 0.0)
+
+
+def test_other_versions_of_numba_use_its_own_compiler(monkeypatch):
+    assert compiler.loop_compiler() is compiler.LoopCompiler
+    monkeypatch.setattr("numba.__version__", "0.99.0")
+    assert compiler.loop_compiler() is Compiler
