@@ -28,8 +28,8 @@ from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.learning import checkpoints
 
 _TYPES = 256  # codes of objects and of map features are below
-Batch = Mapping[str, Tensor]
-Predictor = Callable[[Batch], Array]
+TensorBatch = Mapping[str, Tensor]
+Predictor = Callable[[TensorBatch], Array]
 """Returns (B, K, F, 2) positions of K trajectories in the frame of the target [m]."""
 
 
@@ -108,7 +108,7 @@ class Forecaster(nn.Module):
         steps = torch.arange(1, config.num_future + 1)
         self.register_buffer("time", config.dt * steps[:, None], persistent=False)
 
-    def forward(self, batch: Batch) -> tuple[Tensor, Tensor]:
+    def forward(self, batch: TensorBatch) -> tuple[Tensor, Tensor]:
         """Return (B, K, F, 2) positions in the frame of the target [m], and (B, K) logits."""
         tokens, is_absent = self._tokens(batch)
         seen = self.encoder(tokens, src_key_padding_mask=is_absent)
@@ -118,13 +118,13 @@ class Forecaster(nn.Module):
         return velocity * self.time + _METRES * self.path(modes).unflatten(-1, (-1, 2)), self.logit(modes).squeeze(-1)
 
     @torch.no_grad()
-    def modes(self, batch: Batch) -> Array:
+    def modes(self, batch: TensorBatch) -> Array:
         """Return (B, K, F, 2) positions of all modes [m], without dropout."""
         self.eval()
         modes: Array = self(batch)[0].numpy()
         return modes
 
-    def _tokens(self, batch: Batch) -> tuple[Tensor, Tensor]:
+    def _tokens(self, batch: TensorBatch) -> tuple[Tensor, Tensor]:
         """(B, A + L, size) tokens, and which of them stand for nothing."""
         valid = batch["history_valid"]
         states = torch.cat([batch["history"] * _SCALE, valid[..., None]], dim=-1).flatten(2)
@@ -146,7 +146,7 @@ def _two_layers(size: int, out: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(size, hidden), nn.ReLU(), nn.Linear(hidden, out))
 
 
-def loss(predicted: tuple[Tensor, Tensor], batch: Batch) -> Tensor:
+def loss(predicted: tuple[Tensor, Tensor], batch: TensorBatch) -> Tensor:
     """Distance of the closest mode from the recorded path [m], and how probable it was found to be."""
     modes, logits = predicted
     truth, valid = batch["future"][:, 0, :, :2], batch["future_valid"][:, 0]

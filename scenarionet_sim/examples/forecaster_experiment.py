@@ -21,7 +21,7 @@ import torch
 
 from scenarionet_data import Lake, Samples
 from scenarionet_data.arrays.dtypes import Array, Float64
-from scenarionet_sim.examples.forecaster import Batch, ForecasterConfig, Predictor, measure, train
+from scenarionet_sim.examples.forecaster import ForecasterConfig, Predictor, TensorBatch, measure, train
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def constant_velocity(config: ForecasterConfig) -> Predictor:
     """Return the predictor that keeps the current velocity."""
     times = config.dt * np.arange(1, config.num_future + 1)
 
-    def predict(batch: Batch) -> Array:
+    def predict(batch: TensorBatch) -> Array:
         velocity = batch["history"][:, 0, -1, 3:5].numpy()
         path: Array = velocity[:, None, None] * times[:, None]
         return path
@@ -112,7 +112,7 @@ def kalman_filter(config: ForecasterConfig, noise: float = 0.1, acceleration: fl
     move = np.array([[1.0, dt], [0.0, 1.0]])
     drift = acceleration**2 * np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
 
-    def predict(batch: Batch) -> Array:
+    def predict(batch: TensorBatch) -> Array:
         positions = batch["history"][:, 0, :, :2].double().numpy()
         valid = batch["history_valid"][:, 0].numpy()
         state: Float64 = np.stack([positions[:, -1], batch["history"][:, 0, -1, 3:5].double().numpy()], axis=1)
