@@ -138,6 +138,7 @@ def command(
     Finished scenarios are kept: run the same command again to continue after an interruption.
     """
     from scenarionet_pipelines.machine import default_workers
+    from scenarionet_sim.evaluation.drivers import MANUAL
     from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
     from scenarionet_sim.evaluation.references import run_references
 
@@ -155,6 +156,7 @@ def command(
         route=route,
     )
     run = name or _default_name(evaluation, database)
+    workers = 1 if policy in MANUAL else workers
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
         ProgressDisplay(f"sim {run}", "part", is_quiet=quiet) as progress,
