@@ -17,7 +17,7 @@ from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
 from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
 from scenarionet_sim.kernels.episodes import UNDRIVEN, begin_worlds, list_agents
-from scenarionet_sim.kernels.idm import Surroundings
+from scenarionet_sim.kernels.idm import SightMemory
 from scenarionet_sim.kernels.observation import Scratch, Sensing
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, StepResult
 from scenarionet_sim.kernels.step import (
@@ -322,7 +322,7 @@ class Simulation:
             scratch = Scratch.of(self.batch.max_objects, observer.sensing)
             if is_split:
                 step((first, end, MOVE, substeps), *rest, scratch)
-                memory = Surroundings.of(self.batch.max_objects)
+                memory = SightMemory.of(self.batch.max_objects)
                 follow(first, end, self._dt, self._has_begun, self.batch.recorded, *moments, traffic, memory)
             lost: int = step((first, end, phases & ~MOVE if is_split else phases, substeps), *rest, scratch)
             return lost

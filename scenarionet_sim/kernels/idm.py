@@ -34,7 +34,7 @@ class Law(NamedTuple):
     hardest: float
 
 
-class Surroundings(NamedTuple):
+class SightMemory(NamedTuple):
     """Memory for what one vehicle after another sees.
 
     Attributes:
@@ -46,7 +46,7 @@ class Surroundings(NamedTuple):
     boxes: Float64
 
     @classmethod
-    def of(cls, num_objects: int) -> Surroundings:
+    def of(cls, num_objects: int) -> SightMemory:
         """Allocate the memory for worlds of up to so many objects."""
         return cls(np.empty((_STATIONS, 4)), np.empty((11, num_objects)))
 
@@ -69,7 +69,7 @@ def drive_along_paths(
     dt: float,
     law: Law,
     colors: UInt8,
-    memory: Surroundings,
+    memory: SightMemory,
 ) -> None:
     """Advance every object of a policy in a world by one step.
 

@@ -14,7 +14,7 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.episodes import copy_world
-from scenarionet_sim.kernels.idm import Law, Surroundings, drive_along_paths
+from scenarionet_sim.kernels.idm import Law, SightMemory, drive_along_paths
 from scenarionet_sim.kernels.motion import move_on, replay
 from scenarionet_sim.kernels.observation import Scratch, Sensing, observe
 from scenarionet_sim.kernels.overlap import touch
@@ -156,7 +156,7 @@ def drive_by_idm(
     now: StateArrays,
     then: StateArrays,
     traffic: Traffic,
-    memory: Surroundings,
+    memory: SightMemory,
 ) -> None:
     """Write the next state of objects that follow paths by IDM; a kernel of its own, which replays need not compile.
 
