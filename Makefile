@@ -14,7 +14,7 @@ TORCH ?= torch>=2.4,<3
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
+.PHONY: help install install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
 	clean convert docs docs-site notebooks test-devkits test-learn test-metadrive
 
 help:  ## List the targets.
@@ -97,6 +97,9 @@ check: install  ## Check lint, format and types.
 
 bench: install  ## Run all benchmarks and write bench.json.
 	$(BIN)/python -m tests.bench $(ARGS)
+
+bench-cameras: install  ## Benchmark cameras.
+	$(BIN)/python -m tests.bench --only cameras $(ARGS)
 
 bench-cluster: install  ## Benchmark a local Dask cluster against a process pool.
 	$(BIN)/python -m tests.bench --only cluster --only growth $(ARGS)

@@ -16,6 +16,8 @@ from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
 from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
+from scenarionet_sim.kernels.episodes import UNDRIVEN, begin_worlds, list_agents
+from scenarionet_sim.kernels.observation import Scratch, Sensing
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, StepResult
 from scenarionet_sim.kernels.step import (
     DRIVE,
@@ -25,14 +27,9 @@ from scenarionet_sim.kernels.step import (
     OBSERVE,
     ONLY_BEGUN,
     UNCOMPILED,
-    UNDRIVEN,
     DrivenArrays,
-    Scratch,
-    Sensing,
     Traffic,
-    begin_worlds,
     drive_by_idm,
-    list_agents,
     step_worlds,
 )
 from scenarionet_sim.policies import External, Policy, Replay

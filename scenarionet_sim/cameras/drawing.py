@@ -13,7 +13,7 @@ from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, Int64
 from scenarionet_sim.cameras.lenses import rays_of
 from scenarionet_sim.cameras.meshes import library
 from scenarionet_sim.cameras.stage import Scenery, stage_of
-from scenarionet_sim.kernels.cameras.frames import BAND, draw_frames
+from scenarionet_sim.kernels.cameras.frames import BAND, TILE, draw_frames
 from scenarionet_sim.kernels.cameras.layout import (
     EYE,
     FORWARD,
@@ -83,7 +83,7 @@ def draw(
 
     Args:
         batch, state: The worlds and their current state.
-        who: (B, 3) int32 slot, row of the own vehicle or -1, and 1 to show that vehicle.
+        who: (B, 3) int32 slot, row of the own vehicle or -1, and how it is shown.
         poses: (B, NUM_POSE) see ``kernels.cameras.layout``; heights are the scenario's.
         optics: Lens, size and reach.
         look: Light of each frame.
@@ -139,10 +139,11 @@ def _scratch(width: int) -> FrameMemory:
             labels=np.empty((MAX_TRIANGLES, 3), np.int32),
             bounds=np.empty((MAX_TRIANGLES, 4), np.int32),
             instances=np.empty((_MAX_INSTANCES, 6), np.int32),
+            active=np.empty(MAX_TRIANGLES, np.int32),
             shadows=np.empty((_MAX_INSTANCES, 12)),
             near=np.empty(columns),
             seen=np.empty(columns, np.int32),
-            row=np.empty((8, columns)),
+            row=np.empty((11, TILE)),
         )
     return found
 

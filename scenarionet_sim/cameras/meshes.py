@@ -46,8 +46,10 @@ PAINTS = (
     (0.10, 0.16, 0.34), (0.55, 0.50, 0.40), (0.16, 0.03, 0.035), (0.38, 0.39, 0.40), (0.06, 0.065, 0.08),
     (0.50, 0.36, 0.08),
     (0.055, 0.120, 0.028), (0.075, 0.135, 0.030), (0.045, 0.100, 0.035), (0.095, 0.130, 0.030),
+    (0.42, 0.38, 0.32), (0.30, 0.13, 0.085), (0.52, 0.50, 0.46), (0.36, 0.26, 0.17), (0.24, 0.25, 0.27),
+    (0.46, 0.36, 0.22),
 )  # fmt: skip
-"""Linear RGB of the paints of vehicles and walls, and of the leaves of trees (the last four)."""
+"""Linear RGB of the paints of vehicles, then of the leaves of trees (four) and of the walls of buildings (six)."""
 
 
 def _wheels(axles: tuple[float, ...], radius: float, length: float, height: float, tread: float) -> list[Shape]:
@@ -60,7 +62,7 @@ def _wheels(axles: tuple[float, ...], radius: float, length: float, height: floa
             low, high = (side * 0.5, side * (0.5 - tread))
             tyre = tube((x, low, rz), (x, high, rz), ((rx, rz), (rx, rz)), at.TYRE, 14)
             rim = tube(
-                (x, side * 0.503, rz), (x, low, rz), ((0.62 * rx, 0.62 * rz), (0.66 * rx, 0.66 * rz)), at.METAL, 5
+                (x, side * 0.503, rz), (x, low, rz), ((0.62 * rx, 0.62 * rz), (0.66 * rx, 0.66 * rz)), at.METAL, 10
             )
             for shape in (tyre, rim):
                 shapes.append(Shape(shape.points, shape.corners, shape.material, part))
@@ -190,11 +192,11 @@ def _person(height: float = 1.0, base: float = 0.0, lean: float = 0.0) -> list[S
         for s, x in ((1.0, 0.16), (-1.0, -0.16))
     ]
     torso = [
-        tube((0.0, 0.0, z(0.47)), (lean * 0.7, 0.0, z(0.70)), ((0.19, 0.30), (0.23, 0.38)), at.CLOTH, 10),
-        tube((lean * 0.7, 0.0, z(0.70)), (lean, 0.0, z(0.83)), ((0.23, 0.38), (0.13, 0.26)), at.CLOTH, 10),
+        tube((0.0, 0.0, z(0.47)), (lean * 0.7, 0.0, z(0.70)), ((0.19, 0.30), (0.23, 0.38)), at.BODY, 10),
+        tube((lean * 0.7, 0.0, z(0.70)), (lean, 0.0, z(0.83)), ((0.23, 0.38), (0.13, 0.26)), at.BODY, 10),
     ]
     arms = [
-        tube((lean + x, s * 0.44, z(0.46)), (lean, s * 0.37, z(0.80)), ((0.08, 0.08), (0.11, 0.10)), at.CLOTH, 6)
+        tube((lean + x, s * 0.44, z(0.46)), (lean, s * 0.37, z(0.80)), ((0.08, 0.08), (0.11, 0.10)), at.BODY, 6)
         for s, x in ((1.0, -0.12), (-1.0, 0.14))
     ]
     head = [
@@ -291,9 +293,33 @@ def _building() -> list[Shape]:
     return [walls, box((-0.505, -0.505, 0.97), (0.505, 0.505, 1.0), at.ROOF)]
 
 
-def _deck() -> list[Shape]:
-    """Return the bonnet and dashboard of the own vehicle as its driver sees them."""
-    return [box((-0.5, -0.5, 0.0), (0.5, 0.5, 1.0), at.INTERIOR, (0.9, 0.95))]
+def _interior() -> list[Shape]:
+    """Return what a driver sees of a car: bonnet, dashboard, steering wheel, pillars and the edge of the roof."""
+    bonnet = outward(loft(
+        [
+            [(x, -w, low), (x, w, low), (x, w, high), (x, 0.0, high + 0.02), (x, -w, high)]
+            for x, w, low, high in ((0.20, 0.46, 0.3, 0.595), (0.38, 0.44, 0.3, 0.55), (0.49, 0.38, 0.3, 0.46))
+        ], at.BODY, (at.BODY, at.BODY),
+    ))  # fmt: skip
+    pillars = [
+        tube((0.22, s * 0.46, 0.58), (0.03, s * 0.37, 0.98), ((0.012, 0.028), (0.012, 0.028)), at.INTERIOR, 6)
+        for s in (1.0, -1.0)
+    ]
+    angles = np.linspace(0.0, 2.0 * np.pi, 13)
+    rim = [
+        tube(
+            (0.055 + 0.02 * np.sin(a), 0.2 + 0.10 * np.cos(a), 0.60 + 0.11 * np.sin(a)),
+            (0.055 + 0.02 * np.sin(b), 0.2 + 0.10 * np.cos(b), 0.60 + 0.11 * np.sin(b)),
+            ((0.006, 0.012), (0.006, 0.012)), at.TYRE, 5,
+        )
+        for a, b in pairwise(angles.tolist())
+    ]  # fmt: skip
+    return [
+        bonnet, *pillars, *rim, box((0.09, -0.47, 0.40), (0.215, 0.47, 0.615), at.INTERIOR, (0.75, 0.98)),
+        box((0.05, 0.17, 0.57), (0.06, 0.23, 0.62), at.TRIM), box((0.07, 0.10, 0.60), (0.12, 0.30, 0.645), at.TRIM),
+        box((0.0, -0.40, 0.965), (0.05, 0.40, 1.0), at.INTERIOR),
+        box((0.03, -0.06, 0.90), (0.04, 0.06, 0.945), at.TRIM),
+    ]  # fmt: skip
 
 
 def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
@@ -336,11 +362,14 @@ def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
         at.CONIFER: (_conifer(), (4.0, 4.0, 9.0)),
         at.BUILDING: (_building(), (15.0, 15.0, 12.0)),
         at.SIGN: (whole, (1.0, 1.0, 1.0)),
-        at.DECK: (_deck(), (1.0, 1.6, 0.3)),
+        at.DECK: (_interior(), (4.6, 1.9, 1.55)),
         at.CAR_FAR: (far_car, (4.6, 1.9, 1.55)),
         at.TRUCK_FAR: (far_truck, (8.0, 2.5, 3.2)),
         at.PERSON_FAR: (far_person, (0.6, 0.6, 1.75)),
         at.TREE_FAR: (far_tree, (5.0, 5.0, 8.0)),
+        at.BLOCK: ([_open_box(at.BODY)], (1.0, 1.0, 1.0)),
+        at.TREE_TINY: ([ball((0.0, 0.0, 0.62), (0.45, 0.45, 0.42), at.BODY, 4, 1)], (5.0, 5.0, 8.0)),
+        at.WALLS: ([_open_box(at.FACADE)], (15.0, 15.0, 12.0)),
     }
 
 
@@ -350,11 +379,26 @@ _FAR = {
 }  # fmt: skip
 
 
+_TINY = {
+    at.CAR: at.BLOCK, at.VAN: at.BLOCK, at.TRUCK: at.BLOCK, at.BUS: at.BLOCK, at.PEDESTRIAN: at.BLOCK,
+    at.CYCLIST: at.BLOCK, at.TREE: at.TREE_TINY, at.CONIFER: at.TREE_TINY, at.CONE: at.BLOCK, at.BARRIER: at.BLOCK,
+    at.POLE: at.BLOCK, at.LIGHT_HEAD: at.LIGHT_HEAD, at.BUILDING: at.WALLS,
+}  # fmt: skip
+"""Meshes for tiny pictures, where they differ."""
+
+
+def _open_box(material: int) -> Shape:
+    """Return the unit box without its bottom."""
+    whole = box((-0.5, -0.5, 0.0), (0.5, 0.5, 1.0), material)
+    is_bottom = (whole.points[whole.corners, 2] == 0.0).all(axis=1)
+    return Shape(whole.points, whole.corners[~is_bottom], whole.material[~is_bottom])
+
+
 @lru_cache
 def library() -> Meshes:
     """Return all meshes as kernels take them."""
     sources = _sources()
-    ranges = np.zeros((len(sources), 5), np.int32)
+    ranges = np.zeros((len(sources), 6), np.int32)
     wheels: Float32 = np.zeros((len(sources), 4, 5), np.float32)
     vertices, parts, corners, materials = [], [], [], []
     num_vertices = num_triangles = 0
@@ -364,7 +408,8 @@ def library() -> Meshes:
         kept = np.linalg.norm(np.cross((b - a) * size, (c - a) * size), axis=1) > 1e-9
         vertex, split, vertex_part = with_normals(points, triangles, part, size, _CREASE)
         ranges[mesh] = (
-            num_vertices, num_vertices + len(vertex), num_triangles, num_triangles + len(split), _FAR.get(mesh, mesh)
+            num_vertices, num_vertices + len(vertex), num_triangles, num_triangles + len(split), _FAR.get(mesh, mesh),
+            _TINY.get(mesh, mesh)
         )  # fmt: skip
         for wheel in range(4):
             on_it = vertex[vertex_part == wheel + 1, :3]

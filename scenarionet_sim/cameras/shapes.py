@@ -118,7 +118,7 @@ def ball(middle: Sequence[float], radii: Sequence[float], material: int, sides: 
     """Return an ellipsoid."""
     angles = np.arange(sides) * 2.0 * np.pi / sides
     rings = []
-    for rise in np.linspace(-np.pi / 2, np.pi / 2, rows + 2)[1:-1]:
+    for rise in np.linspace(-np.pi / 2, np.pi / 2, rows + 2)[1:-1] if rows > 1 else (-0.6, 0.6):
         rings.append(np.stack(
             [np.cos(rise) * np.cos(angles), np.cos(rise) * np.sin(angles), np.full(sides, np.sin(rise))], axis=1
         ))  # fmt: skip

@@ -83,7 +83,7 @@ def _scenery(world: World, terrain: Terrain, seed: int) -> list[Row]:
     path = shapely.MultiPoint(driven)
     rows: list[Row] = []
     placed = [shapely.Point(-1e9, -1e9)]
-    for kind, near, far, count in (("building", 7.0, 26.0, 90), ("lamp", 0.7, 0.9, 40), ("tree", 2.5, 38.0, 420)):
+    for kind, near, far, count in (("building", 11.0, 32.0, 60), ("lamp", 0.7, 0.9, 22), ("tree", 2.5, 38.0, 420)):
         for spot in _spots(terrain, path, near, far, count * 2, rng):
             if len(rows) >= _MOST or count == 0:
                 break
@@ -133,7 +133,7 @@ def _made(kind: str, spot: tuple[float, float, float], rng: np.random.Generator)
         return (x, y, -0.5, heading, length, width, float(height)), (
             at.BUILDING,
             at.BUILDING_CLASS,
-            int(rng.integers(16)),
+            20 + int(rng.integers(6)),
             -1,
         )
     if kind == "lamp":

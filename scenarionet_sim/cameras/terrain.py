@@ -12,7 +12,7 @@ from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int64, UInt8
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.cameras.paint import crosswalk_paint, lane_paint
 from scenarionet_sim.kernels.cameras.ground import fill_corners, list_strokes
-from scenarionet_sim.kernels.cameras.layout import CROSSWALK_BORDER, KERB, ROAD_BORDER, SIDEWALK_BORDER
+from scenarionet_sim.kernels.cameras.layout import CROSSWALK_BORDER, HAS_STROKES, KERB, ROAD_BORDER, SIDEWALK_BORDER
 from scenarionet_sim.roads.roads import Roads
 
 CELL = 0.5
@@ -80,6 +80,7 @@ class Terrain:
         for edges, kind in borders:
             fill_corners(np.ascontiguousarray(edges.astype(np.float32).astype(np.float64)), 1 << kind, frame, corner)
         starts, items = _cells(every, every_kind, frame)
+        corner[starts[1:] > starts[:-1]] |= HAS_STROKES
         return cls(frame, corner, starts, every[items], every_kind[items], road, paved)
 
 

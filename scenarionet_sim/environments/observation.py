@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, IntP
-from scenarionet_sim.kernels.step import Sensing
+from scenarionet_sim.kernels.observation import Sensing
 from scenarionet_sim.sensors.base import Sensor, compiled_form
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch

@@ -22,6 +22,7 @@ from scenarionet_sim.learning.driver import PREFIX, load_driver
 from scenarionet_sim.planners import Lqr, PerfectTracking, Planned, Planner, Tracker
 from scenarionet_sim.planners.following import ConstantVelocityPlanner, IdmPlanner, LogReplayPlanner, PurePursuitPlanner
 from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
+from scenarionet_sim.planners.manual import GamePadPlanner, KeyboardPlanner
 from scenarionet_sim.policies import (
     ConstantVelocity,
     External,
@@ -30,6 +31,7 @@ from scenarionet_sim.policies import (
     Policy,
     Replay,
     SampledIdm,
+    SocialForce,
     ego,
 )
 from scenarionet_sim.sensors import EgoState
@@ -49,8 +51,13 @@ PLANNERS: dict[str, type[Planner]] = {
     "pure-pursuit": PurePursuitPlanner,
     "idm-planner": IdmPlanner,
     "lane-graph": LaneGraphPlanner,
+    "keyboard": KeyboardPlanner,
+    "gamepad": GamePadPlanner,
 }
 """Planners that come along."""
+
+MANUAL = ("keyboard", "gamepad")
+"""Those that a person drives, in one process."""
 
 TRACKERS: dict[str, Tracker] = {"lqr": Lqr(), "perfect": PerfectTracking()}
 """What follows the trajectories of planners."""
@@ -62,10 +69,11 @@ TRAFFIC: dict[str, tuple[Policy, ...]] = {
     "replay": (Replay(),),
     "idm": (Replay(), Idm()),
     "idm-sampled": (Replay(), SampledIdm()),
+    "idm-walking": (Replay(), Idm(), SocialForce()),
     "constant": (ConstantVelocity(),),
     "constant-noisy": (NoisyVelocity(),),
 }
-REACTIVE = ("idm", "idm-sampled")
+REACTIVE = ("idm", "idm-sampled", "idm-walking")
 """Traffic that reacts to the ego."""
 
 

@@ -162,7 +162,7 @@ def evaluate(
         policy: Driver of the ego: a name in ``evaluation.drivers.DRIVERS`` or ``PLANNERS``, ``random``,
             ``runs/NAME`` of a training run, or ``module:Class`` for one of your own.
         name: Name of the run; None for database, policy, traffic and backend joined by hyphens.
-        traffic: Driver of all other objects: ``replay``, ``idm``, ``idm-sampled``, ``constant`` or ``constant-noisy``.
+        traffic: Driver of all other objects: a name in ``evaluation.drivers.TRAFFIC``.
         backend: ``bullet`` or ``kinematic``; None for ``bullet`` if actions drive the ego, else ``kinematic``.
         seed: Seed of stochastic policies and of the sensors' noise.
         num_rollouts: Rollouts of each scenario.

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
+from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
 from scenarionet_sim.kernels.log import HEADING, X, Y, Z
 
 
@@ -28,32 +27,9 @@ def is_overlapping(
     return 2.0 * across < other_width + s * length + c * width
 
 
-@kernel
-def find_contacts(
-    agents: Int32,
-    motion: Float64,
-    size: Float64,
-    object_type: UInt8,
-    present: Bool,
-    contacts: Bool,
-    hits: npt.NDArray[np.uint32],
-) -> None:
-    """Find the objects that each agent's box overlaps.
-
-    Args:
-        agents: (A, 2) world and row; an absent agent touches nothing.
-        motion, size, object_type, present: See ``State``.
-        contacts: (A, N) output.
-        hits: (A,) output: bit k is set when an object of type k is touched.
-    """
-    for a in range(len(agents)):
-        w, n = agents[a, 0], agents[a, 1]
-        hits[a] = touch(n, motion[w], size[w], object_type[w], present[w], contacts[a])
-
-
 @device_function
 def touch(n: int, motion: Float64, size: Float64, object_type: UInt8, present: Bool, contacts: Bool) -> np.uint32:
-    """Find the objects that one agent touches, see :func:`find_contacts`.
+    """Find the objects whose boxes overlap that of one agent; an absent agent touches nothing.
 
     Args:
         n: Row of the agent.

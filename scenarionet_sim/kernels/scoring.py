@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
+from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VALID, VX, VY, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
@@ -42,19 +41,6 @@ _STEPS, _SPEEDS, _LOG_STEPS, _LOG_DISTANCES = 3, 4, 5, 6  # columns of totals, a
 NUM_TOTALS = 7
 
 
-class Contacts(NamedTuple):
-    """Objects that A agents touch.
-
-    Attributes:
-        now, before: (A, N) after this step, and after the one before.
-        hits: (A,) their types as bits.
-    """
-
-    now: Bool
-    before: Bool
-    hits: npt.NDArray[np.uint32]
-
-
 class StepResult(NamedTuple):
     """Result of a step for A agents.
 
@@ -70,42 +56,6 @@ class StepResult(NamedTuple):
     numbers: Float64
     status: UInt8
     totals: Float64
-
-
-@kernel
-def score_step(
-    agents: Int32,
-    steering: Float64,
-    contacts: Contacts,
-    now: StateArrays,
-    route: Float64,
-    route_before: Float64,
-    recorded: Recorded,
-    task: Float64,
-    result: StepResult,
-) -> None:
-    """Write the result of a step.
-
-    An agent both beyond the end of its route and off it has left it: it must arrive on the route. A crash begins when
-    an agent touches an object that it did not touch a step before. The distance from the recording is measured in
-    the plane, at timesteps with a recorded position.
-
-    Nine parameters: ``route`` differs from ``now.route`` for egos that a policy drives.
-
-    Args:
-        agents: (A, 2) world and row.
-        steering: (A,) first number of each action, in [-1, 1].
-        contacts: Objects that the agents touch.
-        now: Current state.
-        route, route_before: (W, N, 2) location on the reference trajectory, now and a step before; see ``State``.
-        recorded: Logs and paths.
-        task: (12,) see ``task.task_parameters``.
-        result: Output.
-    """
-    for a in range(len(agents)):
-        w, n = agents[a, 0], agents[a, 1]
-        touched = contacts.now[a], contacts.before[a], contacts.hits[a]
-        score(a, w, n, steering[a], touched, now, route[w, n], route_before[w, n], recorded, task, result)
 
 
 Touched = tuple[Bool, Bool, np.uint32]
@@ -125,9 +75,21 @@ def score(
     task: Float64,
     result: StepResult,
 ) -> None:
-    """Write the result of a step for agent ``a``, row ``n`` of world ``w``; see :func:`score_step`.
+    """Write the result of a step for agent ``a``, row ``n`` of world ``w``.
 
-    ``touched`` are a row each of ``Contacts.now`` and ``before``, and of ``hits``; ``route`` and ``route_before`` (2,).
+    An agent both beyond the end of its route and off it has left it: it must arrive on the route. A crash begins when
+    an agent touches an object that it did not touch a step before. The distance from the recording is measured in
+    the plane, at timesteps with a recorded position.
+
+    Args:
+        a, w, n: The agent.
+        steering: First number of its action, in [-1, 1].
+        touched: (N,) objects that it touches, (N,) those a step before, and types of the former as bits.
+        now: Current state.
+        route, route_before: (2,) location on the reference trajectory, now and a step before; see ``State``.
+        recorded: Logs and paths.
+        task: (12,) see ``task.task_parameters``.
+        result: Output.
     """
     # Indexed, since unpacking an array compiles an iterator for every name.
     c1, c2, c3 = task[0], task[1], task[2]

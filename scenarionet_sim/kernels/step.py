@@ -11,20 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_sim.kernels.bicycle import drive_bicycle
+from scenarionet_sim.kernels.episodes import copy_world
 from scenarionet_sim.kernels.idm import Law, drive_along_paths
-from scenarionet_sim.kernels.log import VALID
 from scenarionet_sim.kernels.motion import move_on, replay
+from scenarionet_sim.kernels.observation import Scratch, Sensing, observe
 from scenarionet_sim.kernels.overlap import touch
 from scenarionet_sim.kernels.paths import PathRows, locate
-from scenarionet_sim.kernels.rays import ranges_to_boxes, ranges_to_lines
-from scenarionet_sim.kernels.route_observation import own_motion, way_ahead
 from scenarionet_sim.kernels.scoring import StepResult, score
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
-    FIRST_STEP,
-    LOG,
     NUM_OBJECTS,
     OBJECTS,
     Lines,
@@ -38,12 +35,6 @@ scored; observed. ``ONLY_BEGUN``: in worlds that have just begun an episode alon
 
 UNCOMPILED, REPLAY, ENTER, CARRY_ON, FOLLOW_PATH = range(5)
 """How a policy moves its objects: outside of the kernel; as recorded; only appearing; at constant velocity; by IDM."""
-
-LIDAR, LINE_RAYS, OWN_MOTION, WAY_AHEAD = range(4)
-"""Kinds of sensors."""
-
-UNDRIVEN = 255
-"""A policy number: a row that no policy drives and that is never present."""
 
 
 class Traffic(NamedTuple):
@@ -82,114 +73,6 @@ class DrivenArrays(NamedTuple):
     contacts: Bool
     contacts_before: Bool
     hits: npt.NDArray[np.uint32]
-
-
-class Sensing(NamedTuple):
-    """Compiled sensors of the agents.
-
-    Attributes:
-        kind: (S,) see ``LIDAR``.
-        place: (S, 4) first value of the sensor's part of ``out``; values from one agent to the next; first row in
-            ``directions``; number of rays or points.
-        scale: (S, 8) range or spacing [m], then what values are divided by (points) or multiplied by (own motion).
-        types: (S, 256) visible types; all objects for a lidar whose row is all True.
-        directions: (R, 2) unit vectors of the rays of all sensors.
-        out: Values of all agents, one after another.
-    """
-
-    kind: UInt8
-    place: Int32
-    scale: Float64
-    types: Bool
-    directions: Float64
-    out: Float32
-
-    @classmethod
-    def of_no_sensors(cls) -> Sensing:
-        """Return the arrays of no sensors."""
-        no_place, no_types = np.zeros((0, 4), np.int32), np.zeros((0, 256), np.bool_)
-        return cls(
-            np.zeros(0, np.uint8), no_place, np.zeros((0, 8)), no_types, np.zeros((0, 2)), np.zeros(0, np.float32)
-        )
-
-
-class Scratch(NamedTuple):
-    """Memory for one agent's observation.
-
-    Attributes:
-        values: (7,) own motion.
-        points: (K, 2) points of the path.
-        is_visible: (N,) objects that a lidar sees.
-    """
-
-    values: Float64
-    points: Float64
-    is_visible: Bool
-
-    @classmethod
-    def of(cls, num_objects: int, sensing: Sensing) -> Scratch:
-        """Allocate the memory."""
-        most = max(sensing.place[:, 3], default=0)
-        return cls(np.empty(7), np.empty((most, 2)), np.empty(num_objects, np.bool_))
-
-
-@kernel(allocates=False)
-def begin_worlds(
-    slots: Int32, starts: Int32, recorded: Recorded, now: StateArrays, then: StateArrays, driver: UInt8
-) -> None:
-    """Set slots to a timestep of the logs of their worlds, in the current and in the next state.
-
-    Args:
-        slots: (B,) the slots.
-        starts: (B,) timesteps; -1 for the first at which the ego is valid.
-        recorded: Logs of W worlds.
-        now, then: The two states.
-        driver: (W, N) policy of each object, written.
-    """
-    for b in range(len(slots)):
-        w = slots[b]
-        count, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, OBJECTS]
-        start = recorded.place[w, FIRST_STEP] if starts[b] < 0 else starts[b]
-        now.timestep[w], then.timestep[w] = start, start
-        for n in range(driver.shape[1]):
-            driver[w, n] = recorded.driver[objects + n] if n < count else UNDRIVEN
-            now.present[w, n], now.route[w, n, 0], now.route[w, n, 1] = False, np.nan, 0.0
-            if n < count:
-                row = recorded.log[recorded.place[w, LOG] + start * count + n]
-                now.present[w, n] = row[VALID] != 0.0 and driver[w, n] != UNDRIVEN
-                for column in range(now.motion.shape[2]):
-                    now.motion[w, n, column] = row[column]
-                for axis in range(3):
-                    now.size[w, n, axis] = recorded.size[objects + n, axis]
-                now.object_type[w, n] = recorded.object_type[objects + n]
-        _copy(w, driver.shape[1], now, then)
-
-
-@kernel(allocates=False)
-def list_agents(driver: UInt8, present: Bool, is_agent: Bool, rows: Int32, first: Int32) -> bool:
-    """List the present agents.
-
-    Args:
-        driver, present: (W, N) policy of each object, and whether it is present.
-        is_agent: (256,) policies of agents.
-        rows: (W * N, 2) output: world and row of each agent.
-        first: (W + 1,) output: first agent of each world.
-
-    Returns:
-        Whether another agent is still absent.
-    """
-    count, is_due = 0, False
-    for w in range(driver.shape[0]):
-        first[w] = count
-        for n in range(driver.shape[1]):
-            if is_agent[driver[w, n]]:
-                if present[w, n]:
-                    rows[count, 0], rows[count, 1] = w, n
-                    count += 1
-                else:
-                    is_due = True
-    first[driver.shape[0]] = count
-    return is_due
 
 
 @kernel(nogil=True, allocates=False)
@@ -259,7 +142,7 @@ def step_worlds(
                 n = agents.rows[a, 1]
                 if np.isnan(agents.route[w, n, 0]):
                     lost = a
-                _observe(a, w, n, recorded, lines, then, agents.route, sensing, scratch)
+                observe(a, w, n, recorded, lines, then, agents.route, sensing, scratch)
     return lost
 
 
@@ -291,21 +174,10 @@ def drive_by_idm(
                 drive_along_paths(w, recorded, now, then, traffic.driver, policy, dt, law, traffic.colors)
 
 
-@device_function
-def _copy(w: int, count: int, source: StateArrays, target: StateArrays) -> None:
-    """Copy presence and routes of the objects of a world, and the motion of those that are present."""
-    for n in range(count):
-        target.present[w, n] = source.present[w, n]
-        target.route[w, n, 0], target.route[w, n, 1] = source.route[w, n, 0], source.route[w, n, 1]
-        if source.present[w, n]:
-            for column in range(source.motion.shape[2]):
-                target.motion[w, n, column] = source.motion[w, n, column]
-
-
 @device_function(forceinline=True)
 def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateArrays, traffic: Traffic) -> None:
     """Write the next state of all objects that do not follow paths and whose policy is compiled; others keep theirs."""
-    _copy(w, recorded.place[w, NUM_OBJECTS], now, then)
+    copy_world(w, recorded.place[w, NUM_OBJECTS], now, then)
     then.timestep[w] = now.timestep[w] + 1
     t, driver = now.timestep[w], traffic.driver
     for policy in range(len(traffic.movement)):
@@ -372,48 +244,3 @@ def _score(
     score(a, w, n, steering, touched, then, route, route_before, recorded, task, result)
     for m in range(len(contacts)):
         before[m] = contacts[m]
-
-
-@device_function(forceinline=True)
-def _observe(
-    a: int,
-    w: int,
-    n: int,
-    recorded: Recorded,
-    lines: Lines,
-    then: StateArrays,
-    routes: Float64,
-    sensing: Sensing,
-    scratch: Scratch,
-) -> None:
-    """Write the observations of an agent by all compiled sensors."""
-    me, route, row = then.motion[w, n], routes[w, n], recorded.place[w, OBJECTS] + n
-    path = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
-    for s in range(len(sensing.kind)):
-        kind, scale, count = sensing.kind[s], sensing.scale[s], sensing.place[s, 3]
-        at, ray = sensing.place[s, 0] + a * sensing.place[s, 1], sensing.place[s, 2]
-        if kind == LIDAR:
-            is_visible = scratch.is_visible
-            for m in range(len(is_visible)):
-                is_visible[m] = then.present[w, m] and sensing.types[s, then.object_type[w, m]]
-            rays = sensing.directions[ray : ray + count]
-            ranges_to_boxes(n, then.motion[w], then.size[w], is_visible, rays, scale[0], sensing.out[at : at + count])
-        elif kind == LINE_RAYS:
-            rays = sensing.directions[ray : ray + count]
-            ranges_to_lines(w, me, lines, sensing.types[s], rays, scale[0], sensing.out[at : at + count])
-        elif kind == OWN_MOTION:
-            own_motion(me, route, then.size[w, n, 0], path, scale[7], scratch.values)
-            for k in range(7):
-                sensing.out[at + k] = _within(np.float32(scratch.values[k] * scale[k]))
-        elif kind == WAY_AHEAD:
-            points = scratch.points[:count]
-            way_ahead(me, route, path, scale[0], points)
-            for k in range(count):
-                sensing.out[at + 2 * k] = _within(np.float32(points[k, 0] / scale[1]))
-                sensing.out[at + 2 * k + 1] = _within(np.float32(points[k, 1] / scale[1]))
-
-
-@device_function
-def _within(value: np.float32) -> np.float32:
-    """Limit a value to [-1, 1]."""
-    return np.float32(-1.0) if value < -1.0 else (np.float32(1.0) if value > 1.0 else value)

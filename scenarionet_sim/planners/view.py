@@ -171,6 +171,7 @@ class View:
         skip: Moments at the beginning of the state's history that are not past.
 
     Attributes:
+        world, state, slot: What it shows, for planners that need more; only to read.
         scenario_id: The scenario.
         dt: Seconds until the planner is asked again.
         time: Seconds since the beginning of the recording.
@@ -188,7 +189,7 @@ class View:
         arc_before: float = math.nan,
         skip: int = 0,
     ) -> None:
-        self._world, self._state, self._slot, self._row = world, state, slot, row
+        self.world, self.state, self.slot, self._row = world, state, slot, row
         self._own = own = state.motion[slot, row].tolist()
         self._speed_before, self._skip, self._arc = speed_before, skip, arc_before
         self.scenario_id, self.dt = world.scenario_id, world.dt
@@ -204,21 +205,21 @@ class View:
         along = math.cos(heading) * own[VX] + math.sin(heading) * own[VY]
         speed = math.copysign(math.hypot(own[VX], own[VY]), along)
         before = speed if self._speed_before is None else self._speed_before
-        length, width, height = self._state.size[self._slot, self._row].tolist()
+        length, width, height = self.state.size[self.slot, self._row].tolist()
         x, y, heading = (own[X], own[Y], heading) if is_scenario else (0.0, 0.0, 0.0)
         return EgoView(x, y, heading, speed, (speed - before) / self.dt, own[YAW_RATE], length, width, height)
 
     @cached_property
     def objects(self) -> ObjectsView:
         """The other present objects."""
-        state, slot, frame = self._state, self._slot, self.frame
+        state, slot, frame = self.state, self.slot, self.frame
         present = state.present[slot].copy()
         present[self._row] = False
         rows = np.flatnonzero(present)
         motion = state.motion[slot].take(rows, axis=0)
         return ObjectsView(
             rows,
-            self._world.track_ids[rows],
+            self.world.track_ids[rows],
             state.object_type[slot, rows],
             frame.points(motion[:, :2]),
             frame.angles(motion[:, HEADING]),
@@ -240,7 +241,7 @@ class View:
     @cached_property
     def route(self) -> RouteView:
         """The way to take."""
-        world, row = self._world, self._row
+        world, row = self.world, self._row
         part = slice(world.paths.path_offsets[row], world.paths.path_offsets[row + 1])
         path = world.paths.path[part]
         lanes, limits, beyond = _lanes_of(world, row)
@@ -262,20 +263,20 @@ class View:
     @cached_property
     def goal(self) -> Array:
         """(2,) end of the route [m]."""
-        end = self._world.paths.path_offsets[self._row + 1] - 1
-        return self.frame.points(self._world.paths.path[end, :2])
+        end = self.world.paths.path_offsets[self._row + 1] - 1
+        return self.frame.points(self.world.paths.path[end, :2])
 
     @cached_property
     def lights(self) -> LightsView:
         """The traffic lights, as at the end of the recording after it."""
-        world = self._world
+        world = self.world
         state = world.light_state[:, min(self.timestep, world.num_steps - 1)]
         return LightsView(world.light_lane, self.frame.points(world.light_stop), state, LIGHT_COLORS[state])
 
     @cached_property
     def lanes(self) -> LanesView:
         """The lanes of the map."""
-        return LanesView(self._world.roads, self.frame)
+        return LanesView(self.world.roads, self.frame)
 
     @property
     def known_arc(self) -> float:
@@ -285,13 +286,13 @@ class View:
     @property
     def log(self) -> Float32:
         """(T, 8) the vehicle's own recording in the scenario's frame, columns as in ``World.log``."""
-        return self._world.log[:, self._row]
+        return self.world.log[:, self._row]
 
     def _past(self, rows: IntP) -> tuple[Float64, Float64, Bool]:
-        history = self._state.history
+        history = self.state.history
         if history is None or len(history.present) <= self._skip:
             return _NO_PAST
-        past = np.s_[self._skip :, self._slot]
+        past = np.s_[self._skip :, self.slot]
         position, heading = history.position[past].take(rows, axis=1), history.heading[past].take(rows, axis=1)
         present: Bool = history.present[past].take(rows, axis=1)
         return self.frame.points(position), self.frame.angles(heading), present

@@ -12,6 +12,7 @@ from scenarionet_sim.policies.objects import OfType, TrackIds, all_objects, ego,
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.policies.route_follower import RouteFollower
 from scenarionet_sim.policies.sampled import NoisyVelocity, SampledIdm
+from scenarionet_sim.policies.social_force import SocialForce, pedestrians_and_cyclists
 
 __all__ = [
     "ConstantVelocity",
@@ -23,10 +24,12 @@ __all__ = [
     "Replay",
     "RouteFollower",
     "SampledIdm",
+    "SocialForce",
     "TrackIds",
     "all_objects",
     "ego",
     "other_vehicles",
     "others",
+    "pedestrians_and_cyclists",
     "vehicles",
 ]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from scenarionet_data.arrays.dtypes import UInt8
@@ -12,6 +14,9 @@ from scenarionet_data.plots.topdown import TRAIL
 from scenarionet_sim.render.scenes import moment_of, scene_of
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
+
+KeyListener = Callable[[str | None], None]
+"""Gets the name of a key, as matplotlib calls it."""
 
 
 class Live:
@@ -33,6 +38,11 @@ class Live:
         self._world: World | None = None
         self._moments: deque[Moment] = deque(maxlen=TRAIL)
         self._image: Any = None
+        self._keys: tuple[KeyListener, KeyListener] | None = None
+
+    def on_keys(self, pressed: KeyListener, released: KeyListener) -> None:
+        """Call functions with the name of each key that is pressed or released in the window, from its opening on."""
+        self._keys = pressed, released
 
     def picture(self, world: World, state: State, slot: int = 0) -> UInt8:
         """Return the current moment as (H, W, 3) uint8; a timestep not later than the last one begins a new episode."""
@@ -59,12 +69,23 @@ class Live:
             axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
             axes.set_axis_off()
             self._image = axes.imshow(picture)
+            if self._keys is not None:
+                manager = figure.canvas.manager
+                if manager is not None and manager.key_press_handler_id is not None:
+                    figure.canvas.mpl_disconnect(manager.key_press_handler_id)  # keys of matplotlib's own
+                figure.canvas.mpl_connect("key_press_event", partial(_tell, self._keys[0]))
+                figure.canvas.mpl_connect("key_release_event", partial(_tell, self._keys[1]))
             figure.show()
         if not pyplot.fignum_exists(self._image.figure.number):
             return
         self._image.set_data(picture)
         self._image.figure.canvas.draw_idle()
         self._image.figure.canvas.flush_events()
+
+    def wait(self, seconds: float) -> None:
+        """Handle events of the window for a while [s]."""
+        if self._image is not None:
+            self._image.figure.canvas.start_event_loop(max(seconds, 1e-3))
 
     def close(self) -> None:
         """Close the window, if one is open."""
@@ -73,6 +94,10 @@ class Live:
 
             pyplot.close(self._image.figure)
             self._image = None
+
+
+def _tell(listener: KeyListener, event: Any) -> None:
+    listener(event.key)
 
 
 def _require_display() -> None:

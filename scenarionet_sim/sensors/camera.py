@@ -18,6 +18,8 @@ from scenarionet_sim.sensors.base import Sensor, require
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
+OWN_VIEWS = ("hidden", "outside", "inside")
+
 
 @dataclass(frozen=True)
 class Mount:
@@ -55,8 +57,7 @@ class Camera(Sensor):
     * ``flow``: 2 x float32 [pixels], columns and rows: where the point of a pixel will be ``flow_time`` later, if all
       objects and the agent keep their velocity and yaw rate.
 
-    Objects stand on the ground, which has the heights of the map or is level. The agent itself is not visible, unless
-    ``is_own_visible``; its shadow is.
+    Objects stand on the ground, which has the heights of the map or is level.
 
     Attributes:
         width, height: [pixels].
@@ -71,7 +72,7 @@ class Camera(Sensor):
         has_sidewalks: Whether roads have kerbs and sidewalks.
         has_scenery: Whether there are buildings, trees and lamps off the road, drawn by ``seed``.
         are_boxes: Whether objects are their boxes instead of meshes.
-        is_own_visible: Whether the agent itself is visible.
+        own: How the agent itself is shown: ``hidden``, ``outside`` as others see it, or ``inside`` as its driver does.
         exposure: Factor of brightness.
         vignette: Share of light lost in the corners.
         noise: Standard deviation of Gaussian noise [levels of 0 to 255].
@@ -95,7 +96,7 @@ class Camera(Sensor):
     has_sidewalks: bool = True
     has_scenery: bool = True
     are_boxes: bool = False
-    is_own_visible: bool = False
+    own: str = "hidden"
     exposure: float = 1.0
     vignette: float = 0.0
     noise: float = 0.0
@@ -108,6 +109,7 @@ class Camera(Sensor):
     def __post_init__(self) -> None:
         require(min(self.width, self.height) > 0, f"a camera needs pixels, found {self.width} x {self.height}")
         require(max(self.width, self.height) <= 16384, "a camera has at most 16384 pixels along a side")
+        require(self.own in OWN_VIEWS, f"own={self.own!r}; choose from {', '.join(OWN_VIEWS)}")
         require(0 < self.fov < np.pi, f"a camera's fov is above 0 and below pi [rad], found fov={self.fov}")
         require(self.lens in ("pinhole", "fisheye"), f"lens={self.lens!r}; expected 'pinhole' or 'fisheye'")
         unknown = [name for name in self.channels if name not in CHANNELS]
@@ -187,7 +189,7 @@ class Camera(Sensor):
         else:
             yaw, pitch, roll = (np.full(len(agents), turn) for turn in turns)
         poses = poses_on(batch, state, agents, (mount.x, mount.y, mount.z), yaw, pitch, roll)
-        who = np.column_stack([agents, np.full(len(agents), self.is_own_visible)]).astype(np.int32)
+        who = np.column_stack([agents, np.full(len(agents), OWN_VIEWS.index(self.own))]).astype(np.int32)
         ids = [batch.worlds[slot].scenario_id for slot in agents[:, 0].tolist()]
         weathers = [self.weather or random_weather(self.seed, name) for name in ids]
         shifts = [zlib.crc32(name.encode(), self.seed) % 512 for name in ids]

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.bench import (
+    cameras,
     cluster,
     converting,
     growth,
@@ -41,6 +42,7 @@ def main() -> None:
     """Run all groups, or one."""
     recordings = converting.recordings_folder()
     groups: dict[str, Callable[[], Iterator[Figure]]] = {
+        "cameras": cameras.figures,
         "cluster": lambda: cluster.figures(recordings),
         "growth": lambda: growth.figures(recordings),
         "convert": lambda: converting.figures(recordings),

@@ -23,6 +23,17 @@ def test_image(lake, ok, as_json, tmp_path):
     assert found["bytes"] == (tmp_path / "s.png").stat().st_size
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("view", ["camera", "chase", "cockpit", "orbit"])
+def test_views_in_space(lake, ok, view, tmp_path):
+    ok("render", lake, "s000001", "-o", tmp_path / "s.png", "--size", "128", "--view", view, "--weather", "dusk")
+    with Image.open(tmp_path / "s.png") as picture:
+        assert picture.size == (128, 72)
+        assert len(picture.getcolors(1 << 16)) > 50
+    wrong = run("render", lake, "s000001", "-o", tmp_path / "s.pdf", "--view", view)
+    assert wrong.exit_code != 0 and ".png" in wrong.output
+
+
 def test_video(lake, as_json, tmp_path):
     words = ("--size", "80", "--view", "all", "--speed", "2", "--quiet")
     assert as_json("render", lake, "s000001", "-o", tmp_path / "s.gif", *words)["frames"] == 31

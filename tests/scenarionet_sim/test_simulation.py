@@ -14,7 +14,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.kernels.step import UNDRIVEN
+from scenarionet_sim.kernels.episodes import UNDRIVEN
 from scenarionet_sim.policies import (
     ConstantVelocity,
     External,

@@ -8,6 +8,7 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int64, UInt8
 from scenarionet_sim.kernels.cameras.layout import (
     CROSSWALK_BORDER,
+    HAS_STROKES,
     KERB,
     ROAD,
     ROAD_BORDER,
@@ -142,22 +143,25 @@ def ground_color(
     Args:
         ground, light, grain, slot, cell: Ground and light.
         x, y: Point [m].
-        vx, vy: Horizontal direction of view (unit vector).
+        vx, vy: Horizontal part of the direction of view, of any length.
         across, along: Extent of the pixel's footprint across and along that direction [m].
         shade: Share of sunlight that arrives.
     """
     shift = int(light[SHIFT])
-    fine_x, fine_y = math.floor(x * 40.0) + shift, math.floor(y * 40.0) + shift
-    fine = grain[0, fine_y & (GRAIN_SIZE - 1), fine_x & (GRAIN_SIZE - 1)] * (1.0 / 255.0) - 0.5
-    fine *= smaller(0.03 / (along + across), 1.0)
-    coarse_x, coarse_y = math.floor(x * 7.0) + shift, math.floor(y * 7.0) + shift
-    coarse = grain[1, coarse_y & (GRAIN_SIZE - 1), coarse_x & (GRAIN_SIZE - 1)] * (1.0 / 255.0) - 0.5
-    coarse *= smaller(2.5 / (along + 1.0), 1.0)
+    fine = larger(1.0 - 6.0 * (along + across), 0.0)
+    if fine > 0.0:
+        column, row = int(x * 40.0 + 1e6) + shift, int(y * 40.0 + 1e6) + shift
+        fine *= grain[0, row & (GRAIN_SIZE - 1), column & (GRAIN_SIZE - 1)] * (1.0 / 255.0) - 0.5
+    column, row = int(x * 7.0 + 1e6) + shift, int(y * 7.0 + 1e6) + shift
+    coarse = grain[1, row & (GRAIN_SIZE - 1), column & (GRAIN_SIZE - 1)] * (1.0 / 255.0) - 0.5
+    coarse *= larger(1.0 - 0.1 * along, 0.15)
     bits = 0 if cell < 0 else int(ground.corner[cell])
-    has_strokes = cell >= 0 and ground.cell_start[cell] < ground.cell_start[cell + 1]
+    has_strokes = bits >= HAS_STROKES
     road = on_walk = 0.0
     if has_strokes:
         bits = surface_at(ground, slot, cell, x, y)
+        flat = 1.0 / math.sqrt(vx * vx + vy * vy + 1e-12)
+        vx, vy = vx * flat, vy * flat
     if bits & ROAD:
         road = 1.0
     if bits & SIDEWALK:
@@ -205,9 +209,9 @@ def ground_color(
         blue = 0.048 * (1.0 + 0.55 * coarse + 0.9 * fine)
         if on_walk > 0.0:
             tone = 0.34 * (1.0 + 0.12 * coarse + 0.25 * fine)
-            u, v = x - 1.5 * math.floor(x / 1.5), y - 1.5 * math.floor(y / 1.5)
-            if along < 0.3 and (u < 0.025 or v < 0.025):
-                tone *= 0.72
+            if along < 0.3:
+                u, v = x - 1.5 * math.floor(x / 1.5), y - 1.5 * math.floor(y / 1.5)
+                tone *= 0.72 if u < 0.025 or v < 0.025 else 1.0
             red += on_walk * (tone - red)
             green += on_walk * (0.97 * tone - green)
             blue += on_walk * (0.92 * tone - blue)

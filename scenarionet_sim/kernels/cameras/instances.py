@@ -20,14 +20,18 @@ from scenarionet_sim.kernels.cameras.layout import (
     CONE,
     CONE_CLASS,
     CYCLIST,
+    DECK,
     DOWN,
     EYE,
+    FACADE,
     FENCE,
     FORWARD,
     FX,
     FY,
     GLASS,
     HEADLAMP,
+    HIDDEN,
+    INSIDE,
     INSTANCE_ROW,
     KIND,
     LAMP_GREEN,
@@ -70,7 +74,14 @@ from scenarionet_sim.kernels.structures import LIGHTS, LOG, NUM_OBJECTS, NUM_STE
 
 NUM_MATERIALS, NUM_PAINTS = 21, 16
 SMALL = 24.0
-"""Radius on the screen [pixels] below which the mesh for small pictures is drawn."""
+"""Radius on the screen [pixels] below which the mesh for small pictures is drawn, with the same light everywhere on a
+triangle."""
+
+TINY = 6.0
+"""Radius below which the mesh for tiny pictures is drawn."""
+
+LEAST, LEAST_FIXED = 0.4, 0.9
+"""Radius below which objects and fixtures are not drawn."""
 
 
 @device_function(divides_by_zero=True)
@@ -201,6 +212,7 @@ def place_vertices(
 def add_mesh(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, lens: Float64,
     rings: Float64, width: int, height: int, light: Float64, scratch: FrameMemory, num_triangles: int, is_colored: bool,
+    is_flat: bool,
 ) -> int:  # fmt: skip
     """Add the triangles of a mesh whose vertices are placed; return the new number of triangles.
 
@@ -212,6 +224,7 @@ def add_mesh(
         lens, rings, width, height, light: Of the camera.
         scratch, num_triangles: Triangles so far.
         is_colored: Whether colours are needed.
+        is_flat: Whether a triangle has one colour.
     """
     first = meshes.ranges[mesh, 0]
     for t in range(meshes.ranges[mesh, 2], meshes.ranges[mesh, 3]):
@@ -232,7 +245,7 @@ def add_mesh(
         num_triangles += 1
         if not is_colored:
             continue
-        color = meshes.colors[NUM_MATERIALS + paint if material == BODY else material]
+        color = meshes.colors[NUM_MATERIALS + paint if material in (BODY, FACADE) else material]
         strength = 0.0
         if material == TAIL_LAMP and glow == TAIL_LAMP:
             strength = 5.0
@@ -240,16 +253,16 @@ def add_mesh(
             strength = light[LAMPS] * (3.0 if material == HEADLAMP else 1.2)
         elif LAMP_RED <= material <= LAMP_GREEN:
             strength = 6.0 if glow == material else -0.85
-        for corner in range(3):
+        faint, extra = 1.0 + smaller(strength, 0.0), larger(strength, 0.0)
+        for corner in range(1 if is_flat else 3):
             vertex = scratch.vertices[a if corner == 0 else (b if corner == 1 else c)]
             red, green, blue = lit(light, material, color[0], color[1], color[2], vertex)
-            colors[3 * corner] = larger(red * (1.0 + smaller(strength, 0.0)) + larger(strength, 0.0) * color[0], 0.0)
-            colors[3 * corner + 1] = larger(
-                green * (1.0 + smaller(strength, 0.0)) + larger(strength, 0.0) * color[1], 0.0
-            )
-            colors[3 * corner + 2] = larger(
-                blue * (1.0 + smaller(strength, 0.0)) + larger(strength, 0.0) * color[2], 0.0
-            )
+            colors[3 * corner] = larger(red * faint + extra * color[0], 0.0)
+            colors[3 * corner + 1] = larger(green * faint + extra * color[1], 0.0)
+            colors[3 * corner + 2] = larger(blue * faint + extra * color[2], 0.0)
+        if is_flat:
+            for k in range(3, 9):
+                colors[k] = colors[k - 3]
     return num_triangles
 
 
@@ -285,13 +298,14 @@ def add_instance(
     """Add an object in view; return the new numbers of triangles and instances."""
     num_triangles, num_instances = count
     radius = screen_radius(box, pose, lens, width, height, reach)
-    if radius < 0.3 or num_instances >= len(scratch.instances):
+    if radius < (LEAST if row >= 0 else LEAST_FIXED) or num_instances >= len(scratch.instances):
         return count
-    chosen = meshes.ranges[mesh, 4] if radius < SMALL else mesh
-    place_vertices(meshes, chosen, box, spin, steer, pose, lens, scratch)
+    if radius < SMALL:
+        mesh = meshes.ranges[mesh, 5 if radius < TINY else 4]
+    place_vertices(meshes, mesh, box, spin, steer, pose, lens, scratch)
     after = add_mesh(
-        meshes, chosen, paint, glow, row, semantic, lens, rings, width, height, light, scratch, num_triangles,
-        is_colored,
+        meshes, mesh, paint, glow, row, semantic, lens, rings, width, height, light, scratch, num_triangles,
+        is_colored, radius < SMALL,
     )  # fmt: skip
     if after == num_triangles:
         return count
@@ -357,7 +371,7 @@ def add_shadow(
 
 @device_function(divides_by_zero=True)
 def add_solids(
-    slot: int, own: int, is_own_shown: bool, pose: Float64, lens: Float64, rings: Float64, width: int,
+    slot: int, own: int, own_view: int, pose: Float64, lens: Float64, rings: Float64, width: int,
     height: int, reach: float, are_boxes: bool, is_colored: bool, solids: Solids, ground: Ground, meshes: Meshes,
     light: Float64, scratch: FrameMemory, box: Float64,
 ) -> tuple[int, int]:  # fmt: skip
@@ -374,10 +388,12 @@ def add_solids(
             continue
         box[2] = height_at(ground, slot, box[0], box[1])
         mesh, semantic = shape_of(solids.object_type[slot, row], box[4])
+        if row == own and own_view == INSIDE:
+            mesh = DECK
         is_vehicle = solids.object_type[slot, row] == 1
         if has_shadows:
             num_shadows = add_shadow(box, pose, lens, width, height, light, scratch, num_shadows)
-        if row == own and not is_own_shown:
+        if row == own and own_view == HIDDEN:
             continue
         paint = (row * 7 + 3 + (row >> 3)) % NUM_PAINTS if row != own else 4
         spin, steer, glow = 0.0, 0.0, -1

@@ -20,8 +20,11 @@ EYE, RIGHT, DOWN, FORWARD, VELOCITY, YAW_SPEED, PIVOT = 0, 3, 6, 9, 12, 14, 15
 
 NUM_POSE = 17
 
-ROAD, SIDEWALK, CROSSWALK = 1, 2, 4
-"""Bits of the surface at a point of the ground; none of them is terrain."""
+HIDDEN, OUTSIDE, INSIDE = range(3)
+"""How the own vehicle is shown: not, as others, or as its driver sees it."""
+
+ROAD, SIDEWALK, CROSSWALK, HAS_STROKES = 1, 2, 4, 128
+"""Bits of the surface at a point of the ground; none of them is terrain. The last one marks cells with strokes."""
 
 ROAD_BORDER, SIDEWALK_BORDER, CROSSWALK_BORDER, WHITE, YELLOW, CROSSWALK_BAR, KERB = range(7)
 """Kinds of stroke. A border is an edge x0, y0, x1, y1 of the outline of a surface; others are painted rectangles: start
@@ -35,8 +38,8 @@ x, y, direction x, y, length and half the width."""
 
 (
     BOX, CAR, VAN, TRUCK, BUS, PEDESTRIAN, CYCLIST, CONE, BARRIER, LIGHT_HEAD, POLE, TREE, CONIFER, BUILDING, SIGN,
-    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, TREE_FAR,
-) = range(20)  # fmt: skip
+    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, TREE_FAR, BLOCK, TREE_TINY, WALLS,
+) = range(23)  # fmt: skip
 """Meshes; those for small pictures are the last."""
 
 (
@@ -60,7 +63,7 @@ class Ground(NamedTuple):
         frame: (W, 5) x, y of the lower left corner, side of a cell [m]; numbers of columns and rows.
         height_frame: (W, 5) of the grid of heights in the same form; no columns where the ground is level.
         level: (W,) height of level ground [m].
-        corner: (C,) surface bits at the lower left corner of each cell.
+        corner: (C,) surface bits at the lower left corner of each cell, and whether it has strokes.
         cell_start: (C,) first stroke of each cell, with one more entry for every world.
         strokes: (K, 6), see the kinds of stroke.
         stroke_kind: (K,) kind of stroke.
@@ -108,7 +111,7 @@ class Meshes(NamedTuple):
     """Meshes in the unit box: x from -0.5 (rear) to 0.5, y from -0.5 (right) to 0.5, z from 0 to 1.
 
     Attributes:
-        ranges: (M, 5) first and end vertex, first and end triangle, and the mesh to draw when small.
+        ranges: (M, 6) first and end vertex, first and end triangle, and the meshes to draw when small and when tiny.
         vertices: (V, 6) position and normal.
         part: (V,) 0, or 1 + the wheel that the vertex is on.
         corners: (T, 3) vertices of each triangle, counter-clockwise from outside.
@@ -161,10 +164,11 @@ class FrameMemory(NamedTuple):
         labels: (T, 3), see above.
         bounds: (T, 4) on the screen: left, top, right end, bottom end.
         instances: (I, 6), see above.
+        active: (T,) triangles that touch a band of rows.
         shadows: (I, 12) x, y, cos, sin, half length, half width, sweep x, y in its frame, and its screen bounds.
         near: (columns,) inverse depth of the nearest triangle.
         seen: (columns,) the nearest triangle or -1.
-        row: (8, columns) values of the pixels of a row.
+        row: (11, TILE) values of the pixels of a part of a row.
     """
 
     vertices: Float64
@@ -173,6 +177,7 @@ class FrameMemory(NamedTuple):
     labels: Int32
     bounds: Int32
     instances: Int32
+    active: Int32
     shadows: Float64
     near: Float64
     seen: Int32

@@ -19,9 +19,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     FX,
     FY,
     KIND,
-    LEFT,
     PINHOLE,
-    RIGHT_END,
     RINGS,
     TOP,
     TRI_END,
@@ -140,21 +138,34 @@ def add_triangle(
 
 
 @device_function(divides_by_zero=True)
-def trace_row(row: int, num_instances: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory) -> None:
-    """Find the nearest triangle along the ray of every pixel of a row."""
+def list_band(first: int, end: int, num_instances: int, scratch: FrameMemory) -> int:
+    """List the triangles whose bounds touch a band of rows, in ``active``; return their number."""
+    count = 0
+    for place in range(num_instances):
+        instance = scratch.instances[place]
+        if instance[TOP] < end and instance[BOTTOM] > first:
+            for triangle in range(instance[TRI_FIRST], instance[TRI_END]):
+                if scratch.bounds[triangle, 1] < end and scratch.bounds[triangle, 3] > first:
+                    scratch.active[count] = triangle
+                    count += 1
+    return count
+
+
+@device_function(divides_by_zero=True)
+def trace_row(row: int, num_active: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory) -> None:
+    """Find the nearest of the listed triangles along the ray of every pixel of a row."""
     near, seen = scratch.near, scratch.seen
     for column in range(width):
         near[column] = 0.0
+    for column in range(width):
         seen[column] = -1
-    for place in range(num_instances):
-        instance = scratch.instances[place]
-        if instance[TOP] <= row < instance[BOTTOM] and instance[LEFT] < instance[RIGHT_END]:
-            for triangle in range(instance[TRI_FIRST], instance[TRI_END]):
-                if scratch.bounds[triangle, 1] <= row < scratch.bounds[triangle, 3]:
-                    if lens[KIND] == PINHOLE:
-                        _scan(triangle, row, lens, scratch, near, seen)
-                    else:
-                        _test(triangle, row, lens, rays, width, scratch, near, seen)
+    for place in range(num_active):
+        triangle = scratch.active[place]
+        if scratch.bounds[triangle, 1] <= row < scratch.bounds[triangle, 3]:
+            if lens[KIND] == PINHOLE:
+                _scan(triangle, row, lens, scratch, near, seen)
+            else:
+                _test(triangle, row, lens, rays, width, scratch, near, seen)
 
 
 @device_function(divides_by_zero=True)
@@ -176,8 +187,9 @@ def _scan(triangle: int, row: int, lens: Float64, scratch: FrameMemory, near: Fl
             end = smaller(end, crossing)
     if first >= end:
         return
-    step = edges[9] / lens[FX]
-    start = edges[9] * (0.5 - lens[CX]) / lens[FX] + edges[10] * v + edges[11]
+    inverse_focal = 1.0 / lens[FX]
+    step = edges[9] * inverse_focal
+    start = step * (0.5 - lens[CX]) + edges[10] * v + edges[11]
     for column in range(int(first), int(end)):
         inverse = start + step * column
         if inverse > near[column]:

@@ -158,6 +158,26 @@ def test_player_controls(browser, served):
 
 
 @pytest.mark.long
+def test_address_holds_time_and_object(browser, served):
+    with visiting(browser, f"{served}/?{urlencode({'scenario': make_scenario(20).id})}") as page:
+        page.wait_for_selector("#player canvas")
+        page.locator("#player .objects button").nth(2).click()
+        chosen = page.inner_text("#player .objects button[aria-current]")
+        for key in ("Home", "ArrowRight", "ArrowRight", "f"):
+            page.locator("#content").press(key)
+        shown, address = page.inner_text("#player .time"), page.url
+        assert re.search(r"at=\d", address) and "object=" in address and "follow=1" in address
+        page.reload()
+        page.wait_for_selector("#player canvas")
+        assert page.inner_text("#player .time") == shown
+        assert page.inner_text("#player .objects button[aria-current]") == chosen
+        assert page.locator("#player .view button[aria-pressed=true]").count() == 1
+        page.locator("#content").press("Escape")
+        page.wait_for_selector("tbody tr")
+        assert "at=" not in page.url and "object=" not in page.url
+
+
+@pytest.mark.long
 def test_dragging_and_scrolling_move_the_view(browser, served):
     with visiting(browser, f"{served}/?{urlencode({'scenario': make_scenario(20).id})}") as page:
         page.wait_for_selector("#player canvas")

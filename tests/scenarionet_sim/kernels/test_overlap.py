@@ -5,10 +5,18 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.statistics.gaps import nearest_box
 from scenarionet_sim.kernels.log import HEADING, Z
-from scenarionet_sim.kernels.overlap import find_contacts
+from scenarionet_sim.kernels.overlap import touch
+
+
+@kernel(allocates=False)
+def find_contacts(agents, motion, size, object_type, present, contacts, hits):
+    for a in range(len(agents)):
+        w, n = agents[a, 0], agents[a, 1]
+        hits[a] = touch(n, motion[w], size[w], object_type[w], present[w], contacts[a])
 
 
 def make_boxes(position, heading, z, size):

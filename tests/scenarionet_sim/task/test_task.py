@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VX, VY
-from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, Contacts, StepResult, score_step
+from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, StepResult, score
 from scenarionet_sim.kernels.structures import NUM_OBJECTS, NUM_PLACES, NUM_STEPS, OBJECTS, StateArrays
 from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Status, is_terminated, task_parameters
 from tests.fixtures.recorded import recorded
@@ -26,6 +27,13 @@ STEP = {
     "arc": 11.0, "arc_before": 10.0, "lateral": 0.5, "length": 100.0, "speed": 4.0, "steering": 0.0, "hits": 0,
     "timestep": 5, "num_steps": 90,
 }  # fmt: skip
+
+
+@kernel(allocates=False)
+def score_agents(steering, untouched, hits, now, before, worlds, task, result):
+    for a in range(len(steering)):
+        touched = untouched[a], untouched[a], hits[a]
+        score(a, a, 0, steering[a], touched, now, now.route[a, 0], before[a, 0], worlds, task, result)
 
 
 def scored(task=SINGLE_AGENT, **changes):
@@ -46,17 +54,8 @@ def scored(task=SINGLE_AGENT, **changes):
     now = StateArrays(motion, route, present, np.ones((count, 1, 3)), np.ones((count, 1), np.uint8), timestep)
     nothing = np.zeros((count, 1), np.bool_)
     result = StepResult(np.zeros((count, len(NUMBERS))), np.zeros(count, np.uint8), np.zeros((count, 1, NUM_TOTALS)))
-    score_step(
-        np.stack([np.arange(count), np.zeros(count)], axis=1).astype(np.int32),
-        np.array(step["steering"], np.float64),
-        Contacts(nothing, nothing, np.array(step["hits"], np.uint32)),
-        now,
-        route,
-        before,
-        worlds,
-        task_parameters(*task),
-        result,
-    )
+    steering, hits = np.array(step["steering"], np.float64), np.array(step["hits"], np.uint32)
+    score_agents(steering, nothing, hits, now, before, worlds, task_parameters(*task), result)
     terms, completion = result.numbers[:, :4], result.numbers[:, 4]
     if count > 1:
         return terms, result.status, completion

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace as replaced
 from typing import TYPE_CHECKING
 
 import click
@@ -20,6 +21,9 @@ from scenarionet_pipelines.cli.parameters import (
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
     from scenarionet_data import Lake, ScenarioDescription
     from scenarionet_data.plots import Moment, Scene
 
@@ -31,6 +35,7 @@ if TYPE_CHECKING:
     "scenarionet render lake pg/v1/3 -o speeds.png --color-by speed",
     "scenarionet render lake pg/v1/3 -o scenario.mp4 --width 80",
     "scenarionet render lake pg/v1/3 -o driven.mp4 --run straight_on",
+    "scenarionet render lake pg/v1/3 -o street.png --view chase --at 4 --weather dusk",
 )
 @lake_argument
 @click.argument("scenario_id", metavar="ID")
@@ -46,8 +51,16 @@ if TYPE_CHECKING:
 @click.option("--at", type=click.FloatRange(0.0), help="Time of the picture [s]. [default: the current timestep]")
 @click.option(
     "--view",
-    type=click.Choice(["route", "ego", "all"]),
-    help="Frame the route, follow the ego, or show everything. [default: route in pictures, ego in videos]",
+    type=click.Choice(["route", "ego", "all", "camera", "chase", "cockpit", "orbit"]),
+    help="Frame the route, follow the ego, or show everything from above; or in space: the ego's camera, behind the "
+    "ego, at its driver's eyes, or around it. [default: route in pictures, ego in videos]",
+)
+@click.option(
+    "--weather",
+    type=click.Choice(["day", "dusk", "overcast", "rain"]),
+    default="day",
+    show_default=True,
+    help="Weather of the views in space.",
 )
 @click.option(
     "--width", type=click.FloatRange(1.0), default=100.0, show_default=True, help="Width of the view `ego` [m]."
@@ -72,6 +85,7 @@ def command(
     run: str | None,
     at: float | None,
     view: str | None,
+    weather: str,
     width: float,
     size: int,
     speed: float,
@@ -81,7 +95,7 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Draw a top-down picture or video of a scenario.
+    """Draw a picture or video of a scenario, from above or in space.
 
     ID is the id of the scenario or any part of it that is unique in the lake. The ego and its route are orange, lane
     lines have their real colours and dashes, traffic lights differ in colour and shape, trails show the last two
@@ -95,21 +109,72 @@ def command(
         raise BadParameter(f"{file} exists; choose another name, or --replace")
     opened = Lake(lake, snapshot)
     scenario = ScenarioLoader(opened, [opened.describe(scenario_id)["scenario_id"]])[0]
-    if run is None:
+    is_in_space = view in ("camera", "chase", "cockpit", "orbit")
+    if is_in_space and color_by is not None:
+        raise BadParameter(f"--color-by draws trajectories from above; leave it out with --view {view}")
+    if run is not None:
+        scene, moments = _rollout(opened, run, scenario)
+    elif is_in_space:
+        scene, moments = _recording(scenario)
+    else:
         scene = Scene.of(scenario)
         moments = scene.moments()
-    else:
-        scene, moments = _rollout(opened, run, scenario)
     now = scene.current_timestep if at is None else round(at / scene.dt)
     now = min(max(now - moments[0].timestep, 0), len(moments) - 1)
     with ProgressDisplay(f"render {path.name}", "frame", is_quiet=quiet) as progress:
-        drawing = Drawing(view, width, size, speed, color_by)
-        frames = drawing.save(path, scene, moments, now, lambda done: progress.update(done, len(moments), 0))
+
+        def on_frame(done: int) -> None:
+            progress.update(done, len(moments), 0)
+
+        if view is not None and is_in_space:
+            frames = _film(path, scenario, view, weather, size, moments, now, speed, on_frame)
+        else:
+            frames = Drawing(view, width, size, speed, color_by).save(path, scene, moments, now, on_frame)
     num_bytes = path.stat().st_size
     if as_json:
         output.print_json({"scenario_id": scenario.id, "file": file, "frames": frames, "bytes": num_bytes})
     else:
         click.echo(f"{file}: {scenario.id}, {output.count(frames, 'frame')}, {output.size(num_bytes)}")
+
+
+def _recording(scenario: ScenarioDescription) -> tuple[Scene, list[Moment]]:
+    from scenarionet_sim.render import recorded_moments, scene_of
+    from scenarionet_sim.worlds.world import World
+
+    world = World.from_scenario(scenario)
+    return replaced(scene_of(world), current_timestep=round(scenario.current_timestep * scenario.dt / world.dt)), (
+        recorded_moments(world)
+    )
+
+
+def _film(
+    path: Path,
+    scenario: ScenarioDescription,
+    view: str,
+    weather: str,
+    size: int,
+    moments: list[Moment],
+    now: int,
+    speed: float,
+    on_frame: Callable[[int], None],
+) -> int:
+    """Write a picture or video in space; return the number of frames."""
+    from PIL import Image
+
+    from scenarionet_data.plots.files import VIDEOS, write_video
+    from scenarionet_sim.cameras.weather import WEATHERS
+    from scenarionet_sim.render import Film
+    from scenarionet_sim.worlds.world import World
+
+    world = World.from_scenario(scenario)
+    film = Film(view, size // 2 * 2, size * 9 // 32 * 2, WEATHERS[weather])
+    if path.suffix in VIDEOS:
+        write_video(path, film.frames(world, moments), speed / world.dt, on_frame)
+        return len(moments)
+    if path.suffix != ".png":
+        raise BadParameter(f"{path}: a picture of --view {view} is a .png, a video a .gif or .mp4")
+    Image.fromarray(next(film.frames(world, moments[now : now + 2]))).save(path)
+    return 1
 
 
 def _rollout(lake: Lake, run: str, scenario: ScenarioDescription) -> tuple[Scene, list[Moment]]:

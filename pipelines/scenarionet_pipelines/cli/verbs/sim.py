@@ -54,7 +54,8 @@ _MAX_EXAMPLES = 5
     default="replay",
     show_default=True,
     metavar="NAME",
-    help="Policy of the others: replay, idm, idm-sampled, constant or constant-noisy.",
+    help="Policy of the others: replay, idm, idm-sampled, idm-walking (where pedestrians and cyclists react, too), "
+    "constant or constant-noisy.",
 )
 @click.option(
     "--backend",
@@ -137,6 +138,7 @@ def command(
     Finished scenarios are kept: run the same command again to continue after an interruption.
     """
     from scenarionet_pipelines.machine import default_workers
+    from scenarionet_sim.evaluation.drivers import MANUAL
     from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
     from scenarionet_sim.evaluation.references import run_references
 
@@ -154,6 +156,7 @@ def command(
         route=route,
     )
     run = name or _default_name(evaluation, database)
+    workers = 1 if policy in MANUAL else workers
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
         ProgressDisplay(f"sim {run}", "part", is_quiet=quiet) as progress,

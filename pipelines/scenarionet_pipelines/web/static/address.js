@@ -9,7 +9,13 @@ const defaults = {
   rows: 50,
   columns: "dataset,split,duration,ego_distance,ego_mean_speed,num_objects,num_lanes,difficulty",
   scenario: "",
+  at: "",
+  object: "",
+  follow: "",
 };
+
+// What belongs to one scenario: the time [s], the selected object and whether the view follows it.
+export const elsewhere = { at: "", object: "", follow: "" };
 
 export function read() {
   const given = new URLSearchParams(location.search);
@@ -28,4 +34,9 @@ export function href(state) {
 
 export function write(state) {
   if (href(state) !== location.pathname + location.search) history.pushState(null, "", href(state));
+}
+
+// Change the address without a new entry in the history.
+export function replace(changes) {
+  history.replaceState(null, "", href({ ...read(), ...changes }));
 }

@@ -23,7 +23,7 @@ export function closePlayer() {
 export async function openPlayer(lake, state, listed, go) {
   closePlayer();
   const id = state.scenario;
-  const back = address.href({ ...state, scenario: "" });
+  const back = address.href({ ...state, ...address.elsewhere, scenario: "" });
   fill(find("player"), head(state, id, back, listed), make("p", { class: "nothing", role: "status" }, "Loading…"));
   let scene;
   let facts;
@@ -36,14 +36,15 @@ export async function openPlayer(lake, state, listed, go) {
     return;
   }
   if (address.read().scenario !== id) return; // another scenario was opened in the meantime
-  playing = new Player(lake, scene, facts, head(state, id, back, listed), () => go({ scenario: "" }));
+  playing = new Player(lake, scene, facts, head(state, id, back, listed), () => go({ ...address.elsewhere, scenario: "" }));
+  playing.restore(state);
 }
 
 function head(state, id, back, listed) {
   const place = listed.indexOf(id);
   const beside = (step, label, words) => {
     const other = place < 0 ? undefined : listed[place + step];
-    return other ? make("a", { class: "button", href: address.href({ ...state, scenario: other }), "aria-label": words }, label) : null;
+    return other ? make("a", { class: "button", href: address.href({ ...state, ...address.elsewhere, scenario: other }), "aria-label": words }, label) : null;
   };
   return make(
     "div", { class: "bar" },
@@ -72,7 +73,7 @@ class Player {
     fill(find("player"), bar, make("div", { class: "stage" }, make("div", { class: "screen" }, picture, this.controls.bar), side));
     this.stage = new Stage(canvas, scene, lake.picture, layers, this.clock);
     this.stage.onHover = (under) => this.showTip(under);
-    this.stage.onPick = (row) => this.pick(row);
+    this.stage.onPick = (row) => { this.pick(row); this.remember(); };
     this.stage.onMove = () => this.controls.update();
     this.sized = new ResizeObserver(() => this.stage.resize());
     this.sized.observe(canvas);
@@ -81,6 +82,27 @@ class Player {
     this.pick(scene.ego);
     this.frame = requestAnimationFrame((now) => this.run(now));
     find("content").focus({ preventScroll: true }); // so that keyboard shortcuts work immediately
+  }
+
+  // Show the time and the object of an address.
+  restore({ at, object, follow }) {
+    const row = this.scene.objects.findIndex(({ id }) => id === object);
+    if (row >= 0) this.pick(row);
+    if (at !== "" && Number.isFinite(Number(at))) this.clock.set(Number(at));
+    if (follow) this.follow(true);
+    this.changed();
+  }
+
+  // Keep the time and the object in the address, so that it can be shared.
+  remember() {
+    const { scene, clock, stage } = this;
+    const isBegin = Math.abs(clock.time - scene.time[scene.now]) < 1e-3;
+    const row = stage.objects.selected;
+    address.replace({
+      at: isBegin ? "" : clock.time.toFixed(2),
+      object: row < 0 || row === scene.ego ? "" : scene.objects[row].id,
+      follow: stage.follows ? "1" : "",
+    });
   }
 
   close() {
@@ -94,6 +116,7 @@ class Player {
     this.clock.tick(now);
     this.stage.paint(now, wasRunning);
     if (wasRunning) this.showTime();
+    if (wasRunning && !this.clock.isRunning) this.remember();
     this.frame = requestAnimationFrame((next) => this.run(next));
   }
 
@@ -109,6 +132,7 @@ class Player {
   changed() {
     this.stage.isStale = true;
     this.showTime();
+    if (!this.clock.isRunning) this.remember();
   }
 
   goTo(step) {
@@ -126,6 +150,7 @@ class Player {
     this.stage.follows = isFollowed;
     if (isFollowed) this.stage.camera.scale = Math.max(this.stage.camera.scale, this.stage.camera.width / 160);
     this.stage.moved();
+    this.remember();
   }
 
   pick(row) {
@@ -161,7 +186,7 @@ class Player {
     this.buttons = new Map();
     const items = rows.map((row) => {
       const object = this.scene.objects[row];
-      const button = make("button", { type: "button", onclick: () => this.pick(row) }, make("span", {}, object.id), make("small", {}, row === this.scene.ego ? "ego" : words(object.type)));
+      const button = make("button", { type: "button", onclick: () => { this.pick(row); this.remember(); } }, make("span", {}, object.id), make("small", {}, row === this.scene.ego ? "ego" : words(object.type)));
       this.buttons.set(row, button);
       return make("li", {}, button);
     });

@@ -1,0 +1,338 @@
+"""A compact transformer that predicts trajectories, from the lake to a checkpoint, in one file and torch.
+
+    python -m scenarionet_sim.examples.forecaster lake driven_train --test driven_val --epochs 8
+
+Agents and polylines of the map are tokens; K mode queries read them and give K trajectories with probabilities. The
+closest trajectory to the recorded one is trained (winner takes all), as in MTR and Wayformer. Checkpoints and metrics
+are those of a training run of the lake: `SELECT round, learned ->> 'min_ade' FROM training WHERE test IS NOT NULL`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import click
+import numpy as np
+import pyarrow as pa
+import torch
+from torch import Tensor, nn
+
+from scenarionet_data import Agents, Augmentation, Lake, Polylines, Samples, Shuffling, Targets, TimeWindow
+from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.forecasts import make_predictions
+from scenarionet_data.samples.training import SampleStream, collate
+from scenarionet_data.storage import evaluation_runs
+from scenarionet_sim.learning import checkpoints
+
+_TYPES = 256  # codes of objects and of map features are below
+TensorBatch = Mapping[str, Tensor]
+Predictor = Callable[[TensorBatch], Array]
+"""Returns (B, K, F, 2) positions of K trajectories in the frame of the target [m]."""
+
+
+@dataclass(frozen=True)
+class ForecasterConfig:
+    """What is predicted, by which network, and how it is trained.
+
+    Attributes:
+        history, future, dt, stride: Time window of the samples [s].
+        agents, polylines, radius: Tokens, and how far away they are at most [m].
+        modes: Trajectories of a target.
+        size, heads, layers: Width of a token, attention heads, and layers of the encoder.
+        epochs, batch_size, rate, decay: Training; the rate falls along a cosine to 0.
+        rotation: Largest random turn of a sample [rad].
+    """
+
+    history: float = 1.0
+    future: float = 3.0
+    dt: float = 0.1
+    stride: float = 1.0
+    agents: int = 16
+    polylines: int = 48
+    radius: float = 60.0
+    modes: int = 6
+    size: int = 64
+    heads: int = 4
+    layers: int = 2
+    epochs: int = 8
+    batch_size: int = 64
+    rate: float = 1e-3
+    decay: float = 1e-2
+    rotation: float = 0.3
+
+    def samples(self, lake: Lake, database: str, *, is_training: bool, seed: int = 0) -> Samples:
+        """Return the samples of a database: one per moving road user and moment."""
+        augmentation = Augmentation(rotation=self.rotation, flip=0.5, seed=seed) if is_training else Augmentation()
+        return Samples(
+            lake,
+            database,
+            window=TimeWindow(self.history, self.future, self.dt, stride=self.stride),
+            agents=Agents(self.agents, self.radius),
+            polylines=Polylines(self.polylines, points=10, spacing=2.0, radius=self.radius),
+            targets=Targets("moving"),
+            augmentation=augmentation,
+        )
+
+    @property
+    def num_history(self) -> int:
+        """Timesteps of the history."""
+        return round(self.history / self.dt) + 1
+
+    @property
+    def num_future(self) -> int:
+        """Timesteps of the future."""
+        return round(self.future / self.dt)
+
+
+class Forecaster(nn.Module):
+    """Predicts K trajectories of each sample's first agent, with logits."""
+
+    def __init__(self, config: ForecasterConfig) -> None:
+        super().__init__()
+        size = config.size
+        self.history = _two_layers(config.num_history * 6 + 2, size)
+        self.points = _two_layers(4, size)
+        self.agent_type, self.line_type = nn.Embedding(_TYPES, size), nn.Embedding(_TYPES, size)
+        layer = nn.TransformerEncoderLayer(size, config.heads, 2 * size, dropout=0.1, batch_first=True, norm_first=True)
+        self.encoder = nn.TransformerEncoder(layer, config.layers, enable_nested_tensor=False)
+        self.queries = nn.Parameter(0.1 * torch.randn(config.modes, size))
+        decoder = nn.TransformerDecoderLayer(
+            size, config.heads, 2 * size, dropout=0.1, batch_first=True, norm_first=True
+        )
+        self.decoder = nn.TransformerDecoder(decoder, 1)
+        self.path = _two_layers(size, 2 * config.num_future)
+        self.logit = _two_layers(size, 1)
+        steps = torch.arange(1, config.num_future + 1)
+        self.register_buffer("time", config.dt * steps[:, None], persistent=False)
+
+    def forward(self, batch: TensorBatch) -> tuple[Tensor, Tensor]:
+        """Return (B, K, F, 2) positions in the frame of the target [m], and (B, K) logits."""
+        tokens, is_absent = self._tokens(batch)
+        seen = self.encoder(tokens, src_key_padding_mask=is_absent)
+        queries = self.queries + seen[:, :1]
+        modes = self.decoder(queries, seen, memory_key_padding_mask=is_absent)
+        velocity = batch["history"][:, 0, -1, None, None, 3:5]
+        return velocity * self.time + _METRES * self.path(modes).unflatten(-1, (-1, 2)), self.logit(modes).squeeze(-1)
+
+    @torch.no_grad()
+    def modes(self, batch: TensorBatch) -> Array:
+        """Return (B, K, F, 2) positions of all modes [m], without dropout."""
+        self.eval()
+        modes: Array = self(batch)[0].numpy()
+        return modes
+
+    def _tokens(self, batch: TensorBatch) -> tuple[Tensor, Tensor]:
+        """(B, A + L, size) tokens, and which of them stand for nothing."""
+        valid = batch["history_valid"]
+        states = torch.cat([batch["history"] * _SCALE, valid[..., None]], dim=-1).flatten(2)
+        agents = self.history(torch.cat([states, batch["agent_size"][..., :2] / 5.0], dim=-1))
+        agents = agents + self.agent_type(batch["agent_type"].long())
+        seen = batch["polylines_valid"]
+        points = self.points(batch["polylines"] * _POINT_SCALE).masked_fill(~seen[..., None], -1e9)
+        lines = points.amax(dim=2).clamp(min=-1e3) + self.line_type(batch["polyline_type"].long())
+        return torch.cat([agents, lines], dim=1), ~torch.cat([valid.any(dim=2), seen.any(dim=2)], dim=1)
+
+
+_METRES = 10.0  # of an output of 1, so that paths can differ early in training
+_SCALE = torch.tensor([0.05, 0.05, 1.0, 0.1, 0.1])
+_POINT_SCALE = torch.tensor([0.05, 0.05, 1.0, 1.0])
+
+
+def _two_layers(size: int, out: int) -> nn.Sequential:
+    hidden = max(out, 64)
+    return nn.Sequential(nn.Linear(size, hidden), nn.ReLU(), nn.Linear(hidden, out))
+
+
+def loss(predicted: tuple[Tensor, Tensor], batch: TensorBatch) -> Tensor:
+    """Distance of the closest mode from the recorded path [m], and how probable it was found to be."""
+    modes, logits = predicted
+    truth, valid = batch["future"][:, 0, :, :2], batch["future_valid"][:, 0]
+    count = valid.sum(dim=1)
+    distance = (modes - truth[:, None]).norm(dim=-1)
+    mean = (distance * valid[:, None]).sum(dim=-1) / count.clamp(min=1)[:, None]
+    best, number = mean.min(dim=1)
+    each = best + nn.functional.cross_entropy(logits, number.detach(), reduction="none")
+    is_known = count > 0
+    return (each * is_known).sum() / is_known.sum().clamp(min=1)
+
+
+@torch.no_grad()
+def predict(model: Forecaster, samples: Samples, batch_size: int = 256) -> Iterator[pa.Table]:
+    """Yield the predictions of samples, batch by batch, see ``scenarionet_data.forecasts``."""
+    model.eval()
+    for first in range(0, len(samples), batch_size):
+        numbers = range(first, min(first + batch_size, len(samples)))
+        batch = samples.batch(numbers)
+        modes, logits = model(collate(batch))
+        keys, dt = [samples.key(number) for number in numbers], float(model.time[0])
+        yield make_predictions(keys, modes.numpy(), logits.softmax(dim=1).numpy(), batch["pose"], dt)
+
+
+def measure(model: Predictor, samples: Samples, batch_size: int = 256) -> tuple[Array, Array]:
+    """Return minADE and minFDE of each sample [m], see :func:`displacements`."""
+    means, ends = [], []
+    for first in range(0, len(samples), batch_size):
+        batch = collate(samples.batch(range(first, min(first + batch_size, len(samples)))))
+        modes = model(batch)
+        truth, valid = batch["future"][:, 0, :, :2].numpy(), batch["future_valid"][:, 0].numpy()
+        mean, end = displacements(modes, truth, valid)
+        means.append(mean)
+        ends.append(end)
+    return np.concatenate(means), np.concatenate(ends)
+
+
+def displacements(modes: Array, truth: Array, valid: Array) -> tuple[Array, Array]:
+    """Return minADE and minFDE of B targets, NaN where the future is not recorded (wholly).
+
+    Args:
+        modes: (B, K, F, 2) positions [m].
+        truth, valid: (B, F, 2), (B, F) the recorded future.
+    """
+    distance = np.linalg.norm(modes - truth[:, None], axis=-1)
+    count = valid.sum(axis=1)
+    mean = np.where(valid[:, None], distance, 0.0).sum(axis=-1) / np.maximum(count, 1)[:, None]
+    ends = np.where(valid[:, -1, None], distance[:, :, -1], np.nan)
+    return np.where(count > 0, mean.min(axis=1), np.nan), ends.min(axis=1)
+
+
+def train(
+    lake: Lake,
+    database: str,
+    config: ForecasterConfig,
+    *,
+    run: str,
+    seed: int = 0,
+    tests: tuple[str, ...] = (),
+    on_epoch: Any = None,
+) -> Forecaster:
+    """Train a forecaster; a run that was interrupted continues after its last whole epoch, with the same result.
+
+    Args:
+        lake: The lake.
+        database: Database whose scenarios it learns from.
+        config: Network and training.
+        run: Name of the run, which has the checkpoints and the metrics.
+        seed: Seed of weights, order and augmentation.
+        tests: Databases that it is measured on after each epoch.
+        on_epoch: Called with the row of metrics after each epoch.
+    """
+    torch.set_num_threads(1)
+    torch.manual_seed(seed)
+    model = Forecaster(config)
+    samples = config.samples(lake, database, is_training=True, seed=seed)
+    stream = SampleStream(samples, config.batch_size, shuffling=Shuffling(seed=seed))
+    optimizer = torch.optim.AdamW(model.parameters(), lr=config.rate, weight_decay=config.decay)
+    total = max(1, config.epochs * len(stream))
+    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: 0.5 + 0.5 * np.cos(np.pi * step / total))
+    description = {"database": lake.database(database).reference, "forecaster": asdict(config), "seed": seed}
+    claimed = evaluation_runs.claim(lake.files, run, ("training",), description | {"tests": list(tests)})
+    begun = checkpoints.load(lake.files, run)
+    if begun is not None:
+        _restore(model, optimizer, schedule, begun)
+    tested = {name: config.samples(lake, name, is_training=False) for name in tests}
+    for epoch in range(begun.facts["epoch"] if begun else 0, config.epochs):
+        torch.manual_seed(hash((seed, epoch)) % 2**32)  # of dropout, so that a resumed run draws the same
+        stream.set_epoch(epoch)
+        model.train()
+        losses = []
+        for batch in stream:
+            value = loss(model(batch), batch)
+            optimizer.zero_grad()
+            value.backward()
+            nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+            optimizer.step()
+            schedule.step()
+            losses.append(float(value.detach()))
+        rows = [_row(None, epoch, len(samples), {"loss": float(np.mean(losses))})]
+        rows += [_row(name, epoch, len(samples), _means(model, each)) for name, each in tested.items()]
+        claimed.publish(epoch + 1, {"training": rows})
+        checkpoints.save(lake.files, run, _checkpoint(epoch + 1, model, optimizer, schedule))
+        if on_epoch is not None:
+            on_epoch(rows)
+    return model
+
+
+def load(lake: Lake, run: str, config: ForecasterConfig) -> Forecaster:
+    """Return the trained forecaster of a run.
+
+    Raises:
+        FileNotFoundError: The run has no checkpoint.
+    """
+    found = checkpoints.load(lake.files, run)
+    if found is None:
+        raise FileNotFoundError(f"run {run} has no checkpoint; train it first")
+    model = Forecaster(config)
+    _restore(model, None, None, found)
+    return model
+
+
+def _means(model: Forecaster, samples: Samples) -> dict[str, float]:
+    mean, end = measure(model.modes, samples)
+    return {"min_ade": float(np.nanmean(mean)), "min_fde": float(np.nanmean(end))}
+
+
+def _row(test: str | None, epoch: int, count: int, learned: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "test": test,
+        "round": epoch + 1,
+        "steps": (epoch + 1) * count,
+        "episodes": 0,
+        "learned": json.dumps(learned),
+    }
+
+
+def _checkpoint(number: int, model: nn.Module, optimizer: Any, schedule: Any) -> checkpoints.Checkpoint:
+    arrays = {f"model.{name}": value.numpy() for name, value in model.state_dict().items()}
+    for index, state in optimizer.state_dict()["state"].items():
+        arrays |= {f"optimizer.{index}.{name}": value.numpy() for name, value in state.items()}
+    return checkpoints.Checkpoint(number, {"epoch": number, "updates": schedule.last_epoch}, arrays)
+
+
+def _restore(model: nn.Module, optimizer: Any, schedule: Any, found: checkpoints.Checkpoint) -> None:
+    tensors = {name: torch.from_numpy(values.copy()) for name, values in found.arrays.items()}
+    model.load_state_dict({name[6:]: value for name, value in tensors.items() if name.startswith("model.")})
+    if optimizer is None:
+        return
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, value in tensors.items():
+        if name.startswith("optimizer."):
+            _, index, part = name.split(".", 2)
+            state.setdefault(int(index), {})[part] = value
+    optimizer.load_state_dict(optimizer.state_dict() | {"state": state})
+    schedule.load_state_dict(schedule.state_dict() | {"last_epoch": found.facts["updates"]})
+    for group, rate in zip(optimizer.param_groups, [schedule.lr_lambdas[0](found.facts["updates"])], strict=True):
+        group["lr"] = rate * group["initial_lr"]
+
+
+@click.command()
+@click.argument("lake")
+@click.argument("database")
+@click.option("--test", "tests", multiple=True, help="Database that it is measured on after each epoch; repeatable.")
+@click.option("--run", help="Name of the run; made of database and seed by default.")
+@click.option("--seed", default=0, show_default=True)
+@click.option("--epochs", default=ForecasterConfig.epochs, show_default=True)
+def main(lake: str, database: str, tests: tuple[str, ...], run: str | None, seed: int, epochs: int) -> None:
+    """Train a forecaster on DATABASE of LAKE; call it again to continue an interrupted run."""
+    config = ForecasterConfig(epochs=epochs)
+
+    def report(rows: list[dict[str, Any]]) -> None:
+        for row in rows:
+            numbers = ", ".join(f"{name} {value:.3f}" for name, value in json.loads(row["learned"]).items())
+            click.echo(f"epoch {row['round']}/{epochs}  {row['test'] or 'training'}: {numbers}")
+
+    train(
+        Lake(lake),
+        database,
+        config,
+        run=run or f"{database}-forecaster-seed{seed}",
+        seed=seed,
+        tests=tests,
+        on_epoch=report,
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""The beginning of episodes: the state of worlds at a timestep of their logs, and their agents."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Int32, UInt8
+from scenarionet_sim.kernels.log import VALID
+from scenarionet_sim.kernels.structures import FIRST_STEP, LOG, NUM_OBJECTS, OBJECTS, Recorded, StateArrays
+
+UNDRIVEN = 255
+"""A policy number: a row that no policy drives and that is never present."""
+
+
+@kernel(allocates=False)
+def begin_worlds(
+    slots: Int32, starts: Int32, recorded: Recorded, now: StateArrays, then: StateArrays, driver: UInt8
+) -> None:
+    """Set slots to a timestep of the logs of their worlds, in the current and in the next state.
+
+    Args:
+        slots: (B,) the slots.
+        starts: (B,) timesteps; -1 for the first at which the ego is valid.
+        recorded: Logs of W worlds.
+        now, then: The two states.
+        driver: (W, N) policy of each object, written.
+    """
+    for b in range(len(slots)):
+        w = slots[b]
+        count, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, OBJECTS]
+        start = recorded.place[w, FIRST_STEP] if starts[b] < 0 else starts[b]
+        now.timestep[w], then.timestep[w] = start, start
+        for n in range(driver.shape[1]):
+            driver[w, n] = recorded.driver[objects + n] if n < count else UNDRIVEN
+            now.present[w, n], now.route[w, n, 0], now.route[w, n, 1] = False, np.nan, 0.0
+            if n < count:
+                row = recorded.log[recorded.place[w, LOG] + start * count + n]
+                now.present[w, n] = row[VALID] != 0.0 and driver[w, n] != UNDRIVEN
+                for column in range(now.motion.shape[2]):
+                    now.motion[w, n, column] = row[column]
+                for axis in range(3):
+                    now.size[w, n, axis] = recorded.size[objects + n, axis]
+                now.object_type[w, n] = recorded.object_type[objects + n]
+        copy_world(w, driver.shape[1], now, then)
+
+
+@kernel(allocates=False)
+def list_agents(driver: UInt8, present: Bool, is_agent: Bool, rows: Int32, first: Int32) -> bool:
+    """List the present agents.
+
+    Args:
+        driver, present: (W, N) policy of each object, and whether it is present.
+        is_agent: (256,) policies of agents.
+        rows: (W * N, 2) output: world and row of each agent.
+        first: (W + 1,) output: first agent of each world.
+
+    Returns:
+        Whether another agent is still absent.
+    """
+    count, is_due = 0, False
+    for w in range(driver.shape[0]):
+        first[w] = count
+        for n in range(driver.shape[1]):
+            if is_agent[driver[w, n]]:
+                if present[w, n]:
+                    rows[count, 0], rows[count, 1] = w, n
+                    count += 1
+                else:
+                    is_due = True
+    first[driver.shape[0]] = count
+    return is_due
+
+
+@device_function
+def copy_world(w: int, count: int, source: StateArrays, target: StateArrays) -> None:
+    """Copy presence and routes of the objects of a world, and the motion of those that are present."""
+    for n in range(count):
+        target.present[w, n] = source.present[w, n]
+        target.route[w, n, 0], target.route[w, n, 1] = source.route[w, n, 0], source.route[w, n, 1]
+        if source.present[w, n]:
+            for column in range(source.motion.shape[2]):
+                target.motion[w, n, column] = source.motion[w, n, column]
