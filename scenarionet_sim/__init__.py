@@ -71,8 +71,8 @@ if TYPE_CHECKING:
         PointCloud,
         Sensor,
         Surrounding,
-        camera_ring,
     )
+    from scenarionet_sim.sensors.camera_presets import camera_ring
     from scenarionet_sim.simulation import Simulation
     from scenarionet_sim.task.task import Reward, Termination
     from scenarionet_sim.worlds.lane_routes import LaneRoute
@@ -133,7 +133,7 @@ _MODULE_OF = {
     "View": "planners",
     "Weather": "cameras.weather",
     "World": "worlds.world",
-    "camera_ring": "sensors",
+    "camera_ring": "sensors.camera_presets",
     "compare_runs": "evaluation.comparison",
     "ego": "policies",
     "evaluate": "evaluation.evaluation",

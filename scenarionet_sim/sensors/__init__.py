@@ -4,7 +4,6 @@ from scenarionet_sim.sensors.base import Sensor
 from scenarionet_sim.sensors.bird_view import BirdView, Channel
 from scenarionet_sim.sensors.boundary import BoundaryDetector
 from scenarionet_sim.sensors.camera import Camera, Mount
-from scenarionet_sim.sensors.camera_presets import CHASE, COCKPIT, NUSCENES_RING, ROAD_CAMERA, camera_ring
 from scenarionet_sim.sensors.lane_line import LaneLineDetector
 from scenarionet_sim.sensors.lidar import Lidar
 from scenarionet_sim.sensors.light_ahead import LightAhead
@@ -14,10 +13,6 @@ from scenarionet_sim.sensors.state import EgoState
 from scenarionet_sim.sensors.surrounding import Surrounding
 
 __all__ = [
-    "CHASE",
-    "COCKPIT",
-    "NUSCENES_RING",
-    "ROAD_CAMERA",
     "BirdView",
     "BoundaryDetector",
     "Camera",
@@ -31,5 +26,4 @@ __all__ = [
     "PointCloud",
     "Sensor",
     "Surrounding",
-    "camera_ring",
 ]

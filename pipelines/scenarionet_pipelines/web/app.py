@@ -27,7 +27,7 @@ from scenarionet_data.errors import (
 from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.output import shorten
 from scenarionet_pipelines.web.guards import BodyTooLarge, Guard
-from scenarionet_pipelines.web.picture import PICTURE
+from scenarionet_pipelines.web.picture import DARK_PICTURE, PICTURE
 from scenarionet_pipelines.web.question_workers import QuestionWorkers
 from scenarionet_pipelines.web.questions import RowsQuestion, SaveQuestion
 from scenarionet_pipelines.web.rows import MAX_ROWS, PageQuery, plain
@@ -78,6 +78,7 @@ class LakeRoutes:
                 "columns": [asdict(column) for column in self._workers.columns.values()],
                 "databases": self.lake.databases,
                 "picture": PICTURE,
+                "darkPicture": DARK_PICTURE,
                 "isWritable": self.is_writable,
                 "secret": self._secret if self.is_writable else None,
             },

@@ -24,3 +24,6 @@ PICTURE = {
     "routeWidth": palette.ROUTE,
 }
 """Colours in hexadecimal notation, objects by type, lights by colour with their shape; sizes in metres."""
+
+DARK_PICTURE = PICTURE | {"ground": "#14181c", "road": "#2b323a", "arrow": "#46505a", "edge": "#98a2ad"}
+"""The same for a page in dark mode: objects, lines and lights keep their colours."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import re
 from urllib.parse import urlencode
 
+import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from scenarionet_data import Lake
 from tests.fixtures.lakes import write_lake
@@ -175,6 +178,17 @@ def test_address_holds_time_and_object(browser, served):
         page.locator("#content").press("Escape")
         page.wait_for_selector("tbody tr")
         assert "at=" not in page.url and "object=" not in page.url
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_canvas_follows_the_colour_scheme(browser, served, scheme):
+    with visiting(browser, f"{served}/?{urlencode({'scenario': make_scenario(20).id})}", color_scheme=scheme) as page:
+        page.wait_for_selector("#player canvas")
+        wait_until(page, "document.querySelector('#player canvas').width > 300")
+        picture = imread(io.BytesIO(page.locator("#player canvas").screenshot()))[..., :3]
+        middle = np.median(picture.reshape(-1, 3).mean(axis=1))
+        assert middle < 0.35 if scheme == "dark" else middle > 0.6
 
 
 @pytest.mark.long

@@ -7,12 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.cameras.classes import CITYSCAPES, CLASS_COLORS, METADRIVE, SemanticClass
 from scenarionet_sim.cameras.formats import from_nv12, to_nv12
 from scenarionet_sim.cameras.lenses import lens_of, rays_of
+from scenarionet_sim.cameras.terrain import Terrain
 from scenarionet_sim.kernels.cameras.lens import project
-from scenarionet_sim.sensors import Camera, Mount, camera_ring
+from scenarionet_sim.roads.heights import Heights
+from scenarionet_sim.sensors import Camera, Mount
+from scenarionet_sim.sensors.camera_presets import camera_ring
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate
 from tests.scenarionet_sim.sensors.conformance import SensorConformance, simulation  # noqa: F401
@@ -240,3 +245,28 @@ def test_ring_covers_all_directions(drive):
     rows = np.unique([seen(camera, drive)["instance"] for camera in ring])
     assert len(ring) == 6
     assert set(rows) == {-1, 1, 2, 3, 4}
+
+
+@pytest.mark.long
+def test_broken_maps_give_pictures(drive):
+    """Outlines that cross themselves or have no area, heights that are not numbers, lines of one point."""
+    world = drive.batch.worlds[0]
+    roads = world.roads
+    bow = np.array([[0, 0], [9, 9], [9, 0], [0, 9]], np.float32)
+    values = np.concatenate([bow, bow[:2], np.full((4, 2), np.nan, np.float32)])
+    polygons = replace(roads.polygons, offsets=np.array([0, 4, 6, 10]), values=values)
+    broken = replace(roads, polygons=polygons, polygon_type=np.array([1, 1, 48], np.uint8))
+    terrain = Terrain.of(broken, has_sidewalks=True)
+    assert terrain.road.area == pytest.approx(40.5, abs=0.5)
+
+
+def test_heights_ignore_points_that_are_not_numbers():
+    builder = MapBuilder()
+    builder.add("lane", MapFeatureType.LANE_SURFACE_STREET, polyline=[[0.0, 0.0, 2.0], [40.0, 0.0, 4.0]], width=(2, 2))
+    features = builder.build(np.zeros(3))
+    heights = Heights.from_map(features, 3.0)
+    np.testing.assert_allclose(heights.at(np.array([[0.0, 0.0], [40.0, 0.0]])), [2.0, 4.0], atol=0.3)
+    features.polyline.values[0, 2] = np.nan
+    assert np.isfinite(Heights.from_map(features, 3.0).values).all()
+    features.polyline.values[:, 2] = np.inf
+    assert Heights.from_map(features, 3.0) is None

@@ -63,7 +63,8 @@ class Player {
     this.tip = make("div", { class: "tip", "aria-hidden": "true", hidden: true });
     this.chosen = make("div", { class: "chosen", "aria-live": "off" });
     this.controls = controls(this, layers);
-    const picture = make("div", { class: "picture" }, canvas, this.tip, this.controls.view, legend(lake.picture, scene));
+    const style = matchMedia("(prefers-color-scheme: dark)").matches ? lake.darkPicture : lake.picture;
+    const picture = make("div", { class: "picture" }, canvas, this.tip, this.controls.view, legend(style, scene));
     const side = make(
       "aside", { "aria-label": "Properties" },
       make("h2", {}, "Object"), this.chosen,
@@ -71,7 +72,7 @@ class Player {
       make("details", {}, make("summary", {}, "Scenario"), scenarioFacts(lake, facts)),
     );
     fill(find("player"), bar, make("div", { class: "stage" }, make("div", { class: "screen" }, picture, this.controls.bar), side));
-    this.stage = new Stage(canvas, scene, lake.picture, layers, this.clock);
+    this.stage = new Stage(canvas, scene, style, layers, this.clock);
     this.stage.onHover = (under) => this.showTip(under);
     this.stage.onPick = (row) => { this.pick(row); this.remember(); };
     this.stage.onMove = () => this.controls.update();

@@ -1,6 +1,6 @@
-"""Make the pictures of cameras in the documentation: ``python docs/pictures/make_camera_pictures.py``.
+"""Make the pictures of cameras in the documentation: ``python docs/make_camera_pictures.py``.
 
-All scenes are generated; each picture is written next to this file.
+All scenes are generated; pictures are written to ``docs/pictures``.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_sim.cameras.classes import class_colors
 from scenarionet_sim.cameras.weather import DAY, DUSK, OVERCAST, RAIN, Weather
 from scenarionet_sim.policies import Replay
-from scenarionet_sim.sensors import CHASE, COCKPIT, Camera, Mount, camera_ring
+from scenarionet_sim.sensors import Camera, Mount
+from scenarionet_sim.sensors.camera_presets import CHASE, COCKPIT, camera_ring
 from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).parent / "pictures"
 WIDTH, HEIGHT = 960, 540
 
 
