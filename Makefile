@@ -14,7 +14,7 @@ TORCH ?= torch>=2.4,<3
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-maintenance bench-remote bench-samples bench-sim build check \
+.PHONY: help install install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
 	clean convert docs docs-site notebooks test-devkits test-learn test-metadrive
 
 help:  ## List the targets.
@@ -106,6 +106,9 @@ bench-cluster: install  ## Benchmark a local Dask cluster against a process pool
 
 bench-maintenance: install  ## Benchmark compact, vacuum and fsck.
 	$(BIN)/python -m tests.bench --only maintain $(ARGS)
+
+bench-learn: install .venv-learn/.installed  ## Benchmark training, end to end, with torch.
+	.venv-learn/bin/python -m tests.bench --only learn $(ARGS)
 
 bench-samples: install  ## Benchmark samples for forecasting.
 	$(BIN)/python -m tests.bench --only samples $(ARGS)

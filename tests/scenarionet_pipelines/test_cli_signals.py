@@ -131,6 +131,7 @@ COMMANDS = {
     "submit": "lake rows.csv out.parquet --format argoverse2", "compare-runs": "lake before after",
     "checkout": "lake one", "score": "lake --rollouts rows.csv", "sim": "lake --policy replay --workers 2",
     "record": "lake --workers 1", "train": "ppo lake --size small",
+    "experiment": "cross-dataset lake -o out --workers 1",
     "export": "lake one out", "pack": "lake one packed", "check": "lake", "fsck": "lake --deep", "compact": "lake",
     "vacuum": "lake --dry-run", "doctor": "lake", "compile": "",
 }  # fmt: skip

@@ -21,7 +21,7 @@ VERBS = {
     "Combine databases": ("merge", "intersect", "subtract", "diff", "overlap"),
     "Manage databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
     "Simulate": ("sim", "compare-runs", "record"),
-    "Learn to drive": ("train",),
+    "Learn to drive": ("train", "experiment"),
     "Forecast": ("score", "submit"),
     "Share": ("export", "pack"),
     "Maintain": ("check", "fsck", "compact", "vacuum", "doctor", "compile"),

@@ -1,0 +1,130 @@
+"""The page of an experiment: settings, sources, tables with intervals, curves, and computed verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import MissingDependency
+from scenarionet_sim.learning.config import describe_config
+from scenarionet_sim.learning.experiments.comparison import (
+    Comparison,
+    ComparisonResult,
+    curve,
+    judge,
+    read_comparison,
+    source_statistics,
+    table,
+)
+from scenarionet_sim.learning.experiments.statistics import FLAT, RESAMPLES
+
+
+def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: str) -> Path:
+    """Write the page of a finished experiment, with its figures and Parquet files.
+
+    Args:
+        lake: The lake with its runs.
+        comparison: The experiment.
+        folder: Where to write; created if missing.
+        commit: Commit of the configuration, which the page names.
+
+    Returns:
+        The page, ``page.md``.
+
+    Raises:
+        BadParameter: A run is missing or not complete.
+        MissingDependency: matplotlib is not installed.
+    """
+    found, folder = read_comparison(lake, comparison), Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    found.curves.write_parquet(folder / "curves.parquet")
+    found.chosen.write_parquet(folder / "chosen.parquet")
+    sections = [
+        f"# {comparison.name} ({comparison.size})",
+        *_settings(comparison, commit),
+        *_sources(lake, comparison),
+        *_verdicts(found, comparison),
+    ]
+    for test, title in comparison.tests.items():
+        picture = f"{test}.svg"
+        _draw(found, comparison, test, title, folder / picture)
+        sections += [f"## {title}", f"![Learning curves on the {title}]({picture})", _table(found, comparison, test)]
+    page = folder / "page.md"
+    page.write_text("\n\n".join(sections) + "\n", "utf-8")
+    return page
+
+
+def _settings(comparison: Comparison, commit: str) -> list[str]:
+    """Return how the experiment was made."""
+    steps = sorted({arm.config.steps for arm in comparison.arms})
+    arms = ", ".join(arm.name for arm in comparison.arms)
+    counts = " or ".join(f"{count:,}" for count in steps)
+    rule = (
+        f"Configuration of commit `{commit}`, fixed before the first run: {arms}; seeds "
+        f"{', '.join(map(str, comparison.seeds))}; {counts} steps of agents a run. "
+        "The table shows each run at the checkpoint with the highest success on the validation split of its own "
+        "training scenarios (the latest of equals). Intervals are 95 % bootstrap intervals over seeds "
+        f"({RESAMPLES:,} resamples); with so few seeds they are narrower than the uncertainty."
+    )
+    first = comparison.arms[0]
+    values = ", ".join(f"{name} {value}" for name, value in describe_config(first.config).items())
+    return [rule, f"Settings of {first.name}: {values}."]
+
+
+def _sources(lake: Lake, comparison: Comparison) -> list[str]:
+    """Return what the scenarios are like."""
+    return ["## Scenarios", _markdown(source_statistics(lake, comparison.sources))] if comparison.sources else []
+
+
+def _verdicts(found: ComparisonResult, comparison: Comparison) -> list[str]:
+    """Return the claims with their verdicts."""
+    rows = []
+    for claim in comparison.claims:
+        said, interval, why = judge(found, claim)
+        rows.append({"claim": claim.text, "verdict": f"**{said}**", "paired difference": str(interval), "because": why})
+    how = (
+        "A claim is supported if the whole interval of the paired difference (same seeds) is above 0, not supported if "
+        "it is below, otherwise inconclusive; inconclusive in any case if a curve has not flattened, that is if its "
+        f"mean over the last quarter of the checkpoints differs from the quarter before by more than {FLAT}."
+    )
+    return ["## Claims of the paper", how, _markdown(rows)]
+
+
+def _table(found: ComparisonResult, comparison: Comparison, test: str) -> str:
+    cells = table(found, comparison, test)
+    return _markdown({"trained on" if comparison.name == "cross-dataset" else "algorithm": arm}
+                     | {name: str(interval) for name, interval in metrics.items()}
+                     for arm, metrics in cells.items())  # fmt: skip
+
+
+def _markdown(rows: Iterable[dict[str, Any]]) -> str:
+    """Return rows as a table."""
+    listed = list(rows)
+    lines = [list(listed[0]), ["---"] * len(listed[0])]
+    lines += [[f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()] for row in listed]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _draw(found: ComparisonResult, comparison: Comparison, test: str, title: str, path: Path) -> None:
+    """Draw the mean of every metric over the steps, with the range of the seeds."""
+    try:
+        from matplotlib.figure import Figure
+    except ModuleNotFoundError as error:
+        raise MissingDependency("pictures need matplotlib", "plots") from error
+    tested = found.curves.filter(pl.col("test") == test)
+    figure = Figure(figsize=(12, 6.5), layout="constrained")
+    for place, metric in zip(figure.subplots(2, 3).ravel(), comparison.metrics, strict=True):
+        for arm in comparison.arms:
+            values = curve(tested, arm.name, metric)
+            steps = curve(tested, arm.name, "steps").mean(axis=0)
+            place.plot(steps, values.mean(axis=0), label=arm.name)
+            place.fill_between(steps, np.nanmin(values, axis=0), np.nanmax(values, axis=0), alpha=0.12)
+        place.set(title=metric.replace("_", " "), xlabel="steps")
+    figure.legend(*place.get_legend_handles_labels(), loc="outside lower center", ncols=len(comparison.arms))
+    figure.suptitle(title)
+    figure.savefig(path)
