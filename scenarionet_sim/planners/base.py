@@ -63,7 +63,7 @@ Action = Sequence[float] | Float64
 
 
 class Planner(ABC):
-    """Drives one vehicle from views of its world; constructed once per episode, without arguments unless told how.
+    """Drives one vehicle from views of its world; constructed once per episode, without arguments, or by a function.
 
     A planner is used by name (``sim --policy my_module:MyPlanner``) or as a policy (``Planned(MyPlanner)``).
 

@@ -32,7 +32,7 @@ class Planned(Policy):
 
     Attributes:
         planner: Makes a planner at the beginning of each episode: a class, or a function without arguments.
-        objects: Selects the objects; the ego unless told otherwise.
+        objects: Selects the objects; by default the ego.
         tracker: Follows trajectories: nuPlan's ``Lqr()``, or ``PerfectTracking()``.
         backend: Vehicle dynamics for actions.
 

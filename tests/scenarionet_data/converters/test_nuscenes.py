@@ -312,7 +312,7 @@ BAD_ROWS: dict[str, tuple[str, Change, list[str]]] = {
 }  # fmt: skip
 
 
-def told(scenario: ScenarioDescription) -> list[str]:
+def described(scenario: ScenarioDescription) -> list[str]:
     return [f"{defect.action} {defect.count} {defect.field}" for defect in scenario.defects]
 
 
@@ -347,10 +347,10 @@ def test_bad_row_costs_that_row(raw: Path, what: str) -> None:
     for scenario in found.values():
         scenario.validate()
         assert len(scenario.tracks) in (27, 28)
-    told_of = told(found["scene-0061"])
-    assert len(told_of) == len(wanted)
-    assert all(line.startswith(start) for line, start in zip(told_of, wanted, strict=True))
-    assert bool(told(found["scene-0103"])) == (table in ("sensor", "category"))
+    found_of = described(found["scene-0061"])
+    assert len(found_of) == len(wanted)
+    assert all(line.startswith(start) for line, start in zip(found_of, wanted, strict=True))
+    assert bool(described(found["scene-0103"])) == (table in ("sensor", "category"))
     assert (found["scene-0061"].map is None) == (what in ("unknown log", "no location"))
 
 

@@ -70,11 +70,11 @@ def test_missing_database(lake):
 
 @pytest.mark.long
 def test_progress_increases_to_the_end(lake):
-    told = []
-    gather(lake, ["busy", "calm"], on_progress=lambda done, total, _: told.append((done, total)))
-    assert told == sorted(told)
-    assert told[-1] == (100, 100)
-    assert len({done for done, _ in told}) > 20
+    shown = []
+    gather(lake, ["busy", "calm"], on_progress=lambda done, total, _: shown.append((done, total)))
+    assert shown == sorted(shown)
+    assert shown[-1] == (100, 100)
+    assert len({done for done, _ in shown}) > 20
 
 
 def test_typical_scenario_is_the_median():
