@@ -51,7 +51,7 @@ test: install  ## Run the tests, about five minutes of processor time (ARGS="-k 
 	$(PYTEST) $(ARGS)
 
 test-integration: install  ## Run the tests of whole programs: command line, browser, servers, workers, object stores, Bullet.
-	$(PYTEST) -m 'integration and not long' $(ARGS)
+	$(PYTEST) -m 'integration and not long and not damage' $(ARGS)
 
 test-all: install  ## Run all tests that need no other environment, including those marked as long.
 	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn' $(ARGS)
