@@ -50,7 +50,7 @@ compile: install  ## Compile all kernels beforehand, so that first uses are fast
 test: install  ## Run the tests, about five minutes of processor time (ARGS="-k lake" selects some).
 	$(PYTEST) $(ARGS)
 
-test-integration: install  ## Run the tests of whole programs: command line, browser, servers, workers, object stores, Bullet.
+test-integration: install  ## Run the tests of whole programs, servers, workers, object stores, Bullet, evaluations and repairs.
 	$(PYTEST) -m 'integration and not long and not damage' $(ARGS)
 
 test-all: install  ## Run all tests that need no other environment, including those marked as long.
