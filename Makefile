@@ -69,6 +69,13 @@ test-duckdb15: install .duckdb15/.installed  ## Run the tests that query DuckDB 
 	$(PIP_INSTALL) --target .duckdb15 'duckdb~=1.5.0'
 	@touch $@
 
+test-ducklake: install .ducklake/.installed  ## Publish a lake as DuckLake, by a DuckDB whose extension is on the package index.
+	SCENARIONET_DUCKLAKE=$(CURDIR)/.ducklake $(PYTEST) -m integration tests/scenarionet_data/publishing $(ARGS)
+
+.ducklake/.installed:
+	$(PIP_INSTALL) --target .ducklake 'duckdb==1.5.5' 'duckdb-extension-ducklake==1.5.5'
+	@touch $@
+
 test-metadrive: install .venv-metadrive/.installed  ## Replay exported pickles in MetaDrive (Python 3.11).
 	$(BIN)/python -m pytest -m metadrive tests/metadrive $(ARGS)
 
