@@ -49,7 +49,7 @@ class RolloutJob:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seat:
+class _Slot:
     """What plays in a slot."""
 
     job: RolloutJob
@@ -121,7 +121,7 @@ class RolloutBatch:
         finally:
             core.close()
 
-    def _begin(self, core: BatchedEnvironment, slot: int, job: RolloutJob) -> _Seat:
+    def _begin(self, core: BatchedEnvironment, slot: int, job: RolloutJob) -> _Slot:
         """Begin the episode of a job in a slot."""
         rng, driver = np.random.default_rng(job.seed), self._driver_of(slot)
         core.simulation.policies = tuple(policy.sampled(rng) for policy in self._drivers.policies)
@@ -132,7 +132,7 @@ class RolloutBatch:
             driver.seed(rng)
         recorder = RolloutRecorder(job.world, slot, core, job.num_steps)
         recorder.add(core, _agents_by_slot(core)[slot])
-        return _Seat(job, rng, driver, recorder)
+        return _Slot(job, rng, driver, recorder)
 
     def _driver_of(self, slot: int) -> Driver | None:
         """Return the driver of a slot: its own, unless one drives batches, as drivers may remember their episode."""
@@ -142,7 +142,7 @@ class RolloutBatch:
             self._drivers_by_slot[slot] = self._drivers.make_driver()
         return self._drivers_by_slot.get(slot)
 
-    def _actions(self, core: BatchedEnvironment, seats: Mapping[int, _Seat]) -> Float64:
+    def _actions(self, core: BatchedEnvironment, seats: Mapping[int, _Slot]) -> Float64:
         """Return the actions (A, 2) of all agents: zeros where a policy drives, and in slots that rest."""
         actions, driver = np.zeros((len(core.agents), 2)), self._drivers.driver
         if driver is None:
