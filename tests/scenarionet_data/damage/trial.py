@@ -54,8 +54,10 @@ def _part(trial: str, first: int, step: int, count: int, lakes: list[Path]) -> O
     while first < count:
         words = [trial, str(first), str(step), str(count), *map(str, lakes)]
         command = [sys.executable, "-m", "tests.scenarionet_data.damage.worker", *words]
-        with tempfile.TemporaryFile("w+") as errors:
-            worker = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True)
+        with (
+            tempfile.TemporaryFile("w+") as errors,
+            subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as worker,
+        ):
             last = None
             for line in worker.stdout or ():
                 answer = json.loads(line)
