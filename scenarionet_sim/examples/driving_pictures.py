@@ -90,8 +90,9 @@ def _drive(loader: ScenarioLoader, numbers: Array, every: int, rng: np.random.Ge
         if step % every == every - 1:
             views = np.stack([before[here], _look(simulation, here, places)], axis=1)
             sides = np.array([_side(simulation, slot, *places[:, slot]) for slot in here.tolist()])
-            labels = (*places[:, here], sides, speeds[-1][here], speeds[-1][here])
-            made = Pictures(views, *(label.astype(np.float32) for label in labels), numbers[here])
+            labels = np.stack([*places[:, here], sides, speeds[-1][here]]).astype(np.float32)
+            offset, turn, side, speed = labels
+            made = Pictures(views, offset, turn, side, speed, wanted=speed, scenario=numbers[here])
             waiting.append((step, here, made))
     simulation.close()
     for step, here, made in waiting:
@@ -164,4 +165,5 @@ def fit(views: Array, targets: Float32, passes: int, seed: int = 0) -> PictureNe
         loss.backward()
         adam.step()
         falling.step()
-    return network.eval()
+    network.eval()
+    return network
