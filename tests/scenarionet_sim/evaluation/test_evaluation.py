@@ -21,6 +21,8 @@ from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.made import NAME, write_raw
 
+pytestmark = pytest.mark.integration
+
 SCENARIOS = [make_drive(f"d{k}", speed=8.0 + k, others=(Other(15.0 + 5 * k, vx=4.0),)) for k in range(5)]
 
 
