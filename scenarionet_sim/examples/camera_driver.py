@@ -19,7 +19,7 @@ from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.arrays.dtypes import Array, Float32
 from scenarionet_sim import EgoState, External, Idm, Replay, Scenarios, VectorConfig
 from scenarionet_sim.backends.base import Drive
-from scenarionet_sim.examples.driving_pictures import AHEAD, CAMERA, PictureNetwork, Pictures, collect, fit
+from scenarionet_sim.examples.driving_pictures import AHEAD, CAMERA, PictureNetwork, DrivePictures, collect, fit
 from scenarionet_sim.examples.idm_ego import evaluate
 from scenarionet_sim.learning.testing import ActionMode, drive_each
 from scenarionet_sim.policies.objects import other_vehicles
@@ -34,7 +34,7 @@ _STOPPING = 14
 """Steps in which full brakes stop a car at 11 m/s."""
 
 
-def plan(pictures: Pictures) -> Float32:
+def plan(pictures: DrivePictures) -> Float32:
     """Return what the driver estimates (N, 3): side of the path's point [m], speed and wanted speed [m/s]."""
     return np.stack([pictures.side, pictures.speed, pictures.wanted], axis=1)
 

@@ -33,7 +33,7 @@ _WORLDS, _LATER = 32, 10
 
 
 @dataclass(frozen=True, eq=False)
-class Pictures:
+class DrivePictures:
     """N moments of drives.
 
     Attributes:
@@ -57,7 +57,7 @@ class Pictures:
         return len(self.views)
 
 
-def collect(loader: ScenarioLoader, numbers: Sequence[int], every: int, seed: int = 0) -> Pictures:
+def collect(loader: ScenarioLoader, numbers: Sequence[int], every: int, seed: int = 0) -> DrivePictures:
     """Drive scenarios with the Intelligent Driver Model and take pictures.
 
     Args:
@@ -66,19 +66,19 @@ def collect(loader: ScenarioLoader, numbers: Sequence[int], every: int, seed: in
         every: Steps between two moments of a scenario, at least 2.
         seed: Seed of the camera's places.
     """
-    rng, parts = np.random.default_rng(seed), list[Pictures]()
+    rng, parts = np.random.default_rng(seed), list[DrivePictures]()
     for first in range(0, len(numbers), _WORLDS):
         parts += _drive(loader, np.asarray(numbers[first : first + _WORLDS]), every, rng)
-    joined = {part.name: np.concatenate([getattr(each, part.name) for each in parts]) for part in fields(Pictures)}
-    return Pictures(**joined)
+    joined = {part.name: np.concatenate([getattr(each, part.name) for each in parts]) for part in fields(DrivePictures)}
+    return DrivePictures(**joined)
 
 
-def _drive(loader: ScenarioLoader, numbers: Array, every: int, rng: np.random.Generator) -> Iterator[Pictures]:
+def _drive(loader: ScenarioLoader, numbers: Array, every: int, rng: np.random.Generator) -> Iterator[DrivePictures]:
     """Drive some scenarios side by side to their ends; yield the pictures of one step after another."""
     worlds = [World.from_scenario(loader[number]) for number in numbers.tolist()]
     simulation = Simulation(worlds, (Replay(), Idm(objects=other_vehicles), Idm(objects=ego)), has_passengers=True)
     slots, rows = simulation.agents.T
-    speeds, waiting = list[Float64](), list[tuple[int, Array, Pictures]]()
+    speeds, waiting = list[Float64](), list[tuple[int, Array, DrivePictures]]()
     places, before = np.zeros((2, len(worlds))), np.empty((len(worlds), *CAMERA.shape), np.uint8)
     for step in range(max(world.num_steps for world in worlds)):  # each depends on the one before
         simulation.step()
@@ -92,7 +92,7 @@ def _drive(loader: ScenarioLoader, numbers: Array, every: int, rng: np.random.Ge
             sides = np.array([_side(simulation, slot, *places[:, slot]) for slot in here.tolist()])
             labels = np.stack([*places[:, here], sides, speeds[-1][here]]).astype(np.float32)
             offset, turn, side, speed = labels
-            made = Pictures(views, offset, turn, side, speed, wanted=speed, scenario=numbers[here])
+            made = DrivePictures(views, offset, turn, side, speed, wanted=speed, scenario=numbers[here])
             waiting.append((step, here, made))
     simulation.close()
     for step, here, made in waiting:

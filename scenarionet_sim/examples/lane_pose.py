@@ -17,7 +17,7 @@ import torch
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.arrays.dtypes import Float32
-from scenarionet_sim.examples.driving_pictures import PictureNetwork, Pictures, collect, fit
+from scenarionet_sim.examples.driving_pictures import PictureNetwork, DrivePictures, collect, fit
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,12 @@ class PoseErrors:
     heading_of_mean: float
 
 
-def pose(pictures: Pictures) -> Float32:
+def pose(pictures: DrivePictures) -> Float32:
     """Return the offset [m] and the heading relative to the lane's [rad] (N, 2)."""
     return np.stack([pictures.offset, pictures.turn], axis=1)
 
 
-def errors(network: PictureNetwork, pictures: Pictures) -> PoseErrors:
+def errors(network: PictureNetwork, pictures: DrivePictures) -> PoseErrors:
     """Compare a network with the truth."""
     with torch.no_grad():
         found = torch.cat([network(part) for part in torch.from_numpy(pictures.views[:, 1:]).split(256)])
