@@ -19,7 +19,7 @@ from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.arrays.dtypes import Array, Float32
 from scenarionet_sim import EgoState, External, Idm, Replay, Scenarios, VectorConfig
 from scenarionet_sim.backends.base import Drive
-from scenarionet_sim.examples.driving_pictures import AHEAD, CAMERA, PictureNetwork, DrivePictures, collect, fit
+from scenarionet_sim.examples.driving_pictures import AHEAD, CAMERA, DrivePictures, PictureNetwork, collect, fit
 from scenarionet_sim.examples.idm_ego import evaluate
 from scenarionet_sim.learning.testing import ActionMode, drive_each
 from scenarionet_sim.policies.objects import other_vehicles

@@ -17,7 +17,7 @@ import torch
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.arrays.dtypes import Float32
-from scenarionet_sim.examples.driving_pictures import PictureNetwork, DrivePictures, collect, fit
+from scenarionet_sim.examples.driving_pictures import DrivePictures, PictureNetwork, collect, fit
 
 
 @dataclass(frozen=True)
