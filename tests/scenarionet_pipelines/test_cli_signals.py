@@ -124,7 +124,7 @@ COMMANDS = {
     "convert": "pg 0:3 new", "converters": "", "list": "lake", "show": "lake made/v1/1", "sql": "lake summary",
     "mine": "lake hard_braking", "stats": "lake one", "files": "lake tracks", "render": "lake made/v1/1 -o a.png",
     "browse": "lake --port 0", "report": "lake -o report.html", "filter": "lake --name x", "filters": "",
-    "split": "lake --fractions a=0.5 b=0.5", "sample": "lake --size 2 --name x", "tag": "lake rows.csv --name x",
+    "split": "lake --fractions a=0.5 b=0.5", "sample": "lake --size 2 --name x", "tag": "lake x --file rows.csv",
     "merge": "lake one two --name x", "intersect": "lake one two --name x", "subtract": "lake one two --name x",
     "diff": "lake one two", "overlap": "lake one two", "lineage": "lake one", "rebuild": "lake one",
     "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
@@ -132,7 +132,8 @@ COMMANDS = {
     "checkout": "lake one", "score": "lake --rollouts rows.csv", "sim": "lake --policy replay --workers 2",
     "record": "lake --workers 1", "train": "ppo lake --size small",
     "experiment": "cross-dataset lake -o out --workers 1",
-    "export": "lake one out", "pack": "lake one packed", "publish": "lake --iceberg catalog", "check": "lake", "fsck": "lake --deep", "compact": "lake",
+    "export": "lake one out", "pack": "lake one packed",
+    "publish": "lake --iceberg catalog", "check": "lake", "fsck": "lake --deep", "compact": "lake",
     "vacuum": "lake --dry-run", "doctor": "lake", "compile": "",
 }  # fmt: skip
 """Real work of every verb in a folder with the lake ``lake`` and its databases ``one`` and ``two``."""
