@@ -10,7 +10,7 @@ import polars as pl
 import shapely
 
 from scenarionet_data import Lake
-from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.arrays.geometry import box_corners, median_sizes
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -83,7 +83,8 @@ def read_motion(lake: Lake, run: str, rollout: int, scenario: ScenarioDescriptio
         valid[row] = True if each["valid"] is None else each["valid"]
         if each["is_judged"]:
             judged.append(row)
-    return Motion(STEP * (start + np.arange(length)), position, heading, velocity, valid, judged)
+    time: Float64 = STEP * np.arange(start, start + length, dtype=np.float64)
+    return Motion(time, position, heading, velocity, valid, judged)
 
 
 def pack_run(lake: Lake, run: str, rollout: int, scenario: ScenarioDescription) -> bytes:
@@ -100,7 +101,7 @@ def pack_run(lake: Lake, run: str, rollout: int, scenario: ScenarioDescription) 
         "driven": np.flatnonzero(_is_driven(motion, scenario)).tolist(),
         "events": [event for row in motion.judged for event in _events(motion, row, scenario)],
     }
-    arrays = {
+    arrays: dict[str, Array] = {
         "time": motion.time.astype(np.float32),
         "position": motion.position.astype(np.float32),
         "heading": motion.heading.astype(np.float32),
