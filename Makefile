@@ -50,7 +50,7 @@ compile: install  ## Compile all kernels beforehand, so that first uses are fast
 test: install  ## Run the tests, about five minutes of processor time (ARGS="-k lake" selects some).
 	$(PYTEST) $(ARGS)
 
-test-integration: install  ## Run the tests of whole programs: command line, browser, servers, workers, object stores, Bullet.
+test-integration: install  ## Run the tests of whole programs, servers, workers, object stores, Bullet, evaluations and repairs.
 	$(PYTEST) -m 'integration and not long and not damage' $(ARGS)
 
 test-all: install  ## Run all tests that need no other environment, including those marked as long.
@@ -67,6 +67,13 @@ test-duckdb15: install .duckdb15/.installed  ## Run the tests that query DuckDB 
 
 .duckdb15/.installed:
 	$(PIP_INSTALL) --target .duckdb15 'duckdb~=1.5.0'
+	@touch $@
+
+test-ducklake: install .ducklake/.installed  ## Publish a lake as DuckLake, by a DuckDB whose extension is on the package index.
+	SCENARIONET_DUCKLAKE=$(CURDIR)/.ducklake $(PYTEST) -m integration tests/scenarionet_data/publishing $(ARGS)
+
+.ducklake/.installed:
+	$(PIP_INSTALL) --target .ducklake 'duckdb==1.5.5' 'duckdb-extension-ducklake==1.5.5'
 	@touch $@
 
 test-metadrive: install .venv-metadrive/.installed  ## Replay exported pickles in MetaDrive (Python 3.11).

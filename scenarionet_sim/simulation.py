@@ -250,6 +250,11 @@ class Simulation:
         self.state.present[worlds, rows] = self.previous.present[worlds, rows] = False
         self._list_agents()
 
+    def rest(self, slot: int) -> None:
+        """Stop driving the objects of a slot, until its next episode begins."""
+        self.driver[slot] = UNDRIVEN
+        self._list_agents()
+
     def observe(self) -> None:
         """Let the observer observe the agents again, if they have changed since the last step."""
         if self.observer.is_stale:

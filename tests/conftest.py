@@ -16,7 +16,7 @@ from tests.fixtures import object_store
 from tests.fixtures.object_store import BUCKET, ObjectStore
 
 # No deadlines: the duration of an example depends on the machine.
-settings.register_profile("quick", deadline=None, max_examples=30)
+settings.register_profile("quick", deadline=None, max_examples=20)
 settings.register_profile("thorough", deadline=None, max_examples=100)
 settings.load_profile(os.environ.get("SCENARIONET_HYPOTHESIS", "quick"))
 

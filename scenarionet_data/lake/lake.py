@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # loading, packs and export import numba, which takes 0.5 s t
     from scenarionet_data.export import ExportReport
     from scenarionet_data.loader import ScenarioLoader
     from scenarionet_data.packs.packing import PackReport
+    from scenarionet_data.publishing.publish import Catalog, PublishReport
 
 
 class Lake(TaggableLake, ComparableLake):
@@ -359,6 +360,26 @@ class Lake(TaggableLake, ComparableLake):
         from scenarionet_data.packs.packing import pack
 
         return pack(self, database, path, tar=tar, publishable=publishable, on_progress=on_progress)
+
+    def publish(self, path: str | Path, catalog: Catalog) -> PublishReport:
+        """Publish this snapshot as the tables metadata, tracks, lights and maps of another catalog.
+
+        The catalog refers to the lake's own Parquet files; ``vacuum`` keeps those of snapshots that a saved database
+        was made on. Only the metadata are written again, with user columns, and content hashes as signed integers.
+
+        Args:
+            path: Folder to write, which must not exist.
+            catalog: ``"iceberg"``: format version 2, listed in an SQLite catalog (extra ``iceberg``); ``"ducklake"``: a
+                DuckDB file (needs a DuckDB with its extension ducklake).
+
+        Raises:
+            BadParameter: ``path`` exists, or the lake is empty or in an object store.
+            MissingDependency: PyIceberg or the extension is not installed.
+            LakeError: A file is missing or damaged, or ``path`` cannot be written.
+        """
+        from scenarionet_data.publishing.publish import publish
+
+        return publish(self, path, catalog)
 
     def export(
         self,

@@ -7,6 +7,7 @@ All rules run as one query, because DuckDB spends most of the time on planning f
 from __future__ import annotations
 
 import re
+import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
@@ -32,13 +33,12 @@ VALIDATED = frozenset(
 _GIVEN = ("metadata_rows", "tracks", "lights", "maps")
 
 
-def audit(files: LakeFiles, scenarios: Sequence[Encoded]) -> dict[int, InvalidScenario]:
+def audit(scenarios: Sequence[Encoded]) -> dict[int, InvalidScenario]:
     """Return the scenarios that violate a hard rule: the error by index in the sequence.
 
     Lights above lanes of a shared map are not checked, because the map is not loaded.
 
     Args:
-        files: Files of the lake they are written to.
         scenarios: Scenarios of one release of a dataset.
     """
     own = [s for s in scenarios if s.metadata["map_crop"] is None]
@@ -50,7 +50,7 @@ def audit(files: LakeFiles, scenarios: Sequence[Encoded]) -> dict[int, InvalidSc
     }
     release = scenarios[0].metadata["dataset"], scenarios[0].metadata["version"]
     found: dict[str, InvalidScenario] = {}
-    for name, scenario_id, detail in _broken(files, rows, *release):
+    for name, scenario_id, detail in _broken(rows, *release):
         found.setdefault(scenario_id, InvalidScenario(scenario_id, name, detail))
     numbers = {s.metadata["scenario_id"]: number for number, s in enumerate(scenarios)}
     return {numbers[scenario_id]: error for scenario_id, error in found.items()}
@@ -63,19 +63,19 @@ def audit_shared_map(files: LakeFiles, record: ShardRecord) -> None:
         BrokenContract: It violates one.
     """
     rows = {"maps": files.read(record.files[0], _schema("maps").names)}
-    for name, _, detail in _broken(files, rows, record.dataset, record.version):
+    for name, _, detail in _broken(rows, record.dataset, record.version):
         raise BrokenContract(
             f"{detail} ({name}); all its scenarios need the map: fix the converter, or convert with check=False",
             cli_remedy="--no-check",
         )
 
 
-def _broken(files: LakeFiles, rows: Mapping[str, pa.Table], dataset: str, version: str) -> list[tuple[str, str, str]]:
+def _broken(rows: Mapping[str, pa.Table], dataset: str, version: str) -> list[tuple[str, str, str]]:
     """Return rule, scenario id and detail of all violations, by rule."""
     given = {name: rows.get(name, _schema(name).empty_table()) for name in _GIVEN}
     for name, value in (("dataset", dataset), ("version", version)):  # names of folders in a lake
         given["maps"] = given["maps"].append_column(name, pa.repeat(value, given["maps"].num_rows))
-    return _engine(str(files.root)).fetch(_query(), given)
+    return _engine().fetch(_query(), given)
 
 
 @cache
@@ -86,9 +86,12 @@ def _query() -> str:
 
 
 @cache
-def _engine(root: str) -> Engine:
-    """Cached per process and lake; opening DuckDB costs as much as a query. Single-threaded: workers are processes."""
-    return Engine(open_files(root), snapshots.EMPTY, given=_GIVEN, threads=1)
+def _engine() -> Engine:
+    """Return an engine that is only given rows, and reads no files: its folder does not matter.
+
+    Cached per process, as opening DuckDB costs as much as a query. Single-threaded: workers are processes.
+    """
+    return Engine(open_files(tempfile.gettempdir()), snapshots.EMPTY, given=_GIVEN, threads=1)
 
 
 def _table(name: str, batches: Sequence[Any]) -> pa.Table:

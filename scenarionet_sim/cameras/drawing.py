@@ -13,13 +13,17 @@ from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, Int64
 from scenarionet_sim.cameras.lenses import rays_of
 from scenarionet_sim.cameras.meshes import library
 from scenarionet_sim.cameras.stage import Scenery, stage_of
-from scenarionet_sim.kernels.cameras.frames import BAND, TILE, draw_frames
+from scenarionet_sim.kernels.cameras.frames import draw_frames
 from scenarionet_sim.kernels.cameras.layout import (
+    BAND,
     EYE,
     FORWARD,
+    KERB_SHARE,
     NUM_POSE,
     PIVOT,
     RIGHT,
+    SKY_STEP,
+    TILE,
     VELOCITY,
     YAW_SPEED,
     FrameMemory,
@@ -135,15 +139,19 @@ def _scratch(width: int) -> FrameMemory:
         found = _memory.scratch = FrameMemory(
             vertices=np.zeros((_MAX_VERTICES, 12)),
             edges=np.empty((MAX_TRIANGLES, 12)),
+            spans=np.empty((MAX_TRIANGLES, 12)),
             colors=np.empty((MAX_TRIANGLES, 12), np.float32),
-            labels=np.empty((MAX_TRIANGLES, 3), np.int32),
+            labels=np.empty((MAX_TRIANGLES, 4), np.int32),
             bounds=np.empty((MAX_TRIANGLES, 4), np.int32),
             instances=np.empty((_MAX_INSTANCES, 6), np.int32),
             active=np.empty(MAX_TRIANGLES, np.int32),
             shadows=np.empty((_MAX_INSTANCES, 12)),
             near=np.empty(columns),
             seen=np.empty(columns, np.int32),
-            row=np.empty((11, TILE)),
+            row=np.zeros((KERB_SHARE + 1, TILE)),
+            cells=np.zeros(TILE, np.int32),
+            texels=np.zeros(TILE, np.int32),
+            sky=np.zeros((2, columns // SKY_STEP + 2, 4)),
         )
     return found
 

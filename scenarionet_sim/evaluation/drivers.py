@@ -7,6 +7,7 @@ A driver of your own is a class named as ``module:Class``: a ``Planner``, which 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
@@ -83,14 +84,28 @@ ROUTES: dict[str, LaneRoute | None] = {"log": None, "lanes": LaneRoute()}
 
 @runtime_checkable
 class Driver(Protocol):
-    """Drives from observations; constructed without arguments, once per batch of scenarios.
+    """Drives from observations; constructed without arguments, once for each scenario that is simulated at once.
 
     Optional members: ``sensors``, a tuple of sensors (default: the paper's observation), ``reset()``, called
-    before each scenario, and after it ``seed(rng)``, with the random numbers of the rollout.
+    before each scenario, and after it ``seed(rng)``, with the random numbers of the rollout; ``act_batch``, see
+    :class:`BatchDriver`.
     """
 
     def act(self, observation: Any) -> npt.ArrayLike:
         """Return steering and throttle in [-1, 1] for a flat observation of the ego (D,) float32."""
+        ...
+
+
+@runtime_checkable
+class BatchDriver(Driver, Protocol):
+    """A driver that answers several egos at once and remembers nothing; constructed once.
+
+    A matrix product rounds differently for other numbers of rows, so the results of a network depend in their last
+    digits on which scenarios run at once; ``act`` alone avoids that.
+    """
+
+    def act_batch(self, observations: Any) -> npt.ArrayLike:
+        """Return steering and throttle (A, 2) in [-1, 1] for flat observations (A, D) float32."""
         ...
 
 
@@ -119,10 +134,12 @@ class Drivers:
     Attributes:
         policies: Policies of the simulation.
         driver: Computes the ego's actions; None when a policy drives the ego.
+        make_driver: Returns another such driver, for another ego.
     """
 
     policies: tuple[Policy, ...]
     driver: Driver | None
+    make_driver: Callable[[], Driver] = RandomActions
 
 
 def resolve_drivers(
@@ -149,7 +166,8 @@ def resolve_drivers(
     others, along = _lookup(TRAFFIC, traffic, "traffic"), _lookup(ROUTES, route, "route")
     vehicle, follows = find_backend(backend), _lookup(TRACKERS, tracker, "tracker")
     if lake is not None and policy.startswith(PREFIX):
-        return Drivers((*others, External(route=along)), load_driver(open_files(lake), policy))
+        trained = load_driver(open_files(lake), policy)
+        return Drivers((*others, External(route=along)), trained, lambda: trained)  # it remembers nothing
     if policy == RANDOM:
         return Drivers((*others, External(route=along)), RandomActions())
     if policy in PLANNERS:
@@ -168,7 +186,7 @@ def resolve_drivers(
     if isinstance(made, Policy):
         return Drivers((*others, replace(made, objects=ego, route=along or made.route)), None)
     if isinstance(made, Driver):
-        return Drivers((*others, External(route=along)), made)
+        return Drivers((*others, External(route=along)), made, kind)
     raise BadParameter(
         f"{policy} is not a driver: expected a subclass of Planner or Policy, or a class with act(observation)"
     )

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from scenarionet_data import Database, Lake, ScenarioLoader, version
@@ -22,11 +24,10 @@ from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
-from scenarionet_sim.evaluation.drivers import REACTIVE, find_backend, resolve_drivers
-from scenarionet_sim.evaluation.environment_cache import EnvironmentCache
+from scenarionet_sim.evaluation.drivers import MANUAL, REACTIVE, find_backend, resolve_drivers
 from scenarionet_sim.evaluation.episode import EPISODES, EpisodeSpan
 from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
-from scenarionet_sim.evaluation.rollout import roll_out
+from scenarionet_sim.evaluation.rollout_batch import SLOTS, RolloutBatch, RolloutJob
 from scenarionet_sim.evaluation.rollout_table import concat_rollouts, rollout_rows
 from scenarionet_sim.learning.driver import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure
@@ -35,6 +36,9 @@ from scenarionet_sim.worlds.world import World
 
 PART_SIZE = 32
 """Rollouts per part: the most work that a killed worker loses."""
+
+_AHEAD = 4
+"""Scenarios to load ahead."""
 
 ScenarioEnd = tuple[str, str | None, str | None]
 """Scenario id, how the episode ended, and the error if it could not be simulated."""
@@ -304,7 +308,7 @@ def _loader(evaluation: Evaluation) -> ScenarioLoader:
 
 def simulate_part(job: _EvaluationJob) -> list[ScenarioEnd]:
     """Simulate the rollouts of a part, and publish the rows if it belongs to a run."""
-    evaluation, loader = job.evaluation, _loader(job.evaluation)
+    evaluation = job.evaluation
     drivers = resolve_drivers(
         evaluation.policy,
         evaluation.traffic,
@@ -313,46 +317,81 @@ def simulate_part(job: _EvaluationJob) -> list[ScenarioEnd]:
         evaluation.route,
         evaluation.lake,
     )
-    episode = EPISODES[evaluation.episode]
-    backend, sensors = find_backend(evaluation.backend), getattr(drivers.driver, "sensors", None)
-    results: list[dict[str, Any]] = []
-    rollouts: list[pa.Table] = []
-    with EnvironmentCache(drivers.policies, backend, sensors) as environments:
-        for item in range(job.part.first, job.part.end):
-            index, number = divmod(item, evaluation.rollouts)
-            row: dict[str, Any] = {"scenario_id": loader.scenario_ids[index], "rollout": number}
-            try:
-                world, start = _world_and_start(loader, index, episode)
-                rng = np.random.default_rng([evaluation.seed, index, number])
-                rollout = roll_out(
-                    environments.environment_for(world, rng),
-                    world,
-                    drivers.driver,
-                    rng,
-                    start=start,
-                    num_steps=episode.num_steps(world, start),
-                    waits=episode.waits,
-                )
-                row |= {"track_id": world.track_ids[rollout.agent], "is_reactive": evaluation.traffic in REACTIVE}
-                row |= measure(rollout, world)
-                trajectories = rollout_rows(rollout, world, number)
-            except (MemoryError, MissingDependency):
-                raise
-            except Exception as error:  # one scenario, or a driver in it, must not end the run
-                environments.clear()
-                row = {name: row[name] for name in ("scenario_id", "rollout")}
-                row["error"] = f"{type(error).__name__}: {error}"
-            else:
-                rollouts.append(trajectories)
-            results.append(row)
+    # Bullet's worlds differ in their last digits by what else is in its memory; a person drives one world.
+    is_single = evaluation.backend == "bullet" or evaluation.policy in MANUAL
+    batch = RolloutBatch(drivers, find_backend(evaluation.backend), 1 if is_single else SLOTS)
+    results: dict[int, dict[str, Any]] = {}
+    trajectories: dict[int, pa.Table] = {}
+
+    def fail(item: int, error: Exception) -> None:
+        results[item] = _key(job, item) | {"error": f"{type(error).__name__}: {error}"}
+
+    for rollout_job, rollout in batch.run(_rollout_jobs(job, fail)):
+        item, world = rollout_job.number, rollout_job.world
+        if isinstance(rollout, Exception):
+            fail(item, rollout)
+            continue
+        try:
+            row = {"track_id": world.track_ids[rollout.agent], "is_reactive": evaluation.traffic in REACTIVE}
+            row |= measure(rollout, world)
+            trajectories[item] = rollout_rows(rollout, world, item % evaluation.rollouts)
+            results[item] = _key(job, item) | row
+        except MemoryError:
+            raise
+        except Exception as error:  # one scenario must not end the run
+            fail(item, error)
+    rows = [results[item] for item in sorted(results)]
     if job.run is not None:
-        job.run.publish(job.part.number, {"results": results, "rollouts": concat_rollouts(rollouts)})
-    return [(row["scenario_id"], row.get("status"), row.get("error")) for row in results]
+        rollouts = concat_rollouts([trajectories[item] for item in sorted(trajectories)])
+        job.run.publish(job.part.number, {"results": rows, "rollouts": rollouts})
+    return [(row["scenario_id"], row.get("status"), row.get("error")) for row in rows]
+
+
+def _key(job: _EvaluationJob, item: int) -> dict[str, Any]:
+    index, number = divmod(item, job.evaluation.rollouts)
+    return {"scenario_id": _loader(job.evaluation).scenario_ids[index], "rollout": number}
+
+
+def _rollout_jobs(job: _EvaluationJob, fail: Callable[[int, Exception], None]) -> Iterator[RolloutJob]:
+    """Yield the rollouts of a part; report those whose scenario cannot be loaded."""
+    evaluation, span = job.evaluation, EPISODES[job.evaluation.episode]
+    first, last = job.part.first // evaluation.rollouts, (job.part.end - 1) // evaluation.rollouts
+    for index, loaded in _loaded_ahead(_loader(evaluation), range(first, last + 1), span):
+        begin = index * evaluation.rollouts
+        items = range(max(begin, job.part.first), min(begin + evaluation.rollouts, job.part.end))
+        try:
+            world, start = loaded.result()
+        except (MemoryError, MissingDependency):
+            raise
+        except Exception as error:  # one scenario must not end the run
+            for item in items:
+                fail(item, error)
+            continue
+        num_steps = span.num_steps(world, start)
+        for item in items:
+            yield RolloutJob(item, world, (evaluation.seed, index, item - begin), start, num_steps, span.waits)
+
+
+def _loaded_ahead(
+    loader: ScenarioLoader, indices: range, span: EpisodeSpan
+) -> Iterator[tuple[int, Future[tuple[World, int]]]]:
+    """Yield scenarios and where they begin, which a thread loads while those before them are simulated."""
+    loading: deque[Future[tuple[World, int]]] = deque()
+    for index in indices:
+        for ahead in range(index + len(loading), min(index + _AHEAD + 1, indices.stop)):
+            loading.append(_thread().submit(_world_and_start, loader, ahead, span))
+        yield index, loading.popleft()
+
+
+@cache
+def _thread() -> ThreadPoolExecutor:
+    """The thread that loads; one for all parts, as a loader opens files for each thread."""
+    return ThreadPoolExecutor(1, thread_name_prefix="scenarios")
 
 
 @lru_cache(maxsize=1)
-def _world_and_start(loader: ScenarioLoader, index: int, episode: EpisodeSpan) -> tuple[World, int]:
-    """A scenario, and the timestep at which it begins; kept for its next rollout."""
+def _world_and_start(loader: ScenarioLoader, index: int, span: EpisodeSpan) -> tuple[World, int]:
+    """Load a scenario, and find the timestep at which it begins; kept, as the next part may begin with it."""
     scenario = loader[index]
     world = World.from_scenario(scenario)
-    return world, episode.start(scenario, world)
+    return world, span.start(scenario, world)

@@ -8,12 +8,15 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
-from scenarionet_sim.evaluation.drivers import Driver
+from scenarionet_sim.kernels.log import HEADING, VX, VY
+from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.task.task import DRIVING
 from scenarionet_sim.worlds.world import World
 
 _ENDS = {code: name for name, code in ENDS.items()}
-_STRAIGHT_ON = np.zeros((1, 2))
+_COMPLETION = NUMBERS.index("route_completion")
+_MOMENTS = 256
+"""Moments that a recorder has room for at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,100 +68,83 @@ class Rollout:
         return replace(self, **{name: getattr(self, name)[part] for name in names})
 
 
-def roll_out(
-    core: BatchedEnvironment,
-    world: World,
-    driver: Driver | None,
-    rng: np.random.Generator,
-    *,
-    start: int | None = None,
-    num_steps: int | None = None,
-    waits: bool = True,
-) -> Rollout:
-    """Drive a scenario.
-
-    Args:
-        core: Environment of one world, with one agent.
-        world: The scenario.
-        driver: Computes the agent's actions; None if a policy drives it.
-        rng: Source of the sensors' noise, and of a random driver.
-        start: Timestep of the log at which to begin; None for the first at which the ego is valid.
-        num_steps: Steps to drive and to score; None for all until the ego's last recorded state.
-        waits: Drive on until the outcome is decided.
-    """
-    core.is_observing = driver is not None
-    core.begin([0], [world], start)
-    if driver is not None and hasattr(driver, "reset"):
-        driver.reset()
-    if driver is not None and hasattr(driver, "seed"):
-        driver.seed(rng)
-    film = RolloutRecorder(world.num_objects)
-    film.add(core)
-    begun = int(core.simulation.state.timestep[0])
-    if num_steps is None:
-        num_steps = int(np.flatnonzero(world.log_valid[:, world.ego])[-1]) - begun
-    end: int | None = None
-    step, status = 0, DRIVING
-    # A loop over timesteps: each depends on the previous one.
-    while step < num_steps or (waits and end is None):
-        core.step(_STRAIGHT_ON if driver is None else driver.act(core.observe(rng)[0]))
-        film.add(core)
-        step += 1
-        if end is None and core.status[0] != DRIVING:
-            end, status = step, int(core.status[0])
-    return film.rollout(core, world, begun, num_steps, status, end)
-
-
 class RolloutRecorder:
-    """Collects the moments of the first world of an environment.
+    """Records the episode of a slot.
 
     Args:
-        num_objects: N.
+        world: The scenario.
+        slot: The slot that plays it.
+        core: Environment in which the episode has just begun.
+        num_scored: Steps that metrics look at; None for all until the ego's last recorded state.
+
+    Attributes:
+        num_scored: As above.
+        num_steps: Number of recorded steps.
+        is_decided: Whether the outcome is known.
     """
 
-    def __init__(self, num_objects: int) -> None:
-        self._rows = slice(0, num_objects)
-        self._moments: list[tuple[Array, ...]] = []
+    def __init__(self, world: World, slot: int, core: BatchedEnvironment, num_scored: int | None = None) -> None:
+        self._world, self._slot = world, slot
+        self._start = int(core.simulation.state.timestep[slot])
+        last = int(np.flatnonzero(world.log_valid[:, world.ego])[-1])
+        self.num_scored = last - self._start if num_scored is None else num_scored
+        self.num_steps = -1
+        self._status, self._end_step, self._completion = DRIVING, 0, 0.0
+        count = world.num_objects
+        self._motion, self._arc = np.empty((_MOMENTS, count, 7)), np.empty(_MOMENTS)
+        self._present, self._contacts = np.empty((2, _MOMENTS, count), np.bool_)
 
-    def add(self, core: BatchedEnvironment) -> None:
-        """Append the current moment."""
-        state, rows = core.simulation.state, self._rows
-        arrays = state.position[0], state.heading[0], state.velocity[0], state.present[0], core.contacts[0]
-        self._moments.append((core.arc[:1].copy(), *(array[rows].copy() for array in arrays)))
+    @property
+    def is_decided(self) -> bool:
+        """Whether the outcome is known."""
+        return self._status != DRIVING
 
-    def rollout(
-        self,
-        core: BatchedEnvironment,
-        world: World,
-        start: int,
-        num_scored: int,
-        status: int,
-        end_step: int | None,
-    ) -> Rollout:
-        """Return the finished episode.
+    def add(self, core: BatchedEnvironment, agent: int) -> None:
+        """Record the current moment.
 
         Args:
-            core: Environment that has played it.
-            world: The scenario.
-            start: Timestep of the log at which it began.
-            num_scored: Steps that metrics look at.
-            status: Status that ended it.
-            end_step: The step in which.
+            core: The environment.
+            agent: Index of the evaluated vehicle into ``core.agents``.
         """
-        arc, position, heading, velocity, present, contacts = map(np.stack, zip(*self._moments, strict=True))
+        self.num_steps += 1
+        moment, slot = self.num_steps, self._slot
+        if moment == len(self._arc):
+            self._grow()
+        simulation, count = core.simulation, self._motion.shape[1]
+        state, row = simulation.state, int(core.agents[agent, 1])
+        self._motion[moment], self._present[moment] = state.motion[slot, :count], state.present[slot, :count]
+        self._contacts[moment] = simulation.contacts[agent, :count]
+        self._arc[moment] = simulation.route[slot, row, 0]
+        self._completion = float(core.numbers[agent, _COMPLETION])
+        if moment and not self.is_decided:
+            self._status, self._end_step = int(core.status[agent]), moment
+
+    def rollout(self) -> Rollout:
+        """Return the episode as recorded so far."""
+        so_far = slice(self.num_steps + 1)
+        motion, arc = self._motion[so_far], self._arc[so_far]
         return Rollout(
-            scenario_id=world.scenario_id,
-            start=start,
-            dt=world.dt,
-            agent=int(core.agents[0, 1]),
-            end=_ENDS.get(status, "unfinished"),
-            end_step=end_step,
-            num_scored=num_scored,
-            completion=float(core.infos()[0]["route_completion"]),
-            progress=arc[:, 0] - arc[0, 0],
-            position=position,
-            heading=heading,
-            velocity=velocity,
-            present=present,
-            contacts=contacts,
+            scenario_id=self._world.scenario_id,
+            start=self._start,
+            dt=self._world.dt,
+            agent=self._world.ego,
+            end=_ENDS.get(self._status, "unfinished"),
+            end_step=self._end_step if self.is_decided else None,
+            num_scored=self.num_scored,
+            completion=self._completion,
+            progress=arc - arc[0],
+            position=motion[..., :2].copy(),
+            heading=motion[..., HEADING].copy(),
+            velocity=motion[..., VX : VY + 1].copy(),
+            present=self._present[so_far],
+            contacts=self._contacts[so_far],
         )
+
+    def _grow(self) -> None:
+        """Make room for twice as many moments."""
+
+        def doubled(values: Array) -> Array:
+            return np.concatenate([values, np.empty_like(values)])
+
+        self._motion, self._arc = doubled(self._motion), doubled(self._arc)
+        self._present, self._contacts = doubled(self._present), doubled(self._contacts)

@@ -8,8 +8,9 @@ along the heading counts first.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -28,13 +29,16 @@ LaneRows = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class LaneLinks:
-    """Which lanes of a map follow one another.
+    """Which lanes of a map follow one another; answers are remembered, as moments ask for the same lanes.
 
     Attributes:
         roads: The map.
     """
 
     roads: Roads
+    _after: dict[int, LaneRows] = field(default_factory=dict, init=False, repr=False)
+    _before: dict[int, LaneRows] = field(default_factory=dict, init=False, repr=False)
+    _lines: dict[int, tuple[Float64, Float64, Float64]] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def _edges(self) -> tuple[Int32, Int32]:
@@ -44,12 +48,16 @@ class LaneLinks:
 
     def after(self, lane: int) -> LaneRows:
         """Lanes that follow a lane."""
-        return tuple(self.roads.successors[lane].tolist())
+        if lane not in self._after:
+            self._after[lane] = tuple(self.roads.successors[lane].tolist())
+        return self._after[lane]
 
     def before(self, lane: int) -> LaneRows:
         """Lanes that a lane follows."""
-        first, second = self._edges
-        return tuple(first[second == lane].tolist())
+        if lane not in self._before:
+            first, second = self._edges
+            self._before[lane] = tuple(first[second == lane].tolist())
+        return self._before[lane]
 
     @cached_property
     def is_connector(self) -> Bool:
@@ -77,14 +85,18 @@ class LaneLinks:
 
     def _along(self, lane: int, point: Float64, heading: float) -> float:
         """Cosine of the angle between a lane at its nearest point and a heading."""
-        line = self.roads.lanes[lane].astype(np.float64)
-        if len(line) < 2:
+        if lane not in self._lines:
+            line = self.roads.lanes[lane].astype(np.float64)
+            step = np.diff(line, axis=0)
+            self._lines[lane] = line[:-1], step, np.maximum((step**2).sum(axis=1), 1e-12)
+        start, step, square = self._lines[lane]
+        if not len(start):
             return -1.0
-        step = np.diff(line, axis=0)
-        square = np.maximum((step**2).sum(axis=1), 1e-12)
-        share = np.clip(((point - line[:-1]) * step).sum(axis=1) / square, 0.0, 1.0)
-        nearest = np.argmin(((line[:-1] + share[:, None] * step - point) ** 2).sum(axis=1))
-        return float(step[nearest] @ [np.cos(heading), np.sin(heading)] / np.sqrt(square[nearest]))
+        share = np.minimum(np.maximum(((point - start) * step).sum(axis=1) / square, 0.0), 1.0)
+        nearest = int(np.argmin(((start + share[:, None] * step - point) ** 2).sum(axis=1)))
+        x, y = step[nearest].tolist()
+        cosine: float = (x * math.cos(heading) + y * math.sin(heading)) / math.sqrt(square[nearest])
+        return cosine
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,19 +125,18 @@ class DrivenLanes:
         Args:
             position: (T, 2) centre of the vehicle [m].
         """
-        arcs = self._arcs(position)
-        progress = np.zeros(len(position))
-        lane, before = (self.route[0][0] if self.route[0] else None), np.nan
+        arcs, progress = self._arcs(position).tolist(), np.zeros(len(position))
+        lane, before = (self.route[0][0] if self.route[0] else None), math.nan
         for step, lanes in enumerate(self.route):
             if not lanes:
                 continue
             if lanes[0] == lane:
                 moved = arcs[step] - before
-                is_known = np.isfinite(moved) and arcs[step] != 0.0  # as the owner: an arc of 0 counts as unknown
+                is_known = math.isfinite(moved) and arcs[step] != 0.0  # as the owner: an arc of 0 counts as unknown
                 progress[step] = moved if is_known else 0.0
                 before = arcs[step]
             else:
-                lane, before = lanes[0], np.nan
+                lane, before = lanes[0], math.nan
         return progress
 
     def speed_limit(self) -> Float64:
@@ -159,9 +170,12 @@ def driven_route(graph: LaneLinks, drive: EgoDrive) -> list[LaneRows]:
     around = [here for (here,) in _around(graph.roads, drive.position[:, None])]
     crossing = graph.roads.is_in(drive.position, graph.roads.polygon_type == MapFeatureType.INTERSECTION)
     route: list[LaneRows] = []
+    continued: dict[tuple[LaneRows, frozenset[int]], LaneRows] = {}
     for step, here in enumerate(around):  # each moment depends on the one before
         last = route[-1] if route else ()
-        lanes = graph.continued(last, here)
+        if (last, here) not in continued:
+            continued[last, here] = graph.continued(last, here)
+        lanes = continued[last, here]
         if not lanes:
             lanes = graph.at(here)
             leaves_connector = step > 1 and bool(last) and bool(graph.is_connector[last[0]])
@@ -173,13 +187,15 @@ def driven_route(graph: LaneLinks, drive: EgoDrive) -> list[LaneRows]:
     return _without_other_branches(graph, route)
 
 
-def _around(roads: Roads, points: Float64) -> list[list[frozenset[int]]]:
-    """Lanes around each of the points (T, K, 2)."""
-    moments, points_per_moment = points.shape[:2]
-    found: list[list[set[int]]] = [[set() for _ in range(points_per_moment)] for _ in range(moments)]
-    for step, point, lane in np.argwhere(roads.lanes_around(points)).tolist():
-        found[step][point].add(lane)
-    return [[frozenset(here) for here in moment] for moment in found]
+def _around(roads: Roads, points: Float64) -> list[tuple[frozenset[int], ...]]:
+    """Lanes around each of the points (T, K, 2): one set for all points with the same lanes."""
+    num_points = points.shape[0] * points.shape[1]
+    bits = np.packbits(roads.lanes_around(points), axis=-1)
+    width, text = bits.shape[-1], bits.tobytes()
+    keys = [text[at : at + width] for at in range(0, len(text), width)] if width else [b""] * num_points
+    sets = {key: frozenset(np.flatnonzero(np.unpackbits(np.frombuffer(key, np.uint8))).tolist()) for key in set(keys)}
+    found, per_moment = [sets[key] for key in keys], points.shape[1]
+    return [tuple(found[at : at + per_moment]) for at in range(0, len(found), per_moment)]
 
 
 def _without_other_branches(graph: LaneLinks, route: list[LaneRows]) -> list[LaneRows]:
@@ -195,24 +211,37 @@ def _without_other_branches(graph: LaneLinks, route: list[LaneRows]) -> list[Lan
     return route
 
 
-def _is_in_lane(graph: LaneLinks, around: Sequence[Sequence[frozenset[int]]]) -> Bool:
+def _is_in_lane(graph: LaneLinks, around: Sequence[tuple[frozenset[int], ...]]) -> Bool:
     """(T,) whether the corners share a lane, or are in lanes that follow one another."""
     found = np.zeros(len(around), np.bool_)
     candidates: LaneRows = ()
+    known: dict[tuple[LaneRows, tuple[frozenset[int], ...]], tuple[LaneRows, bool]] = {}
     for step, corners in enumerate(around):  # candidates are the lanes of the moment before
-        lanes: list[LaneRows] = []
-        for here in corners:
-            of_corner = graph.continued(candidates, here)
-            if not of_corner:
-                of_corner = graph.at(here)
-                if step == 1:
-                    candidates = tuple(dict.fromkeys(candidates + of_corner))
-            lanes.append(of_corner)
-        candidates = tuple(dict.fromkeys(lane for each in lanes for lane in each))
-        found[step] = all(lanes) and (
-            bool(set.intersection(*map(set, lanes))) or _are_connected(graph, *map(frozenset, lanes))
-        )
+        if step == 1:
+            candidates, found[1] = _lanes_of(graph, candidates, corners, is_second=True)
+            continue
+        if (candidates, corners) not in known:
+            known[candidates, corners] = _lanes_of(graph, candidates, corners, is_second=False)
+        candidates, found[step] = known[candidates, corners]
     return found
+
+
+def _lanes_of(
+    graph: LaneLinks, candidates: LaneRows, corners: tuple[frozenset[int], ...], *, is_second: bool
+) -> tuple[LaneRows, bool]:
+    """Lanes of the corners, and whether these share one, or are in lanes that follow one another."""
+    lanes: list[LaneRows] = []
+    for here in corners:
+        of_corner = graph.continued(candidates, here)
+        if not of_corner:
+            of_corner = graph.at(here)
+            if is_second:
+                candidates = tuple(dict.fromkeys(candidates + of_corner))
+        lanes.append(of_corner)
+    is_in_lane = all(lanes) and (
+        bool(set.intersection(*map(set, lanes))) or _are_connected(graph, *map(frozenset, lanes))
+    )
+    return tuple(dict.fromkeys(lane for each in lanes for lane in each)), is_in_lane
 
 
 def _are_connected(

@@ -28,18 +28,30 @@ def is_off_road(corners: Float64, roads: Roads) -> Bool:
         roads: The map, with at least one drivable polygon.
     """
     flat = corners.reshape(-1, 2)
-    lower, upper = roads.polygons.bounds()
-    is_near = (lower <= flat.max(axis=0) + OFF_ROAD_TOLERANCE) & (upper >= flat.min(axis=0) - OFF_ROAD_TOLERANCE)
-    near_rows = np.flatnonzero(roads.is_road & is_near.all(axis=1))
-    polygons = [shapely.Polygon(outline) for outline in roads.polygons.take(near_rows)]
-    beyond = [shapely.LineString(line).buffer(HALF_WIDTH, cap_style="flat") for line in _beyond(roads, near_rows)]
-    near, _ = shapely.STRtree([*polygons, *beyond]).query(
-        shapely.points(flat), predicate="dwithin", distance=OFF_ROAD_TOLERANCE
-    )
-    is_off = np.ones(len(flat), np.bool_)
-    is_off[near] = False
+    is_off = ~roads.is_on_road(flat)
+    rest = np.flatnonzero(is_off)
+    if len(rest):
+        is_off[rest[_is_near_road(flat, rest, roads)]] = False
     off: Bool = np.any(is_off.reshape(corners.shape[:2]), axis=1)
     return off
+
+
+def _is_near_road(points: Float64, rest: IntP, roads: Roads) -> Bool:
+    """Return which of the points (Q, 2) [m] in the rows ``rest`` are within the tolerance of the road."""
+    near_rows = _near(roads, points)
+    polygons = [shapely.Polygon(roads.polygons[row]) for row in np.intersect1d(near_rows, _near(roads, points[rest]))]
+    beyond = [shapely.LineString(line).buffer(HALF_WIDTH, cap_style="flat") for line in _beyond(roads, near_rows)]
+    near, _ = shapely.STRtree([*polygons, *beyond]).query(
+        shapely.points(points[rest]), predicate="dwithin", distance=OFF_ROAD_TOLERANCE
+    )
+    return np.isin(np.arange(len(rest)), near)
+
+
+def _near(roads: Roads, points: Float64) -> IntP:
+    """Rows of the drivable polygons around points (Q, 2) [m]."""
+    lower, upper = roads.polygons.bounds()
+    is_near = (lower <= points.max(axis=0) + OFF_ROAD_TOLERANCE) & (upper >= points.min(axis=0) - OFF_ROAD_TOLERANCE)
+    return np.flatnonzero(roads.is_road & is_near.all(axis=1))
 
 
 def _beyond(roads: Roads, rows: IntP) -> Iterator[Float64]:

@@ -9,6 +9,7 @@ sample.
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -36,7 +37,7 @@ def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivati
     if window <= order:
         return np.full(count, np.nan)
     half, middle = window // 2, (window - 1) / 2
-    fit = np.linalg.pinv(np.vander(np.arange(window) - middle, order + 1, increasing=True))  # to coefficients
+    fit = _fit(window, order)
     scale = math.factorial(derivative) / dt**derivative
     starts = np.arange(count - window + 1)
     polynomials = np.lib.stride_tricks.sliding_window_view(values, window) @ fit.T
@@ -48,8 +49,19 @@ def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivati
     return smooth
 
 
+@cache
+def _fit(window: int, order: int) -> Float64:
+    """Matrix (order + 1, window) from the samples of a window to the coefficients of their polynomial."""
+    fit: Float64 = np.linalg.pinv(np.vander(np.arange(window) - (window - 1) / 2, order + 1, increasing=True))
+    return fit
+
+
 def _evaluate(polynomial: Float64, at: Float64, derivative: int) -> Float64:
-    derived = (
-        np.polynomial.Polynomial(polynomial).deriv(derivative) if derivative else np.polynomial.Polynomial(polynomial)
-    )
-    return np.asarray(derived(at), np.float64)
+    """Values of a derivative of a polynomial, whose coefficients rise in degree, by Horner's rule."""
+    coefficients = polynomial.tolist()
+    for _ in range(derivative):
+        coefficients = [power * factor for power, factor in enumerate(coefficients)][1:]
+    found = np.full(len(at), coefficients[-1])
+    for factor in reversed(coefficients[:-1]):
+        found = factor + found * at
+    return found

@@ -23,7 +23,7 @@ VERBS = {
     "Simulate": ("sim", "compare-runs", "record"),
     "Learn to drive": ("train", "experiment"),
     "Forecast": ("score", "submit"),
-    "Share": ("export", "pack"),
+    "Share": ("export", "pack", "publish"),
     "Maintain": ("check", "fsck", "compact", "vacuum", "doctor", "compile"),
 }
 """Verbs by task, in the order of ``--help``; ``verbs/<verb>.py`` defines each."""

@@ -35,7 +35,7 @@ _MAX_WAITING = 256
 _MAX_WAITING_BYTES = 64_000_000
 """Limits of a batch of scenarios for the audit (number, bytes); one audit costs at least 50 ms."""
 
-Audit = Callable[[LakeFiles, Sequence[Encoded]], Mapping[int, InvalidScenario]]
+Audit = Callable[[Sequence[Encoded]], Mapping[int, InvalidScenario]]
 """Checks encoded scenarios before they are written; returns an error for each rejected position."""
 
 
@@ -181,7 +181,7 @@ class ShardWriter:
         """Audit the batch, and write or reject each scenario."""
         waiting, self._waiting, self._num_bytes = self._waiting, [], 0
         encoded = [each for _, each in waiting]
-        refused = self._audit(self._files, encoded) if self._audit and encoded else {}
+        refused = self._audit(encoded) if self._audit and encoded else {}
         for number, (position, each) in enumerate(waiting):
             if number in refused:
                 self._ids.remove(each.metadata["scenario_id"])

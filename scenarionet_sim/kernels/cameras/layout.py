@@ -51,8 +51,29 @@ x, y, direction x, y, length and half the width."""
 TRI_FIRST, TRI_END, LEFT, TOP, RIGHT_END, BOTTOM = range(6)
 """Columns of an instance in view: its triangles, and its bounds on the screen [pixels]."""
 
-INSTANCE_ROW, SEMANTIC, MATERIAL = range(3)
-"""Columns of ``FrameMemory.labels``: row in the state or -1, class, material."""
+INSTANCE_ROW, SEMANTIC, MATERIAL, IS_FLAT = range(4)
+"""Columns of ``FrameMemory.labels``: row in the state or -1, class, material, whether it has one colour."""
+
+
+(
+    DISTANCE, GROUND_X, GROUND_Y, SHADE, RAY_X, RAY_Y, RAY_Z, UNIT, RED, GREEN, BLUE, ACROSS, ALONG, FINE, COARSE,
+    ON_ROAD, ON_WALK, ROAD_EDGE, WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE,
+) = range(22)  # fmt: skip
+"""Rows of ``FrameMemory.row``: distance along the ray, point of the ground, sunlight that arrives, ray, its length,
+light; then of the ground: footprint across and along the direction of view [m], noise, shares of road and pavement,
+distances to their borders, and shares of paint."""
+
+NOTHING, ON_GROUND = -2, -1
+"""Values of ``FrameMemory.seen`` besides triangles, which are 0 and above."""
+
+BAND = 8
+"""Rows of a band, the part of a frame that a thread draws at a time."""
+
+TILE = 128
+"""Columns drawn at a time: their values stay in the processor's cache."""
+
+SKY_STEP = 8
+"""The sky is computed at every eighth row and column, and interpolated between."""
 
 
 class Ground(NamedTuple):
@@ -160,19 +181,24 @@ class FrameMemory(NamedTuple):
     Attributes:
         vertices: (V, 12) of one mesh in view.
         edges: (T, 12) three edge functions and the inverse depth, each over the direction of a ray.
+        spans: (T, 12) of a pinhole: column at row 0 and slope of each edge, 1 where it is a left edge; inverse depth at
+            the first pixel, and its steps along a row and a column.
         colors: (T, 12) linear RGB at three corners, and the normal.
-        labels: (T, 3), see above.
+        labels: (T, 4), see above.
         bounds: (T, 4) on the screen: left, top, right end, bottom end.
         instances: (I, 6), see above.
         active: (T,) triangles that touch a band of rows.
         shadows: (I, 12) x, y, cos, sin, half length, half width, sweep x, y in its frame, and its screen bounds.
         near: (columns,) inverse depth of the nearest triangle.
         seen: (columns,) the nearest triangle or -1.
-        row: (11, TILE) values of the pixels of a part of a row.
+        row: (22, TILE) values of the pixels of a part of a row, see above.
+        cells, texels: (TILE,) cells of the ground and texels of its noise, or levels of colour.
+        sky: (2, columns / SKY_STEP + 2, 4) light of the sky above and below a band, and 1 where it is known.
     """
 
     vertices: Float64
     edges: Float64
+    spans: Float64
     colors: Float32
     labels: Int32
     bounds: Int32
@@ -182,6 +208,9 @@ class FrameMemory(NamedTuple):
     near: Float64
     seen: Int32
     row: Float64
+    cells: Int32
+    texels: Int32
+    sky: Float64
 
 
 class Pictures(NamedTuple):

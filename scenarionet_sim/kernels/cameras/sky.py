@@ -5,8 +5,29 @@ from __future__ import annotations
 import math
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64, UInt8
-from scenarionet_sim.kernels.cameras.layout import CLOUD, HORIZON, SHIFT, SKYLIGHT, SUN, SUNLIGHT, ZENITH
+from scenarionet_data.arrays.dtypes import Float64, Int32, UInt8
+from scenarionet_sim.kernels.cameras.layout import (
+    BAND,
+    CLOUD,
+    CX,
+    CY,
+    DOWN,
+    FORWARD,
+    FX,
+    FY,
+    HORIZON,
+    KIND,
+    NOTHING,
+    PINHOLE,
+    RED,
+    RIGHT,
+    SHIFT,
+    SKY_STEP,
+    SKYLIGHT,
+    SUN,
+    SUNLIGHT,
+    ZENITH,
+)
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 GRAIN_SIZE = 512
@@ -64,3 +85,52 @@ def sky_color(light: Float64, grain: UInt8, x: float, y: float, z: float) -> tup
         green += cover * (bright * (0.8 * light[SKYLIGHT + 1] + 0.22 * light[SUNLIGHT + 1]) - green)
         blue += cover * (bright * (0.8 * light[SKYLIGHT + 2] + 0.22 * light[SUNLIGHT + 2]) - blue)
     return red, green, blue
+
+
+@device_function(divides_by_zero=True)
+def color_sky(
+    row: int, start: int, count: int, size: tuple[int, int], pose: Float64, lens: Float64, rays: Float64,
+    light: Float64, grain: UInt8, seen: Int32, nodes: Float64, values: Float64,
+) -> None:  # fmt: skip
+    """Write the light of the sky in pieces of a tile's row that see it, interpolated between the nodes of its band."""
+    top = row // BAND * BAND
+    share = (row - top) * (1.0 / BAND)
+    for first in range(0, count, SKY_STEP):
+        end = smaller(first + SKY_STEP, count)
+        is_sky = False
+        for k in range(first, end):
+            is_sky |= seen[k] == NOTHING
+        if not is_sky:
+            continue
+        node = (start + first) // SKY_STEP
+        for side in range(2):
+            for place in (node, node + 1):
+                if nodes[side, place, 3] == 0.0:
+                    nodes[side, place, 3] = 1.0
+                    _light_node(
+                        smaller(top + side * BAND, size[0] - 1), smaller(place * SKY_STEP, size[1] - 1), pose, lens,
+                        rays, light, grain, nodes[side, place],
+                    )  # fmt: skip
+        for channel in range(3):
+            above, below = nodes[0, node, channel], nodes[1, node, channel]
+            left = above + share * (below - above)
+            above, below = nodes[0, node + 1, channel], nodes[1, node + 1, channel]
+            step = (above + share * (below - above) - left) * (1.0 / SKY_STEP)
+            part = values[RED + channel, first:end]
+            for k in range(end - first):
+                part[k] = left + step * k
+
+
+@device_function(divides_by_zero=True)
+def _light_node(
+    row: int, column: int, pose: Float64, lens: Float64, rays: Float64, light: Float64, grain: UInt8, node: Float64
+) -> None:
+    """Write the light of the sky along the ray of a pixel."""
+    x, y, z = (column + 0.5 - lens[CX]) / lens[FX], (row + 0.5 - lens[CY]) / lens[FY], 1.0
+    if lens[KIND] != PINHOLE:
+        x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
+    scale = 1.0 / math.sqrt(x * x + y * y + z * z)
+    east = (x * pose[RIGHT] + y * pose[DOWN] + z * pose[FORWARD]) * scale
+    north = (x * pose[RIGHT + 1] + y * pose[DOWN + 1] + z * pose[FORWARD + 1]) * scale
+    up = (x * pose[RIGHT + 2] + y * pose[DOWN + 2] + z * pose[FORWARD + 2]) * scale
+    node[0], node[1], node[2] = sky_color(light, grain, east, north, up)

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_sim.kernels.cameras.layout import (
@@ -49,15 +51,19 @@ def bound_triangle(
     if kind == PINHOLE:
         if smaller(vertices[a, 2], smaller(vertices[b, 2], vertices[c, 2])) < NEAREST:
             return
-        pad_x, pad_y = 0.0, 0.0
     elif _is_wide(vertices, a, b) or _is_wide(vertices, b, c) or _is_wide(vertices, c, a):
         return
     low_x = smaller(vertices[a, 9], smaller(vertices[b, 9], vertices[c, 9]))
     high_x = larger(vertices[a, 9], larger(vertices[b, 9], vertices[c, 9]))
     low_y = smaller(vertices[a, 10], smaller(vertices[b, 10], vertices[c, 10]))
     high_y = larger(vertices[a, 10], larger(vertices[b, 10], vertices[c, 10]))
-    if kind != PINHOLE:
-        pad_x = pad_y = 1.0 + 0.1 * larger(high_x - low_x, high_y - low_y)
+    if kind == PINHOLE:  # rows and columns whose middle is inside
+        bounds[0] = int(smaller(larger(math.ceil(low_x - 0.501), 0.0), width))
+        bounds[1] = int(smaller(larger(math.ceil(low_y - 0.501), 0.0), height))
+        bounds[2] = int(smaller(larger(math.floor(high_x + 0.501), 0.0), width))
+        bounds[3] = int(smaller(larger(math.floor(high_y + 0.501), 0.0), height))
+        return
+    pad_x = pad_y = 1.0 + 0.1 * larger(high_x - low_x, high_y - low_y)
     bounds[0] = int(smaller(larger(math.floor(low_x - pad_x), 0.0), width))
     bounds[1] = int(smaller(larger(math.floor(low_y - pad_y), 0.0), height))
     bounds[2] = int(smaller(larger(math.ceil(high_x + pad_x), 0.0), width))
@@ -102,20 +108,12 @@ def _bound_on_rings(vertices: Float64, a: int, b: int, c: int, rings: Float64, w
     bounds[1], bounds[3] = first, end
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def add_triangle(
-    vertices: Float64,
-    a: int,
-    b: int,
-    c: int,
-    lens: Float64,
-    rings: Float64,
-    width: int,
-    height: int,
-    scratch: FrameMemory,
-    place: int,
-) -> bool:
-    """Write edge functions and bounds of a triangle at a place of the scratch memory, if it may be in view."""
+    vertices: Float64, a: int, b: int, c: int, lens: Float64, rings: Float64, width: int, height: int, edges: Float64,
+    spans: Float64, bounds: Int32,
+) -> bool:  # fmt: skip
+    """Write edge functions (12,), spans (12,) and bounds (4,) of a triangle, if it may be in view."""
     ax, ay, az = vertices[a, 0], vertices[a, 1], vertices[a, 2]
     bx, by, bz = vertices[b, 0], vertices[b, 1], vertices[b, 2]
     cx, cy, cz = vertices[c, 0], vertices[c, 1], vertices[c, 2]
@@ -123,30 +121,29 @@ def add_triangle(
     volume = ax * ex + ay * ey + az * ez
     if volume <= 1e-12:
         return False
-    bounds = scratch.bounds[place]
     bound_triangle(vertices, a, b, c, lens, rings, width, height, bounds)
     if bounds[0] >= bounds[2] or bounds[1] >= bounds[3]:
         return False
-    edges = scratch.edges[place]
     fx, fy, fz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx  # -(c x a)
     gx, gy, gz = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax  # -(a x b)
     edges[0], edges[1], edges[2] = ex, ey, ez
     edges[3], edges[4], edges[5] = fx, fy, fz
     edges[6], edges[7], edges[8] = gx, gy, gz
     edges[9], edges[10], edges[11] = (ex + fx + gx) / volume, (ey + fy + gy) / volume, (ez + fz + gz) / volume
+    if lens[KIND] == PINHOLE:
+        write_spans(edges, lens, spans)
     return True
 
 
 @device_function(divides_by_zero=True)
-def list_band(first: int, end: int, num_instances: int, scratch: FrameMemory) -> int:
+def list_band(first: int, end: int, num_instances: int, instances: Int32, bounds: Int32, active: Int32) -> int:
     """List the triangles whose bounds touch a band of rows, in ``active``; return their number."""
     count = 0
     for place in range(num_instances):
-        instance = scratch.instances[place]
-        if instance[TOP] < end and instance[BOTTOM] > first:
-            for triangle in range(instance[TRI_FIRST], instance[TRI_END]):
-                if scratch.bounds[triangle, 1] < end and scratch.bounds[triangle, 3] > first:
-                    scratch.active[count] = triangle
+        if instances[place, TOP] < end and instances[place, BOTTOM] > first:
+            for triangle in range(instances[place, TRI_FIRST], instances[place, TRI_END]):
+                if bounds[triangle, 1] < end and bounds[triangle, 3] > first:
+                    active[count] = triangle
                     count += 1
     return count
 
@@ -154,56 +151,65 @@ def list_band(first: int, end: int, num_instances: int, scratch: FrameMemory) ->
 @device_function(divides_by_zero=True)
 def trace_row(row: int, num_active: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory) -> None:
     """Find the nearest of the listed triangles along the ray of every pixel of a row."""
-    near, seen = scratch.near, scratch.seen
+    near, seen, bounds, active = scratch.near, scratch.seen, scratch.bounds, scratch.active
     for column in range(width):
         near[column] = 0.0
     for column in range(width):
         seen[column] = -1
+    is_pinhole = lens[KIND] == PINHOLE
     for place in range(num_active):
-        triangle = scratch.active[place]
-        if scratch.bounds[triangle, 1] <= row < scratch.bounds[triangle, 3]:
-            if lens[KIND] == PINHOLE:
-                _scan(triangle, row, lens, scratch, near, seen)
+        triangle = active[place]
+        if bounds[triangle, 1] <= row < bounds[triangle, 3]:
+            if is_pinhole:
+                _scan(triangle, row, bounds, scratch.spans, near, seen)
             else:
-                _test(triangle, row, lens, rays, width, scratch, near, seen)
+                _test(triangle, row, lens, rays, width, scratch.edges, bounds, near, seen)
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def _scan(triangle: int, row: int, bounds: Int32, spans: Float64, near: Float64, seen: Int32) -> None:
+    """Cover the span of a triangle in a row of a pinhole's picture."""
+    left, right = bounds[triangle, 0] * 1.0, bounds[triangle, 2] * 1.0
+    for edge in range(0, 9, 3):
+        crossing = math.ceil(spans[triangle, edge] + spans[triangle, edge + 1] * row)
+        if spans[triangle, edge + 2] > 0.0:
+            left = larger(left, crossing)
+        else:
+            right = smaller(right, crossing)
+    if left >= right:
+        return
+    step = spans[triangle, 10] + 0.0
+    start = spans[triangle, 9] + spans[triangle, 11] * row + step * left
+    near, seen = near[int(left) : int(right)], seen[int(left) : int(right)]
+    for k in range(len(near)):  # one output per loop: several pixels at once
+        seen[k] = np.int32(triangle) if start + step * k > near[k] else seen[k]
+    for k in range(len(near)):
+        near[k] = larger(near[k], start + step * k)
 
 
 @device_function(divides_by_zero=True)
-def _scan(triangle: int, row: int, lens: Float64, scratch: FrameMemory, near: Float64, seen: Int32) -> None:
-    """Cover the span of a triangle in a row of a pinhole's picture."""
-    edges, bounds = scratch.edges[triangle], scratch.bounds[triangle]
-    v = (row + 0.5 - lens[CY]) / lens[FY]
-    first, end = bounds[0] * 1.0, bounds[2] * 1.0
+def write_spans(edges: Float64, lens: Float64, spans: Float64) -> None:
+    """Write where the edges of a triangle cross the rows of a pinhole's picture, and its inverse depth there."""
+    per_x, per_y = 1.0 / lens[FX], 1.0 / lens[FY]
+    top = (0.5 - lens[CY]) * per_y
     for edge in range(0, 9, 3):
-        slope, rest = edges[edge], edges[edge + 1] * v + edges[edge + 2]
-        if slope == 0.0:
-            if rest < 0.0:
-                return
-            continue
-        crossing = math.ceil(-rest / slope * lens[FX] + lens[CX] - 0.5)
-        if slope > 0.0:
-            first = larger(first, crossing)
-        else:
-            end = smaller(end, crossing)
-    if first >= end:
-        return
-    inverse_focal = 1.0 / lens[FX]
-    step = edges[9] * inverse_focal
-    start = step * (0.5 - lens[CX]) + edges[10] * v + edges[11]
-    for column in range(int(first), int(end)):
-        inverse = start + step * column
-        if inverse > near[column]:
-            near[column] = inverse
-            seen[column] = triangle
+        slope = edges[edge] if abs(edges[edge]) > 1e-30 else 1e-30
+        scale = -lens[FX] / slope
+        spans[edge] = (edges[edge + 1] * top + edges[edge + 2]) * scale + lens[CX] - 0.5
+        spans[edge + 1] = edges[edge + 1] * per_y * scale
+        spans[edge + 2] = 1.0 if slope > 0.0 else 0.0
+    spans[10], spans[11] = edges[9] * per_x, edges[10] * per_y
+    spans[9] = spans[10] * (0.5 - lens[CX]) + edges[10] * top + edges[11]
 
 
 @device_function(divides_by_zero=True)
 def _test(
-    triangle: int, row: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory, near: Float64, seen: Int32
-) -> None:
+    triangle: int, row: int, lens: Float64, rays: Float64, width: int, all_edges: Float64, bounds: Int32, near: Float64,
+    seen: Int32,
+) -> None:  # fmt: skip
     """Cover the pixels of a row whose rays hit a triangle, for any lens."""
-    edges, bounds = scratch.edges[triangle], scratch.bounds[triangle]
-    for place in range(bounds[0], bounds[2]):
+    edges = all_edges[triangle]
+    for place in range(bounds[triangle, 0], bounds[triangle, 2]):
         column = place
         if lens[KIND] == RINGS:
             column = place % width

@@ -15,8 +15,10 @@ from enum import StrEnum
 import numpy as np
 import shapely
 
-from scenarionet_data.arrays.dtypes import Bool
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.kernels.overlap import is_overlapping
 from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
 
 STOPPED = 0.05
@@ -24,6 +26,9 @@ STOPPED = 0.05
 
 AHEAD, BEHIND = math.cos(math.radians(30.0)), math.cos(math.radians(150.0))
 """Cosine of the angle at the rear axle between the heading and an object that is ahead, or behind."""
+
+_MARGIN = 1e-6
+"""Added to sizes of boxes before the exact decision [m], as rounding must not exclude boxes that just touch."""
 
 
 class CollisionKind(StrEnum):
@@ -83,9 +88,12 @@ def find_collisions(ego: EgoDrive, others: SurroundingBoxes, is_in_lane: Bool) -
     """
     found: list[EgoCollision] = []
     collided = np.zeros(len(others.size), np.bool_)
-    reach = 0.5 * (math.hypot(ego.length, ego.width) + np.hypot(*others.size.T))
-    away = np.linalg.norm(others.position - ego.position[:, None], axis=-1)
-    for step, track in np.argwhere(others.present & (away <= reach)).tolist():
+    may_touch = others.present.copy()
+    box_size = np.array([ego.length, ego.width]) + _MARGIN
+    _keep_overlaps(
+        ego.position, ego.heading, box_size, others.position, others.heading, others.size + _MARGIN, may_touch
+    )
+    for step, track in np.argwhere(may_touch).tolist():
         if collided[track]:
             continue
         box = box_outline(ego.position[step], ego.heading[step], ego.length, ego.width)
@@ -102,6 +110,26 @@ def find_collisions(ego: EgoDrive, others: SurroundingBoxes, is_in_lane: Bool) -
         group = _GROUPS.get(ObjectType(others.object_type[track]), CollisionGroup.OBJECT)
         found.append(EgoCollision(step, track, kind, group, is_at_fault, _energy(ego, others, step, track)))
     return found
+
+
+@kernel(allocates=False)
+def _keep_overlaps(
+    position: Float64, heading: Float64, size: Float64, others: Float64, other_heading: Float64, other_size: Float64,
+    present: Bool,
+) -> None:  # fmt: skip
+    """Clear the entries (T, N) of objects whose box does not overlap the ego's at that moment."""
+    for t in range(len(position)):
+        cos, sin = math.cos(heading[t]), math.sin(heading[t])
+        for n in range(others.shape[1]):
+            if not present[t, n]:
+                continue
+            dx, dy = others[t, n, 0] - position[t, 0], others[t, n, 1] - position[t, 1]
+            length, width = other_size[n, 0], other_size[n, 1]
+            reach = size[0] + size[1] + length + width  # at least twice the sum of both circumscribed radii
+            present[t, n] = 4.0 * (dx * dx + dy * dy) <= reach * reach
+            if present[t, n]:
+                c, s = math.cos(other_heading[t, n]), math.sin(other_heading[t, n])
+                present[t, n] = is_overlapping(dx, dy, cos, sin, size[0], size[1], c, s, length, width)
 
 
 def collision_score(collisions: Iterable[EgoCollision]) -> float:

@@ -13,6 +13,8 @@ from scenarionet_data.conversion import ConversionReport
 from scenarionet_data.errors import SourceError
 from tests.scenarionet_data.conversion.test_choosing_recordings import SPLIT, WRITE
 
+pytestmark = pytest.mark.integration
+
 RECORDING = {
     "argoverse1": "train/PIT/1.csv",
     "argoverse2": "motion/*/scenario_*.parquet",

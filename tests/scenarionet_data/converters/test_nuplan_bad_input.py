@@ -26,6 +26,8 @@ from tests.fixtures import nuplan as fixture
 from tests.fixtures import nuplan_drive as drives
 from tests.fixtures.reading import scenarios, shards
 
+pytestmark = pytest.mark.integration
+
 CONVERTER = NuPlan()
 DRIVE = drives.invented(seconds=6.0)
 MIDDLE = 70

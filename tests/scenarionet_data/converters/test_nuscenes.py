@@ -229,7 +229,7 @@ def test_damaged_table_is_named(raw: Path, table: str, how: str) -> None:
 def edit(path: Path, change: Callable[[Any], object]) -> None:
     content = json.loads(path.read_text())
     change(content)
-    path.write_text(json.dumps(content, indent=0))
+    path.write_text(fixture.to_json(content))
 
 
 Change = Callable[[list[dict[str, Any]]], object]

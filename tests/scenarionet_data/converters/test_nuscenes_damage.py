@@ -53,7 +53,7 @@ class TestNuScenesDamage(DamageConformance):
         for count, number in enumerate(chosen):
             ROWS[count % len(ROWS)](rows[number])
         rows.insert(int(chosen[-1]), rows[0])
-        path.write_text(json.dumps(rows, indent=0))
+        path.write_text(fixture.to_json(rows))
         return RowDamage(frozenset(hit | {rows[0]["instance_token"]}), num_added=1)
 
 

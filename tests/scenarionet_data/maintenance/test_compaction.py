@@ -16,6 +16,8 @@ from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.made import NAME, write_raw
 from tests.scenarionet_data.maintenance.conftest import OPTIONS, check_whole, content, convert_to, rows
 
+pytestmark = pytest.mark.integration
+
 
 def groups(root, table="tracks"):
     """Rows of each row group, by file."""

@@ -24,6 +24,8 @@ from tests.fixtures.made import write_raw
 from tests.fixtures.scenarios import make_scenario
 from tests.scenarionet_data.maintenance.conftest import check_whole, content, convert_to
 
+pytestmark = pytest.mark.integration
+
 
 def found(root, *, is_deep=True):
     """Reasons by file."""

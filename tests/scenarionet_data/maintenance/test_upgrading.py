@@ -20,6 +20,8 @@ from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_pipelines.cli import cli
 
+pytestmark = pytest.mark.integration
+
 GOLDEN = Path(__file__).parents[2] / "golden" / "lakes" / "format-1"
 
 

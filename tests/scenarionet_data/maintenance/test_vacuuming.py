@@ -21,6 +21,8 @@ from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from tests.fixtures.made import NAME, write_raw
 from tests.scenarionet_data.maintenance.conftest import OPTIONS, age, check_whole, content, convert_to
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture
 def compacted(root):

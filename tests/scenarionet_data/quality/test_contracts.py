@@ -223,7 +223,7 @@ def test_shard_counts_match_its_content(case: Case) -> None:
     assert f"shard {partition}/variants: {said} scenarios, {said + 1} were converted" in [row["detail"] for row in rows]
 
 
-def test_audit_finds_hard_rule_violations(case: Case, tmp_path: Path) -> None:
+def test_audit_finds_hard_rule_violations(case: Case) -> None:
     """Before anything is written, with the rule as the field; valid scenarios pass; validation covers the rest."""
     at_origin = replace(case.template, origin=np.zeros(3))
     # For a window on a shared map, only the scenario is available.
@@ -235,7 +235,7 @@ def test_audit_finds_hard_rule_violations(case: Case, tmp_path: Path) -> None:
     own = [row for row in own if row[0] not in audit.VALIDATED]
     broken = [renamed(change(at_origin), name) for _, name, change in own]
     encoded = [codec.encode(scenario, "1") for scenario in [*broken, *case.recordings.scenarios]]
-    found = audit.audit(LocalLakeFiles(tmp_path), encoded)
+    found = audit.audit(encoded)
     assert {number: error.field for number, error in found.items()} == dict(enumerate(check for check, _, _ in own))
 
 

@@ -16,9 +16,12 @@ from scenarionet_sim.evaluation.evaluation import EvaluationReport, evaluate, fi
 from scenarionet_sim.evaluation.recording import record
 from scenarionet_sim.evaluation.references import run_references
 from scenarionet_sim.policies import ConstantVelocity
+from scenarionet_sim.sensors import EgoState
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.made import NAME, write_raw
+
+pytestmark = pytest.mark.integration
 
 SCENARIOS = [make_drive(f"d{k}", speed=8.0 + k, others=(Other(15.0 + 5 * k, vx=4.0),)) for k in range(5)]
 
@@ -37,9 +40,14 @@ class GoAhead:
         return [0.0, 1.0]
 
 
-class Confused(GoAhead):
+class Confused:
+    """Answers no number to egos at 9 m/s and 11 m/s."""
+
+    sensors = (EgoState(),)
+
     def act(self, observation: np.ndarray) -> list[float]:
-        return [np.nan, 0.0] if self.episodes == 2 else [0.0, 0.0]
+        speed = round(40.0 * float(observation[0]))
+        return [np.nan, 0.0] if speed in (9, 11) else [0.0, 0.0]
 
 
 class Glide(ConstantVelocity):

@@ -12,17 +12,18 @@ from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.schema import tables
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.evaluation.drivers import resolve_drivers
-from scenarionet_sim.evaluation.environment_cache import EnvironmentCache
-from scenarionet_sim.evaluation.rollout import Rollout, roll_out
+from scenarionet_sim.evaluation.rollout import Rollout
+from scenarionet_sim.evaluation.rollout_batch import RolloutBatch, RolloutJob
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 
 
 def drive(scenario: ScenarioDescription, policy: str = "replay") -> tuple[Rollout, World]:
-    world, who = World.from_scenario(scenario), resolve_drivers(policy)
-    with EnvironmentCache(who.policies, Kinematic()) as environments:
-        return roll_out(environments.environment_for(world), world, who.driver, np.random.default_rng(0)), world
+    world = World.from_scenario(scenario)
+    ((_, rollout),) = RolloutBatch(resolve_drivers(policy), Kinematic()).run([RolloutJob(0, world)])
+    assert isinstance(rollout, Rollout)
+    return rollout, world
 
 
 def measured(scenario: ScenarioDescription, policy: str = "replay") -> dict:

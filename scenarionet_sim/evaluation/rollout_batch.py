@@ -1,0 +1,174 @@
+"""Rollouts in the slots of one batched environment: a slot whose episode ends begins the next one.
+
+A rollout does not depend on the other slots or on their number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_sim.backends.base import Backend, checked_actions
+from scenarionet_sim.environments.batched import BatchedEnvironment
+from scenarionet_sim.environments.config import PAPER_OBSERVATION, EnvConfig
+from scenarionet_sim.environments.observation import Observation
+from scenarionet_sim.evaluation.drivers import BatchDriver, Driver, Drivers
+from scenarionet_sim.evaluation.rollout import Rollout, RolloutRecorder
+from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.worlds.world import World
+
+SLOTS = 16
+"""Rollouts at once: more cost memory and save little, as the step's Python is shared by this many already."""
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutJob:
+    """A rollout to simulate.
+
+    Attributes:
+        number: Number of the job.
+        world: The scenario.
+        seed: Seed of stochastic policies, random drivers, and the sensors' noise.
+        start: Timestep of the log at which to begin; None for the first at which the ego is valid.
+        num_steps: Steps to drive and to score; None for all until the ego's last recorded state.
+        waits: Drive on until the outcome is decided.
+    """
+
+    number: int
+    world: World
+    seed: tuple[int, ...] = (0,)
+    start: int | None = None
+    num_steps: int | None = None
+    waits: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class _Slot:
+    """What plays in a slot."""
+
+    job: RolloutJob
+    rng: np.random.Generator
+    driver: Driver | None
+    recorder: RolloutRecorder
+
+    @property
+    def is_over(self) -> bool:
+        recorder = self.recorder
+        return recorder.num_steps >= recorder.num_scored and (recorder.is_decided or not self.job.waits)
+
+
+class RolloutBatch:
+    """Simulates rollouts.
+
+    Args:
+        drivers: Policies of the simulation, and the driver of the agent if there is one.
+        backend: Vehicle dynamics of the agent.
+        slots: Largest number of rollouts at once.
+    """
+
+    def __init__(self, drivers: Drivers, backend: Backend, slots: int = SLOTS) -> None:
+        self._drivers, self._backend, self._slots = drivers, backend, slots
+        self._drivers_by_slot = {} if drivers.driver is None else {0: drivers.driver}
+
+    def run(self, jobs: Iterable[RolloutJob]) -> Iterator[tuple[RolloutJob, Rollout | Exception]]:
+        """Yield the rollout of each job, in the order in which they end, or why it failed.
+
+        What fails in a batch is repeated one by one, so that a scenario fails only on its own.
+        """
+        waiting = iter(jobs)
+        while playing := dict(enumerate(islice(waiting, self._slots))):
+            try:
+                yield from self._play(playing, waiting)
+            except (MemoryError, MissingDependency):
+                raise
+            except Exception as error:  # of one scenario, or of a driver in it
+                if self._slots == 1:
+                    yield playing[0], error
+                else:
+                    yield from RolloutBatch(self._drivers, self._backend, slots=1).run(playing.values())
+
+    def _play(
+        self, playing: dict[int, RolloutJob], waiting: Iterator[RolloutJob]
+    ) -> Iterator[tuple[RolloutJob, Rollout]]:
+        """Play until no job is left; ``playing`` are the jobs that are not done, by slot."""
+        sensors = getattr(self._drivers.driver, "sensors", None) or PAPER_OBSERVATION
+        config = EnvConfig(Scenarios("."), self._drivers.policies, self._backend, cache_size=1)
+        core = BatchedEnvironment(config, Observation(sensors, "flat"), [job.world for job in playing.values()])
+        core.is_observing = self._drivers.driver is not None
+        try:
+            seats = {slot: self._begin(core, slot, job) for slot, job in playing.items()}
+            while seats:
+                over = [slot for slot, seat in seats.items() if seat.is_over]
+                for slot in over:
+                    yield playing.pop(slot), seats.pop(slot).recorder.rollout()
+                    job = next(waiting, None)
+                    if job is not None:
+                        playing[slot] = job
+                        seats[slot] = self._begin(core, slot, job)
+                    elif seats:
+                        core.simulation.rest(slot)
+                if not over:
+                    core.step(self._actions(core, seats))
+                    agents = _agents_by_slot(core)
+                    for slot, seat in seats.items():
+                        seat.recorder.add(core, agents[slot])
+        finally:
+            core.close()
+
+    def _begin(self, core: BatchedEnvironment, slot: int, job: RolloutJob) -> _Slot:
+        """Begin the episode of a job in a slot."""
+        rng, driver = np.random.default_rng(job.seed), self._driver_of(slot)
+        core.simulation.policies = tuple(policy.sampled(rng) for policy in self._drivers.policies)
+        core.begin([slot], [job.world], job.start)
+        if driver is not None and hasattr(driver, "reset"):
+            driver.reset()
+        if driver is not None and hasattr(driver, "seed"):
+            driver.seed(rng)
+        recorder = RolloutRecorder(job.world, slot, core, job.num_steps)
+        recorder.add(core, _agents_by_slot(core)[slot])
+        return _Slot(job, rng, driver, recorder)
+
+    def _driver_of(self, slot: int) -> Driver | None:
+        """Return the driver of a slot: its own, unless one drives batches, as drivers may remember their episode."""
+        if isinstance(self._drivers.driver, BatchDriver):
+            return self._drivers.driver
+        if self._drivers.driver is not None and slot not in self._drivers_by_slot:
+            self._drivers_by_slot[slot] = self._drivers.make_driver()
+        return self._drivers_by_slot.get(slot)
+
+    def _actions(self, core: BatchedEnvironment, seats: Mapping[int, _Slot]) -> Float64:
+        """Return the actions (A, 2) of all agents: zeros where a policy drives, and in slots that rest."""
+        actions, driver = np.zeros((len(core.agents), 2)), self._drivers.driver
+        if driver is None:
+            return actions
+        core.simulation.observe()
+        agents = _agents_by_slot(core)
+        rows = np.array([agents[slot] for slot in seats])
+        for row, seat in zip(rows, seats.values(), strict=True):
+            seen = core.observe(seat.rng, row[None])
+        if isinstance(driver, BatchDriver):
+            actions[rows] = _checked(driver.act_batch(seen[rows]), len(rows))
+            return actions
+        for row, seat in zip(rows, seats.values(), strict=True):
+            if seat.driver is not None:
+                actions[row] = _checked(seat.driver.act(seen[row]), 1)
+        return actions
+
+
+def _agents_by_slot(core: BatchedEnvironment) -> dict[int, int]:
+    """Return the index of each slot's agent."""
+    return {slot: agent for agent, slot in enumerate(core.agents[:, 0].tolist())}
+
+
+def _checked(actions: npt.ArrayLike, count: int) -> Float64:
+    """Return the actions (count, 2) that a driver answers."""
+    checked = checked_actions(actions)
+    if len(checked) != count:
+        raise BadParameter(f"{len(checked)} actions for {count} agents; return steering and throttle for each")
+    return checked

@@ -1,0 +1,145 @@
+"""Channels of a row besides colour: depth, class, instance, normal and optical flow."""
+
+from __future__ import annotations
+
+import math
+
+from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_sim.kernels.cameras.ground import cell_of, height_at, paint_at, surface_at
+from scenarionet_sim.kernels.cameras.layout import (
+    CROSSING,
+    CROSSWALK,
+    DISTANCE,
+    DOWN,
+    EYE,
+    FORWARD,
+    GROUND_X,
+    GROUND_Y,
+    HAS_STROKES,
+    INSTANCE_ROW,
+    KERB,
+    KIND,
+    LANE_PAINT,
+    NOTHING,
+    ON_GROUND,
+    PAVEMENT,
+    PINHOLE,
+    PIVOT,
+    RAY_X,
+    RAY_Y,
+    RAY_Z,
+    RIGHT,
+    ROAD,
+    ROADWAY,
+    SEMANTIC,
+    SIDEWALK,
+    SKY,
+    TERRAIN,
+    VELOCITY,
+    YAW_SPEED,
+    FrameMemory,
+    Ground,
+    Pictures,
+    Solids,
+)
+from scenarionet_sim.kernels.cameras.lens import project
+from scenarionet_sim.kernels.log import VX, YAW_RATE, X, Y
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def ground_class(ground: Ground, slot: int, x: float, y: float) -> int:
+    """Return the class of the ground at a point."""
+    cell = cell_of(ground, slot, x, y)
+    if cell < 0:
+        return TERRAIN
+    bits = int(ground.corner[cell])
+    if bits >= HAS_STROKES:
+        bits = surface_at(ground, slot, cell, x, y)
+        paint = paint_at(ground, cell, x, y)
+        if bits & CROSSWALK:
+            return CROSSING
+        if paint == KERB:
+            return PAVEMENT
+        if paint >= 0:
+            return LANE_PAINT
+    if bits & CROSSWALK:
+        return CROSSING
+    if bits & ROAD:
+        return ROADWAY
+    return PAVEMENT if bits & SIDEWALK else TERRAIN
+
+
+@device_function(divides_by_zero=True)
+def label_row(
+    frame: int, row: int, start: int, end: int, slot: int, ground: Ground, scratch: FrameMemory, pictures: Pictures
+) -> None:
+    """Write depth, class, instance and normal of the pixels of a row, where wanted."""
+    values, seen = scratch.row, scratch.seen
+    if len(pictures.depth):
+        depth = pictures.depth[frame, row, start:end]
+        for k in range(len(depth)):
+            depth[k] = values[DISTANCE, k]
+    if len(pictures.semantic):
+        for column in range(start, end):
+            found = SKY
+            if seen[column] >= 0:
+                found = scratch.labels[seen[column], SEMANTIC]
+            elif seen[column] == ON_GROUND:
+                found = ground_class(ground, slot, values[GROUND_X, column - start], values[GROUND_Y, column - start])
+            pictures.semantic[frame, row, column] = found
+    if len(pictures.instance):
+        for column in range(start, end):
+            pictures.instance[frame, row, column] = (
+                scratch.labels[seen[column], INSTANCE_ROW] if seen[column] >= 0 else -1
+            )
+    if len(pictures.normals):
+        for column in range(start, end):
+            normal = pictures.normals[frame, row, column]
+            normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
+            if seen[column] >= 0:
+                colors = scratch.colors[seen[column]]
+                normal[0], normal[1], normal[2] = colors[9], colors[10], colors[11]
+            elif seen[column] == ON_GROUND:
+                x, y = values[GROUND_X, column - start], values[GROUND_Y, column - start]
+                slope_x = (height_at(ground, slot, x + 0.05, y) - height_at(ground, slot, x - 0.05, y)) * 10.0
+                slope_y = (height_at(ground, slot, x, y + 0.05) - height_at(ground, slot, x, y - 0.05)) * 10.0
+                unit = 1.0 / math.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
+                normal[0], normal[1], normal[2] = -slope_x * unit, -slope_y * unit, unit
+
+
+@device_function(divides_by_zero=True)
+def flow_row(
+    frame: int, row: int, start: int, end: int, slot: int, pose: Float64, lens: Float64, dt: float, solids: Solids,
+    scratch: FrameMemory, pictures: Pictures,
+) -> None:  # fmt: skip
+    """Write where each pixel's point will be in the picture after ``dt``, at constant velocities and yaw rates."""
+    values, seen = scratch.row, scratch.seen
+    turn = pose[YAW_SPEED] * dt
+    cos, sin = math.cos(turn), math.sin(turn)
+    for column in range(start, end):
+        out = pictures.flow[frame, row, column]
+        out[0], out[1] = 0.0, 0.0
+        far = values[DISTANCE, column - start]
+        x, y = far * values[RAY_X, column - start], far * values[RAY_Y, column - start]
+        z = far * values[RAY_Z, column - start]
+        if seen[column] != NOTHING:
+            x, y = x + pose[EYE], y + pose[EYE + 1]
+            if seen[column] >= 0 and scratch.labels[seen[column], INSTANCE_ROW] >= 0:
+                motion = solids.motion[slot, scratch.labels[seen[column], INSTANCE_ROW]]
+                angle = motion[YAW_RATE] * dt
+                c, s = math.cos(angle), math.sin(angle)
+                ax, ay = x - motion[X], y - motion[Y]
+                x = motion[X] + motion[VX] * dt + c * ax - s * ay
+                y = motion[Y] + motion[VX + 1] * dt + s * ax + c * ay
+            # Into the frame of the vehicle as it is now: undo the motion of the camera.
+            x, y = x - pose[PIVOT] - pose[VELOCITY] * dt, y - pose[PIVOT + 1] - pose[VELOCITY + 1] * dt
+            x, y = cos * x + sin * y + pose[PIVOT] - pose[EYE], cos * y - sin * x + pose[PIVOT + 1] - pose[EYE + 1]
+        else:
+            x, y = cos * x + sin * y, cos * y - sin * x
+        right = pose[RIGHT] * x + pose[RIGHT + 1] * y + pose[RIGHT + 2] * z
+        down = pose[DOWN] * x + pose[DOWN + 1] * y + pose[DOWN + 2] * z
+        ahead = pose[FORWARD] * x + pose[FORWARD + 1] * y + pose[FORWARD + 2] * z
+        if ahead > 1e-3 or (lens[KIND] != PINHOLE and lens[KIND] != 1.0):
+            place = project(lens, right, down, ahead)
+            out[0], out[1] = place[0] - column - 0.5, place[1] - row - 0.5
