@@ -69,6 +69,7 @@ if TYPE_CHECKING:
         Mount,
         Navigation,
         PointCloud,
+        SceneLidar,
         Sensor,
         Surrounding,
     )
@@ -113,6 +114,7 @@ _MODULE_OF = {
     "Planned": "planners",
     "Planner": "planners",
     "PointCloud": "sensors",
+    "SceneLidar": "sensors",
     "Policy": "policies",
     "PurePursuitPlanner": "planners.following",
     "Replay": "policies",
@@ -189,6 +191,7 @@ __all__ = [
     "ScenarioNetParallelEnv",
     "ScenarioNetVectorEnv",
     "Scenarios",
+    "SceneLidar",
     "Sensor",
     "Simulation",
     "SocialForce",

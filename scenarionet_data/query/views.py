@@ -205,6 +205,7 @@ def _hive_columns(table: str) -> Sequence[str]:
 
 
 _SQL_TYPES = {
+    "binary": "BLOB",
     "bool": "BOOLEAN",
     "int8": "TINYINT",
     "int32": "INTEGER",

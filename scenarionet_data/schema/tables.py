@@ -22,7 +22,18 @@ from scenarionet_data.errors import SchemaMismatch
 from scenarionet_data.schema.package_data import SCHEMAS
 
 CONTENT = ("metadata", "tracks", "lights", "maps", "quarantine", "defects")
-TABLES = (*CONTENT, "shards", "members", "results", "rollouts", "observations", "training", "predictions", "scores")
+TABLES = (
+    *CONTENT,
+    "shards",
+    "members",
+    "results",
+    "rollouts",
+    "observations",
+    "frames",
+    "training",
+    "predictions",
+    "scores",
+)
 
 DESCRIPTION_COLUMNS = (
     "scenario_id",
@@ -64,6 +75,7 @@ _SCALARS = {
     "int32": pa.int32(),
     "int64": pa.int64(),
     "uint64": pa.uint64(),
+    "binary": pa.binary(),
     "float32": pa.float32(),
     "float64": pa.float64(),
     "string": pa.string(),

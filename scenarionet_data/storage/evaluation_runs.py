@@ -22,7 +22,7 @@ from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.sealed_json import NewerFormat
 from scenarionet_data.storage.write.table_file import publish_table
 
-RUN_TABLES = ("results", "rollouts", "observations", "training")
+RUN_TABLES = ("results", "rollouts", "observations", "frames", "training")
 _FOLDER = "results"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
 

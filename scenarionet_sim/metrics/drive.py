@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -79,14 +80,14 @@ class EgoDrive:
         """Mean time between two moments [s]."""
         return float(np.diff(self.time).mean())
 
-    @property
+    @cached_property
     def rear_axle(self) -> Float64:
         """(T, 2) positions of the rear axle [m]."""
         axis = np.column_stack((np.cos(self.heading), np.sin(self.heading)))
         found: Float64 = self.position - self.rear * axis
         return found
 
-    @property
+    @cached_property
     def corners(self) -> Float64:
         """(T, 4, 2) corners of the box [m]: front left, rear left, rear right, front right."""
         cos, sin = np.cos(self.heading), np.sin(self.heading)

@@ -16,7 +16,8 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.drive import EgoDrive
 from scenarionet_sim.roads.roads import Roads
@@ -38,7 +39,6 @@ class LaneLinks:
     roads: Roads
     _after: dict[int, LaneRows] = field(default_factory=dict, init=False, repr=False)
     _before: dict[int, LaneRows] = field(default_factory=dict, init=False, repr=False)
-    _lines: dict[int, tuple[Float64, Float64, Float64]] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def _edges(self) -> tuple[Int32, Int32]:
@@ -85,18 +85,24 @@ class LaneLinks:
 
     def _along(self, lane: int, point: Float64, heading: float) -> float:
         """Cosine of the angle between a lane at its nearest point and a heading."""
-        if lane not in self._lines:
-            line = self.roads.lanes[lane].astype(np.float64)
-            step = np.diff(line, axis=0)
-            self._lines[lane] = line[:-1], step, np.maximum((step**2).sum(axis=1), 1e-12)
-        start, step, square = self._lines[lane]
-        if not len(start):
-            return -1.0
-        share = np.minimum(np.maximum(((point - start) * step).sum(axis=1) / square, 0.0), 1.0)
-        nearest = int(np.argmin(((start + share[:, None] * step - point) ** 2).sum(axis=1)))
-        x, y = step[nearest].tolist()
-        cosine: float = (x * math.cos(heading) + y * math.sin(heading)) / math.sqrt(square[nearest])
-        return cosine
+        x, y = point.tolist()
+        return _cosine_along(self.roads.lanes[lane], x, y, math.cos(heading), math.sin(heading))
+
+
+@kernel(allocates=False)
+def _cosine_along(line: Float32, x: float, y: float, cos: float, sin: float) -> float:
+    """Return the cosine of the angle between a direction and a line (n, 2) at its point nearest to (x, y), or -1."""
+    cosine, best = -1.0, np.inf
+    for n in range(len(line) - 1):
+        x0, y0 = np.float64(line[n, 0]), np.float64(line[n, 1])
+        dx, dy = line[n + 1, 0] - x0, line[n + 1, 1] - y0
+        square = max(dx * dx + dy * dy, 1e-12)
+        share = min(max(((x - x0) * dx + (y - y0) * dy) / square, 0.0), 1.0)
+        apart_x, apart_y = x0 + share * dx - x, y0 + share * dy - y
+        apart = apart_x * apart_x + apart_y * apart_y
+        if apart < best:
+            cosine, best = (dx * cos + dy * sin) / math.sqrt(square), apart
+    return cosine
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,11 +163,15 @@ class DrivenLanes:
         """Arc length (T,) on the lane of each moment [m]; NaN without one."""
         arcs = np.full(len(position), np.nan)
         first = np.array([lanes[0] if lanes else -1 for lanes in self.route])
-        for lane in set(first.tolist()) - {-1}:
-            line = self.graph.roads.lanes[lane]
-            if len(line) > 1:
-                steps = np.flatnonzero(first == lane)
-                arcs[steps] = shapely.line_locate_point(shapely.LineString(line), shapely.points(position[steps]))
+        known = self.graph.roads.lanes
+        used = [lane for lane in dict.fromkeys(first.tolist()) if lane >= 0 and known.lengths[lane] > 1]
+        if used:
+            chosen = known.take(np.array(used))
+            owner = np.repeat(np.arange(len(used)), chosen.lengths)
+            lines, order = shapely.linestrings(chosen.values, indices=owner), np.argsort(used)
+            steps = np.flatnonzero(np.isin(first, used))
+            place = order[np.searchsorted(used, first[steps], sorter=order)]
+            arcs[steps] = shapely.line_locate_point(lines[place], shapely.points(position[steps]))
         return arcs
 
 

@@ -9,6 +9,7 @@ from scenarionet_sim.sensors.lidar import Lidar
 from scenarionet_sim.sensors.light_ahead import LightAhead
 from scenarionet_sim.sensors.navigation import Navigation
 from scenarionet_sim.sensors.point_cloud import PointCloud
+from scenarionet_sim.sensors.scene_lidar import SceneLidar
 from scenarionet_sim.sensors.state import EgoState
 from scenarionet_sim.sensors.surrounding import Surrounding
 
@@ -24,6 +25,7 @@ __all__ = [
     "Mount",
     "Navigation",
     "PointCloud",
+    "SceneLidar",
     "Sensor",
     "Surrounding",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -120,6 +120,9 @@ class Camera(Sensor):
             require(min(self.intrinsics[:2]) > 0, f"intrinsics={self.intrinsics}; focal lengths must be above 0")
         most = 4 if self.lens == "fisheye" else 5
         require(len(self.distortion) <= most, f"a {self.lens} has at most {most} coefficients of distortion")
+        require(
+            np.abs(astuple(self.mount)).max() < 1e6, f"mount={self.mount}; expected finite lengths [m] and angles [rad]"
+        )
         require(self.range > 0 and self.exposure > 0, "a camera's range and exposure must be above 0")
         require(min(self.noise, self.jitter) >= 0, "a camera's noise and jitter must be at least 0")
         require(1 <= self.supersampling <= 4, f"supersampling={self.supersampling}; expected 1 to 4")

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_sim.metrics.waymax.nearest import nearest_rows
 from scenarionet_sim.roads.roads import Roads
 
 EDGES = (MapFeatureType.ROAD_EDGE_BOUNDARY, MapFeatureType.ROAD_EDGE_MEDIAN)
@@ -23,9 +23,6 @@ SPACING = 0.5
 
 Z_STRETCH = 2.0
 """Factor on differences of height, so that an edge on another level is far."""
-
-_IN_BOX = 32
-"""Points that are searched together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +61,8 @@ class RoadEdges:
         Args:
             points: (Q, 3) [m].
         """
-        nearest = np.zeros(len(points), np.int32)
-        _find_nearest(points, self.position, *self._boxes(), nearest)
+        stretch = np.array([1.0, 1.0, Z_STRETCH])
+        nearest = nearest_rows(stretch * points, stretch * self.position)
         before = np.maximum(nearest - 1, 0)
         away = points[:, :2] - self.position[nearest, :2]
         side, side_before = _cross(away, self.direction[nearest]), _cross(away, self.direction[before])
@@ -73,11 +70,6 @@ class RoadEdges:
         sign = np.sign(np.where(is_joined & (side_before < side), side_before, side))
         found: Float64 = np.hypot(*away.T) * sign
         return found
-
-    def _boxes(self) -> tuple[Float64, Float64]:
-        """Lower and upper corners (B, 2) around every ``_IN_BOX`` consecutive points [m]."""
-        first, place = np.arange(0, len(self.position), _IN_BOX), np.ascontiguousarray(self.position[:, :2])
-        return np.minimum.reduceat(place, first), np.maximum.reduceat(place, first)
 
 
 def is_offroad(corners: Float64, edges: RoadEdges) -> Bool:
@@ -96,34 +88,3 @@ def is_offroad(corners: Float64, edges: RoadEdges) -> Bool:
 def _cross(first: Float64, second: Float64) -> Float64:
     found: Float64 = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     return found
-
-
-@kernel(allocates=False)
-def _find_nearest(points: Float64, position: Float64, lower: Float64, upper: Float64, found: Int32) -> None:
-    """Write the row (Q,) of the position nearest to each point, the first of several, heights stretched.
-
-    Boxes that are farther than the position nearest to the point before are left out: points follow a vehicle.
-    """
-    last = 0
-    for q in range(len(points)):
-        best, most = np.inf, _apart(points, q, position, last)
-        for b in range(len(lower)):
-            x = max(lower[b, 0] - points[q, 0], points[q, 0] - upper[b, 0], 0.0)
-            y = max(lower[b, 1] - points[q, 1], points[q, 1] - upper[b, 1], 0.0)
-            outside = x * x + y * y
-            if outside > most or outside >= best:
-                continue
-            for p in range(_IN_BOX * b, min(_IN_BOX * (b + 1), len(position))):
-                apart = _apart(points, q, position, p)
-                if apart < best:
-                    best, last = apart, p
-        found[q] = last
-
-
-@device_function(forceinline=True)
-def _apart(points: Float64, q: int, position: Float64, p: int) -> float:
-    """Return the square of the distance between two points, heights stretched."""
-    x, y = position[p, 0] - points[q, 0], position[p, 1] - points[q, 1]
-    z = Z_STRETCH * (position[p, 2] - points[q, 2])
-    apart: float = x * x + y * y + z * z
-    return apart

@@ -13,10 +13,10 @@ from functools import cache
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 from scenarionet_sim.metrics.drive import EgoDrive
 from scenarionet_sim.metrics.lanes import LaneLinks, driven_route
+from scenarionet_sim.metrics.waymax.nearest import nearest_rows
 from scenarionet_sim.roads.roads import Roads
 
 WRONG_WAY = 3.5
@@ -110,15 +110,12 @@ def progression(position: Float64, start: Float64, end: Float64, routes: Routes)
     return 1.0 if first == last else (arc(position) - first) / (last - first)
 
 
-@kernel
 def _distance(position: Float64, points: Float64) -> Float64:
     """Distance (T,) to the nearest point [m]; infinite without points."""
-    found = np.full(len(position), np.inf)
-    for t in range(len(position)):
-        for p in range(len(points)):
-            x, y = points[p, 0] - position[t, 0], points[p, 1] - position[t, 1]
-            found[t] = min(found[t], x * x + y * y)
-    distance: Float64 = np.sqrt(found)
+    if not len(points):
+        return np.full(len(position), np.inf)
+    away = points[nearest_rows(position, points)] - position
+    distance: Float64 = np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2)
     return distance
 
 

@@ -13,6 +13,9 @@ from scenarionet_sim.evaluation import recording as recordings_module
 from scenarionet_sim.evaluation.recording import record
 from scenarionet_sim.policies import Replay
 from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.sensors import Camera
+from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 
@@ -62,3 +65,20 @@ def test_second_call_continues_the_run(lake):
 def test_unknown_agents_are_refused(lake):
     with pytest.raises(BadParameter, match="unknown agents 'birds'; choose from vehicles, ego"):
         record(lake, name="seen", agents="birds")
+
+
+@pytest.mark.long  # compiles the camera
+def test_frames_are_those_of_the_camera(lake):
+    camera = Camera(24, 16, channels=("rgb", "depth"), has_scenery=False)
+    record(lake, name="seen", agents="ego", cameras=(camera,))
+    rows = lake.sql("SELECT * FROM frames WHERE scenario_id = $id AND timestep = 0", {"id": SCENARIOS[0].id})
+    simulation = Simulation([World.from_scenario(SCENARIOS[0])], (Replay(),))
+    simulation.reset(0, start=0)
+    expected = camera.frames(simulation.batch, simulation.state, np.array([[0, 0]], np.int32))
+    assert set(rows["channel"]) == {"rgb", "depth"}
+    for row in rows.rows(named=True):
+        picture = expected[row["channel"]][0]
+        assert (row["height"], row["width"]) == (16, 24)
+        found = np.frombuffer(row["pixels"], row["dtype"]).reshape(picture.shape)
+        np.testing.assert_array_equal(found, picture)
+    assert lake.sql("SELECT count(*) FROM frames").item() == 3 * 21 * 2

@@ -234,9 +234,44 @@ def test_bad_cameras_are_refused(wrong):
 
 @pytest.mark.long
 def test_camera_inside_a_box_sees_through_it(drive):
-    inside = replace(BARE, mount=Mount(14.0, 1.0, 0.5), channels=("rgb", "depth"))
-    found = seen(inside, drive)
-    assert np.isfinite(found["depth"]).all()
+    """The faces of a box are not seen from behind."""
+    ahead, heading = drive.state.motion[0, 1], drive.state.heading[0, 0]
+    away = ahead[:2] - drive.state.position[0, 0]
+    cos, sin = np.cos(heading), np.sin(heading)
+    mount = Mount(cos * away[0] + sin * away[1], cos * away[1] - sin * away[0], 0.5)
+    found = seen(replace(BARE, mount=mount, channels=("rgb", "depth", "instance", "semantic")), drive)
+    np.testing.assert_allclose(rays(replace(BARE, mount=mount), drive)[0][:2], ahead[:2], atol=1e-6)
+    assert 1 not in found["instance"]
+    below = found["semantic"] == SemanticClass.ROAD
+    assert below.any()
+    assert found["depth"][below].min() < 3.0
+    assert found["rgb"].std() > 5
+
+
+@pytest.mark.long
+def test_edges_of_a_curved_road_are_those_of_the_map():
+    """Half a ring around (0, 22), from 20 to 24 m: classes are right farther than a pixel from its outline."""
+    turn = np.linspace(-np.pi / 2, np.pi / 2, 721)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    middle = np.array([0.0, 22.0])
+    outline = np.concatenate([24 * circle, 20 * circle[::-1]]) + middle
+    builder = MapBuilder()
+    builder.add("bend", MapFeatureType.LANE_SURFACE_STREET, polyline=22 * circle + middle, polygon=outline)
+    curved = simulate(replace(make_drive(speed=1.0), map=builder.build(np.zeros(3), has_z=False)), steps=1)
+    camera = replace(BARE, width=160, height=120, has_sidewalks=False, mount=Mount(1.0, 0.2, 1.6, 0.3, -0.2, 0.05))
+    semantic = seen(camera, curved)["semantic"]
+    eye, way, _ = rays(camera, curved)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.where(way[..., 2] < 0, -eye[2] / way[..., 2], np.nan)
+    point = eye + distance[..., None] * way
+    radius = np.hypot(point[..., 0], point[..., 1] - 22.0)
+    step = np.abs(np.gradient(radius, axis=0)) + np.abs(np.gradient(radius, axis=1)) + 2e-3
+    border = np.minimum(np.abs(radius - 20), np.abs(radius - 24))
+    clear = (distance < 60) & (border > step) & (point[..., 0] > 1.0)
+    on_road = clear & (radius > 20) & (radius < 24)
+    assert min(on_road.sum(), (clear & ~on_road).sum()) > 300
+    assert set(np.unique(semantic[on_road])) == {SemanticClass.ROAD}
+    assert set(np.unique(semantic[clear & ~on_road])) == {SemanticClass.TERRAIN}
 
 
 @pytest.mark.long
@@ -270,3 +305,27 @@ def test_heights_ignore_points_that_are_not_numbers():
     assert np.isfinite(Heights.from_map(features, 3.0).values).all()
     features.polyline.values[:, 2] = np.inf
     assert Heights.from_map(features, 3.0) is None
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("broken", ["no map", "crossing", "not a number"])
+def test_broken_scenarios_give_pictures(broken):
+    scenario = make_drive(others=(Other(12.0, 1.0),), has_map=broken != "no map")
+    if broken != "no map":
+        builder = MapBuilder()
+        builder.add(
+            "lane", MapFeatureType.LANE_SURFACE_STREET, width=(2, 2),
+            polyline=[[0.0, 0.0, np.nan if broken == "not a number" else 0.0], [40.0, 0.0, 0.0]],
+        )  # fmt: skip
+        bow = [[5.0, 5.0], [15.0, 15.0], [15.0, 5.0], [5.0, 15.0]]
+        builder.add("bow", MapFeatureType.CROSSWALK, polygon=bow)
+        scenario = replace(scenario, map=builder.build(np.zeros(3), has_z=broken == "not a number"))
+    found = seen(replace(BARE, channels=("rgb", "depth", "normals")), simulate(scenario, steps=1))
+    assert all(np.isfinite(values).all() for values in found.values())
+    assert found["rgb"].std() > 5
+
+
+@pytest.mark.parametrize("height", [np.nan, np.inf, -1e30])
+def test_a_mount_that_is_not_a_number_is_refused(height):
+    with pytest.raises(BadParameter, match="mount"):
+        Camera(mount=Mount(z=height))

@@ -21,6 +21,15 @@ from scenarionet_pipelines.cli.parameters import (
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
 
+def _size(_context: click.Context, _parameter: click.Parameter, value: str | None) -> tuple[int, int] | None:
+    if value is None:
+        return None
+    width, _, height = value.partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise click.BadParameter(f"expected WIDTHxHEIGHT [pixels], for example 320x180, found {value!r}")
+    return int(width), int(height)
+
+
 @verb(
     "record", "scenarionet record lake busy_train", "scenarionet record lake busy_train --agents ego --name ego_states"
 )
@@ -28,6 +37,9 @@ from scenarionet_pipelines.cli.progress import ProgressDisplay
 @optional_database_argument
 @click.option(
     "--agents", default="vehicles", metavar="NAME", show_default=True, help="Agents that observe: vehicles or ego."
+)
+@click.option(
+    "--camera", metavar="WIDTHxHEIGHT", callback=_size, help="Record what a camera on every agent sees, too, in colour."
 )
 @click.option("--name", metavar="NAME", help="Name of the run. [default: DATABASE-AGENTS-observed]")
 @workers_option
@@ -39,6 +51,7 @@ def command(
     lake: str,
     database: str | None,
     agents: str,
+    camera: tuple[int, int] | None,
     name: str | None,
     workers: int | None,
     cluster: str | None,
@@ -49,13 +62,15 @@ def command(
     """Record what every vehicle observes along its logged trajectory, for imitation learning.
 
     The view `observations` has one row per vehicle and timestep, with the paper's observation as a list. The rows are
-    states without actions, the paper's dataset for multi-agent imitation.
+    states without actions, the paper's dataset for multi-agent imitation. With --camera, the view `frames` has one row
+    per vehicle and timestep with its picture.
 
     Finished scenarios are kept: run the same command again to continue after an interruption.
     """
     from scenarionet_data import Lake
     from scenarionet_pipelines.machine import default_workers
     from scenarionet_sim import record
+    from scenarionet_sim.sensors import Camera
 
     run = name or f"{database or 'all'}-{agents}-observed".replace("@", ".")
     started = time.monotonic()
@@ -70,6 +85,7 @@ def command(
                 name=run,
                 agents=agents,
                 seed=seed,
+                cameras=(Camera(*camera),) if camera else (),
                 workers=workers or default_workers(),
                 executor=execution.executor,
                 on_progress=progress.update,

@@ -1,0 +1,126 @@
+"""A spinning lidar in the scene of cameras: meshes, surroundings and heights instead of boxes on a plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32
+from scenarionet_sim.cameras.classes import SemanticClass
+from scenarionet_sim.cameras.drawing import Optics, draw, poses_on
+from scenarionet_sim.cameras.weather import DAY, look_of
+from scenarionet_sim.kernels.cameras.layout import FX, FY, KIND, NUM_LENS, RINGS
+from scenarionet_sim.sensors.base import Sensor, require
+from scenarionet_sim.sensors.camera import Mount
+from scenarionet_sim.sensors.noise import add_noise
+from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import WorldBatch
+
+REFLECTIVITY = {
+    SemanticClass.ROAD: 0.12,
+    SemanticClass.LANE_LINE: 0.60,
+    SemanticClass.CROSSWALK: 0.45,
+    SemanticClass.SIDEWALK: 0.30,
+    SemanticClass.VEGETATION: 0.40,
+    SemanticClass.TRAFFIC_CONE: 0.80,
+    SemanticClass.TRAFFIC_SIGN: 0.90,
+}
+"""Share of light that surfaces of a class send back when hit at a right angle; 0.35 for others. Rounded, for the
+near infrared."""
+
+_OTHERS = 0.35
+_ROOF = Mount(x=0.0, z=1.84)
+
+
+@dataclass(frozen=True)
+class SceneLidar(Sensor):
+    """One revolution of a lidar whose rays hit meshes, buildings, trees and the ground with its heights.
+
+    Observes (rings, azimuths, 2) float32 in [0, 1]: the range along the ray as a share of ``range``, 1 without a hit,
+    and the intensity: the reflectivity of the surface times the cosine of the angle of incidence, 0 without a hit.
+    Azimuth k is 2 pi k / azimuths counter-clockwise from straight ahead. :meth:`points` converts them to points.
+
+    Attributes:
+        elevations: Of the rings [rad], from the highest to the lowest.
+        azimuths: Number of rays of a ring.
+        range: Range along the ray [m].
+        mount: Place on the agent.
+        noise: Standard deviation of the Gaussian range error [m].
+        dropout: Probability that a ray has no return.
+        has_scenery: Whether there are buildings, trees and lamps off the road, drawn by ``seed``.
+        are_boxes: Whether objects are their boxes instead of meshes.
+        seed: Seed of the scenery.
+        threads: Largest number of threads; the result does not depend on it.
+    """
+
+    elevations: tuple[float, ...]
+    azimuths: int = 1800
+    range: float = 100.0
+    mount: Mount = _ROOF
+    noise: float = 0.0
+    dropout: float = 0.0
+    has_scenery: bool = True
+    are_boxes: bool = False
+    seed: int = 0
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        require(bool(self.elevations) and self.azimuths > 0, "a lidar needs at least one ring and one azimuth")
+        require(max(len(self.elevations), self.azimuths) <= 16384, "a lidar has at most 16384 rings and azimuths")
+        is_descending = all(a > b for a, b in pairwise(self.elevations))
+        require(is_descending, "a lidar's elevations must descend")
+        require(max(map(abs, self.elevations)) < np.pi / 2, "a lidar's elevations must be within (-pi/2, pi/2) [rad]")
+        require(self.range > 0, f"a lidar needs a range above 0 m, found range={self.range}")
+        require(self.noise >= 0, f"a lidar's noise must be at least 0 m, found noise={self.noise}")
+        require(0 <= self.dropout <= 1, f"a lidar's dropout must be a probability, found dropout={self.dropout}")
+        require(self.threads > 0, f"threads={self.threads}; expected at least 1")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(rings, azimuths, 2)."""
+        return len(self.elevations), self.azimuths, 2
+
+    @cached_property
+    def _rays(self) -> Float64:
+        """(rings, azimuths, 3) unit vectors right, down and ahead."""
+        rise, turn = np.array(self.elevations)[:, None], 2 * np.pi * np.arange(self.azimuths) / self.azimuths
+        parts = -np.cos(rise) * np.sin(turn), -np.sin(rise) + 0 * turn, np.cos(rise) * np.cos(turn)
+        return np.ascontiguousarray(np.stack(parts, axis=-1))
+
+    @cached_property
+    def _optics(self) -> Optics:
+        lens = np.zeros(NUM_LENS)
+        lens[KIND], lens[[FX, FY]] = RINGS, self.azimuths / (2 * np.pi)
+        size = self.azimuths, len(self.elevations)
+        return Optics(lens, *size, self.range, self.are_boxes, rings=np.array(self.elevations), rays=self._rays)
+
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
+        """Write ranges and intensities."""
+        mount, count = self.mount, len(agents)
+        turns = (np.full(count, turn) for turn in (mount.yaw, mount.pitch, mount.roll))
+        poses = poses_on(batch, state, agents, (mount.x, mount.y, mount.z), *turns)
+        who = np.column_stack([agents, np.zeros(count)]).astype(np.int32)
+        look, scenery = look_of([DAY] * count, 1.0, 0.0, [0] * count), (True, self.has_scenery, self.seed)
+        channels = "depth", "semantic", "normals"
+        found = draw(batch, state, who, poses, self._optics, look, scenery, channels, self.threads)
+        out[..., 0] = np.minimum(found["depth"] / self.range, 1.0)
+        ways = self._rays.astype(np.float32) @ poses[:, None, 3:12].reshape(count, 1, 3, 3).astype(np.float32)
+        cosine = np.abs(np.einsum("ahwc,ahwc->ahw", ways, found["normals"]))
+        out[..., 1] = _TABLE[found["semantic"]] * np.minimum(cosine, 1.0)
+        add_noise(out[..., 0], self.noise / self.range, self.dropout, rng)
+        out[..., 1][out[..., 0] >= 1.0] = 0.0
+        return out
+
+    def points(self, observed: Array) -> Float32:
+        """Return the hits (n, 4) of one observation: x ahead, y left, z up of the lidar [m], and the intensity."""
+        right, down, ahead = np.moveaxis(self._rays, -1, 0)
+        hit = observed[..., 0] < 1.0
+        way = np.stack([ahead, -right, -down], axis=-1)[hit]
+        place = way * (observed[..., 0][hit] * self.range)[:, None]
+        return np.column_stack([place, observed[..., 1][hit]]).astype(np.float32)
+
+
+_TABLE: Float32 = np.array([REFLECTIVITY.get(code, _OTHERS) for code in sorted(SemanticClass)], np.float32)
