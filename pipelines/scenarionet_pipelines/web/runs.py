@@ -38,7 +38,7 @@ def runs_of(lake: Lake, scenario_id: str) -> list[dict[str, Any]]:
 
 
 @dataclass(frozen=True)
-class Motion:
+class RunMotion:
     """Motion of a scenario's N objects in a rollout of T moments, in the scenario frame.
 
     Attributes:
@@ -58,7 +58,7 @@ class Motion:
     judged: list[int]
 
 
-def read_motion(lake: Lake, run: str, rollout: int, scenario: ScenarioDescription) -> Motion:
+def read_motion(lake: Lake, run: str, rollout: int, scenario: ScenarioDescription) -> RunMotion:
     """Read a rollout.
 
     Raises:
@@ -84,7 +84,7 @@ def read_motion(lake: Lake, run: str, rollout: int, scenario: ScenarioDescriptio
         if each["is_judged"]:
             judged.append(row)
     time: Float64 = STEP * np.arange(start, start + length, dtype=np.float64)
-    return Motion(time, position, heading, velocity, valid, judged)
+    return RunMotion(time, position, heading, velocity, valid, judged)
 
 
 def pack_run(lake: Lake, run: str, rollout: int, scenario: ScenarioDescription) -> bytes:
@@ -111,7 +111,7 @@ def pack_run(lake: Lake, run: str, rollout: int, scenario: ScenarioDescription) 
     return layout(header, arrays)
 
 
-def _is_driven(motion: Motion, scenario: ScenarioDescription) -> Bool:
+def _is_driven(motion: RunMotion, scenario: ScenarioDescription) -> Bool:
     """Return the objects (N,) that are evaluated, or that move otherwise than they were recorded."""
     tracks = scenario.tracks
     step = np.clip(np.searchsorted(scenario.timestamps, motion.time - 1e-3), 0, len(scenario.timestamps) - 1)
@@ -123,7 +123,7 @@ def _is_driven(motion: Motion, scenario: ScenarioDescription) -> Bool:
     return driven
 
 
-def _events(motion: Motion, row: int, scenario: ScenarioDescription) -> list[dict[str, Any]]:
+def _events(motion: RunMotion, row: int, scenario: ScenarioDescription) -> list[dict[str, Any]]:
     """Crashes of an evaluated vehicle, and when it is off the road; times in seconds."""
     from scenarionet_sim.metrics.road import is_off_road
     from scenarionet_sim.roads.roads import Roads
@@ -146,7 +146,7 @@ def _events(motion: Motion, row: int, scenario: ScenarioDescription) -> list[dic
     return sorted(found, key=lambda event: event["first"])
 
 
-def _contacts(motion: Motion, row: int, corners: Float64) -> Bool:
+def _contacts(motion: RunMotion, row: int, corners: Float64) -> Bool:
     """Return when (N, T) the box of an object overlaps those of the others."""
     away = np.hypot(*np.moveaxis(motion.position - motion.position[row], -1, 0))
     reach = np.hypot(*np.moveaxis(corners[:, :, 0] - motion.position, -1, 0))
