@@ -170,7 +170,7 @@ def test_charts_filter_the_table(browser, address, driven):
         page.reload()
         wait_until(page, "(count) => document.querySelectorAll('tbody tr').length === count", wanted["n"].item())
         page.wait_for_selector(".chart .bar-of.out", state="attached")  # an empty bin has no height
-        page.get_by_role("button", name="All").click()
+        page.get_by_role("button", name="All", exact=True).click()
         wait_until(page, "(count) => document.querySelectorAll('tbody tr').length === count", everything)
 
 
