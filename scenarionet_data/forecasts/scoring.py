@@ -17,8 +17,9 @@ from scenarionet_data.forecasts.displacements import argoverse, drivable_area, n
 from scenarionet_data.forecasts.predictions import Prediction, read_predictions
 from scenarionet_data.forecasts.waymo import AveragePrecision, WaymoChallenge, measure
 from scenarionet_data.loader import ScenarioLoader
+from scenarionet_data.operations.filter import select_scenarios
 from scenarionet_data.query.lake_view import LakeLike, open_view
-from scenarionet_data.query.statements import check_expression
+from scenarionet_data.query.statements import check_expression, quoted
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.schema import tables
@@ -75,20 +76,31 @@ def score(lake: LakeLike, predictions: Sequence[Prediction] | Path | str) -> For
     return ForecastScores(table, dict(scorer.precision()), dict(scorer.findings))
 
 
-def summary(lake: LakeLike, scores: ForecastScores, by: str = "object_type") -> pa.Table:
-    """Mean scores by an SQL expression over the columns of the scores and of the view ``metadata``.
+def summary(lake: LakeLike, scores: ForecastScores, by: str = "object_type", *, event: str | None = None) -> pa.Table:
+    """Mean scores by groups of targets.
+
+    Args:
+        lake: The lake with the scenarios.
+        scores: The scores of targets.
+        by: SQL expression over the columns of the scores and of the view ``metadata`` that names the group.
+        event: Group them by whether this event happens in the scenario instead, such as ``"cut_in:max_gap=20"``.
 
     Raises:
-        QueryError: It is not one expression, or DuckDB rejects it.
+        QueryError: ``by`` is not one expression, or DuckDB rejects it.
+        UnknownEvent: No such event.
     """
     check_expression(by)
+    given = {"scores": scores.table}
+    if event is not None:
+        given["happening"] = select_scenarios(lake, events=[event]).members
+        by = f"if(scenario_id IN (SELECT scenario_id FROM happening), {quoted(event)}, {quoted(f'without {event}')})"
     means = [column for column in tables.load("scores").columns if column.type == "float64" and column.name != "dt"]
     listed = ", ".join(f"avg({column.name}) AS {column.name}" for column in means)
     query = (
         f"SELECT ({by}\n)::VARCHAR AS by, count(*) AS targets, {listed} "
         "FROM scores JOIN metadata USING (scenario_id) GROUP BY 1 ORDER BY 1"
     )
-    return open_view(lake).arrow(query, tables={"scores": scores.table})
+    return open_view(lake).arrow(query, tables=given)
 
 
 @dataclass

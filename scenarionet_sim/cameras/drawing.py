@@ -167,7 +167,7 @@ def axes_of(yaw: Float64, pitch: Float64, roll: Float64) -> Float64:
     zero = np.zeros_like(yaw)
     ahead = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)], axis=1)
     level = np.stack([np.sin(yaw), -np.cos(yaw), zero], axis=1)
-    below = np.cross(ahead, level)
+    below = np.stack([np.sin(pitch) * np.cos(yaw), np.sin(pitch) * np.sin(yaw), -np.cos(pitch)], axis=1)
     cos, sin = np.cos(roll)[:, None], np.sin(roll)[:, None]
     return np.stack([cos * level + sin * below, cos * below - sin * level, ahead], axis=1)
 

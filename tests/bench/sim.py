@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import statistics
-import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -32,6 +31,7 @@ from scenarionet_sim.sensors import BirdView, BoundaryDetector, EgoState, Lidar,
 from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.task.task import Termination
 from scenarionet_sim.worlds.world import World
+from tests.bench import beside
 from tests.bench.measure import Figure, in_fresh_process
 
 FULL = (Lidar(rays=240), BoundaryDetector(rays=12), EgoState(), Navigation())
@@ -187,39 +187,22 @@ def _resets(lake: Path) -> Iterator[Figure]:
 
 
 def _vector(lake: Path, recordings: Path | None) -> Iterator[Figure]:
-    """World-steps per second of one core, episode ends counted, beside MetaDrive and beside the loop without ends."""
-    reference = _metadrive(recordings) if recordings else {}
-    for traffic, wanted in (("replay", ">= 700"), ("IDM", ">= 450")):
+    """World-steps per second of one core, episode ends counted, beside others and beside the loop without ends."""
+    for traffic in TRAFFIC:
         rates = {has_ends: _vector_rate(lake, TRAFFIC[traffic], has_ends)[0] for has_ends in (True, False)}
         objects = _vector_rate(lake, TRAFFIC[traffic], has_ends=False)[1]
         name = f"sim: {_WORLDS} worlds of {objects:.0f} objects, {traffic} traffic"
         yield Figure(f"{name}, episode ends counted", rates[True], "world-steps/s")
         yield Figure(f"{name}, without ends", rates[False], "world-steps/s")
         yield Figure(f"{name}, with ends as a share of without", rates[True] / rates[False], "", ">= 0.95")
-        if traffic in reference:
-            theirs = reference[traffic]
-            yield Figure(f"sim: MetaDrive 0.4.3, {traffic} traffic, resets not counted", theirs, "steps/s")
-            yield Figure(f"{name}, times MetaDrive", rates[True] / theirs, "", wanted)
+    if recordings:
+        yield from beside.figures(lake, recordings, objects)
     yield Figure("sim: the next world into a slot, already in the pool", _slot_change(lake), "us", "<= 50")
     worlds = [World.from_scenario(scenario) for scenario in ScenarioLoader(lake)]
     worlds = [worlds[k % len(worlds)] for k in range(_WORLDS)]
     for traffic, policies in TRAFFIC.items():
         rate = _loop_rate(worlds, policies)
         yield Figure(f"sim: {_WORLDS} worlds, the loop alone, {traffic} traffic", rate, "world-steps/s")
-
-
-def _metadrive(recordings: Path) -> dict[str, float]:
-    """MetaDrive's steps per second by traffic, if its environment is there."""
-    tests = Path(__file__).parents[1]
-    python = tests.parent / ".venv-metadrive" / "bin" / "python"
-    if not python.exists():
-        return {}
-    databases = sorted(str(path.parent) for path in (recordings / "scenarionet").glob("*/dataset_mapping.pkl"))
-    command = [str(python), str(tests / "metadrive" / "speed.py"), *databases]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    (found,) = [json.loads(line.removeprefix("RESULT")) for line in printed if line.startswith("RESULT")]
-    names = {"replay": "replay", "IDM": "reactive"}
-    return {ours: found[theirs]["steps"] / found[theirs]["stepping"] for ours, theirs in names.items()}
 
 
 def _slot_change(lake: Path) -> float:

@@ -1,10 +1,11 @@
-"""Print as JSON what av2 reads from a motion forecasting folder, or from the map of a sensor log."""
+"""Print as JSON what av2 reads from a motion forecasting folder, from the map of a sensor log, or from a submission."""
 
 import json
 import sys
 from pathlib import Path
 
 from av2.datasets.motion_forecasting import scenario_serialization
+from av2.datasets.motion_forecasting.eval.submission import ChallengeSubmission
 from av2.map.map_api import ArgoverseStaticMap
 
 
@@ -39,7 +40,20 @@ def read_scenario(path):
     return {"id": scenario.scenario_id, "focal": scenario.focal_track_id, "city": scenario.city_name, "tracks": tracks}
 
 
+def read_submission(path):
+    return {
+        scenario: {
+            "probabilities": probabilities.tolist(),
+            "tracks": {name: trajectories.tolist() for name, trajectories in tracks.items()},
+        }
+        for scenario, (probabilities, tracks) in ChallengeSubmission.from_parquet(path).predictions.items()
+    }
+
+
 def main(folder):
+    if folder.endswith(".parquet"):
+        json.dump(read_submission(folder), sys.stdout)
+        return
     (map_file,) = Path(folder).rglob("log_map_archive_*.json")
     scenarios = [read_scenario(path) for path in Path(folder).glob("scenario_*.parquet")]
     json.dump({"map": read_map(map_file), "scenarios": scenarios}, sys.stdout)

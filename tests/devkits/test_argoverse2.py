@@ -10,10 +10,14 @@ import shapely
 import shapely.affinity
 
 from scenarionet_data.converters.argoverse2 import Argoverse2
+from scenarionet_data.forecasts.predictions import make_predictions, read_predictions, write_predictions
+from scenarionet_data.forecasts.submissions import write_argoverse2
+from scenarionet_data.samples.dataset import SampleKey
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane
 from tests.devkits.environments import read_with
 from tests.fixtures import argoverse2 as fixture
+from tests.fixtures.lakes import write_lake
 from tests.fixtures.reading import scenarios
 
 pytestmark = pytest.mark.devkits
@@ -90,3 +94,25 @@ def test_areas(read: Read) -> None:
             len(place) == len(corners) and all(np.hypot(*(place[:, :2] - c).T).min() < 1e-2 for c in corners)
             for place in places
         )
+
+
+def test_submission_is_read_by_the_owner(tmp_path) -> None:
+    """Trajectories are in the frame of the city, the most probable one first."""
+    fixture.write_forecasting(tmp_path / "raw", num_scenarios=2, num_tracks=6)
+    recorded = scenarios(Argoverse2(), tmp_path / "raw", "val")
+    lake = write_lake(tmp_path / "lake", recorded)
+    keys = [SampleKey(each.id, each.current_timestep, (each.tracks_to_predict[0][0],)) for each in recorded]
+    modes = np.random.default_rng(0).normal(0.0, 10.0, (len(keys), 6, 60, 2)).astype(np.float32)
+    shares = np.tile([0.3, 0.25, 0.2, 0.15, 0.07, 0.03], (len(keys), 1))
+    poses = np.zeros((len(keys), 4), np.float32)
+    poses[:, 3] = 1.0
+    write_predictions(tmp_path / "p.parquet", [make_predictions(keys, modes, shares, poses, 0.1)])
+    write_argoverse2(lake, read_predictions(tmp_path / "p.parquet"), tmp_path / "submission.parquet")
+    found = read_with("readers", "argoverse2_reads.py", tmp_path / "submission.parquet")
+    assert set(found) == {each.source.scenario_id for each in recorded}
+    for number, each in enumerate(recorded):
+        read = found[each.source.scenario_id]
+        np.testing.assert_allclose(read["probabilities"], shares[number], atol=1e-6)
+        (trajectories,) = read["tracks"].values()
+        assert tuple(read["tracks"]) == keys[number].track_ids
+        np.testing.assert_allclose(np.array(trajectories) - each.origin[:2], modes[number], atol=1e-3)

@@ -7,14 +7,14 @@ import click
 from scenarionet_pipelines.cli.output import count, print_json, print_table
 
 
-def show(lake: str, predictions: str, by: str, output: str | None, as_json: bool) -> None:
+def show(lake: str, predictions: str, by: str, event: str | None, output: str | None, as_json: bool) -> None:
     """Score a file of predictions, print means, and write the scores of each target to a Parquet file."""
     import pyarrow.parquet as pq
 
     from scenarionet_data.forecasts import score, summary
 
     scores = score(lake, predictions)
-    means = summary(lake, scores, by).to_pylist()
+    means = summary(lake, scores, by, event=event).to_pylist()
     if output is not None:
         pq.write_table(scores.table, output)
     if as_json:

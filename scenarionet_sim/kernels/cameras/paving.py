@@ -243,7 +243,8 @@ def _cross(
     for k in range(len(xs)):
         crossing = x0 + (ys[k] - y0) * per_y
         is_right = (low <= ys[k]) & (ys[k] < high) & (corner_x < crossing) & (crossing <= xs[k])
-        shares[k] = 1.0 - shares[k] if is_right != (above <= ys[k]) else shares[k]
+        before = shares[k]
+        shares[k] = 1.0 - before if is_right != (above <= ys[k]) else before
     length = math.sqrt(ex * ex + ey * ey + 1e-12)
     ux, uy = ex / length, ey / length
     straight = abs(ux * vx + uy * vy)
@@ -296,7 +297,8 @@ def _blend(count: int, has_walk: bool, has_paint: bool, light: Float64, seen: In
         for k in range(count):
             tone = grass * values[ROAD_EDGE, k] + slab * values[ON_WALK, k] + asphalt * values[ON_ROAD, k]
             bright = tone * (direct * values[SHADE, k] + ambient)
-            values[RED + channel, k] = bright if seen[k] == ON_GROUND else values[RED + channel, k]
+            before = values[RED + channel, k]
+            values[RED + channel, k] = bright if seen[k] == ON_GROUND else before
         if has_paint:
             for k in range(count):
                 tone = white * values[WHITE_SHARE, k] + yellow * values[YELLOW_SHARE, k] + kerb * values[KERB_SHARE, k]

@@ -34,7 +34,7 @@ from scenarionet_sim.kernels.cameras.layout import (
 )
 from scenarionet_sim.kernels.minmax import larger
 
-# One output per loop in this module: the compiler then computes several pixels at once.
+# One output per loop, and no load behind a condition: the compiler then computes several pixels at once.
 
 
 @device_function(divides_by_zero=True)
@@ -82,14 +82,16 @@ def meet_ground(
         for k in range(count):
             values[SHADE, k] = values[RAY_Z, k] * inverse
     for k in range(count):  # inverse distances to the ground in reach, else 0
-        values[SHADE, k] = values[SHADE, k] if values[UNIT, k] < reach * values[SHADE, k] else 0.0
+        near_ground = values[SHADE, k]
+        values[SHADE, k] = near_ground if values[UNIT, k] < reach * near_ground else 0.0
     for k in range(count):
         nearest = larger(near[k], values[SHADE, k])
         values[DISTANCE, k] = 1.0 / nearest if nearest > 0.0 else reach
     for k in range(count):
         ground_or_sky = ON_GROUND if values[SHADE, k] > 0.0 else NOTHING
-        is_triangle = near[k] >= values[SHADE, k] and seen[k] >= 0
-        seen[k] = seen[k] if is_triangle else np.int32(ground_or_sky)
+        before = seen[k]
+        is_triangle = (near[k] >= values[SHADE, k]) & (before >= 0)
+        seen[k] = before if is_triangle else np.int32(ground_or_sky)
     for k in range(count):
         values[GROUND_X, k] = ex + values[DISTANCE, k] * values[RAY_X, k]
     for k in range(count):

@@ -181,8 +181,10 @@ def _scan(triangle: int, row: int, bounds: Int32, spans: Float64, near: Float64,
     step = spans[triangle, 10] + 0.0
     start = spans[triangle, 9] + spans[triangle, 11] * row + step * left
     near, seen = near[int(left) : int(right)], seen[int(left) : int(right)]
-    for k in range(len(near)):  # one output per loop: several pixels at once
-        seen[k] = np.int32(triangle) if start + step * k > near[k] else seen[k]
+    # One output per loop, and no load behind a condition: the compiler then computes several pixels at once.
+    for k in range(len(near)):
+        before = seen[k]
+        seen[k] = np.int32(triangle) if start + step * k > near[k] else before
     for k in range(len(near)):
         near[k] = larger(near[k], start + step * k)
 

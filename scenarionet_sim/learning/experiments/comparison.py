@@ -69,6 +69,7 @@ class Comparison:
         claims: What the paper says.
         metrics: Columns of the table.
         sources: Databases whose statistics are shown.
+        paper: How the paper did it, and what is known of its results.
     """
 
     name: str
@@ -79,6 +80,7 @@ class Comparison:
     claims: tuple[Claim, ...]
     metrics: tuple[str, ...] = ("success", "out_of_road", "timeout", "route_completion", "cost", "speed")
     sources: Mapping[str, str] = field(default_factory=dict)
+    paper: str = ""
 
     def run_name(self, arm: TrainingArm, seed: int) -> str:
         """Return the name of a run in the lake."""

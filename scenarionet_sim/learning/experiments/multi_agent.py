@@ -24,6 +24,12 @@ PAPER = {"steps": 1_000_000}
 """A million steps of agents, as in CoPO's code, with the published settings; not run for this page."""
 
 
+THE_PAPER = (
+    "IPPO, TD3, CoPO, GAIL and AIRL for a million steps on recordings of Waymo (its Table 3, with these six columns). "
+    "Its results could not be had as numbers for this page, which compares the claims alone."
+)
+
+
 def prepare_experts(lake: str | Path, workers: int = 1) -> Lake:
     """Make the databases of the small form, and record what their vehicles observe; what exists is kept."""
     opened = prepare(lake, workers)
@@ -49,7 +55,7 @@ def multi_agent(size: str = "small", prefix: str = "standin") -> Comparison:
     return Comparison(
         "multi-agent", size, tuple(arms), (0, 1, 2), {test: "test"}, _claims(test),
         ("success", "out_of_road", "timeout", "route_completion", "cost", "distance_to_log"),
-        {"train": f"{prefix}_train", "test": test},
+        {"train": f"{prefix}_train", "test": test}, THE_PAPER,
     )  # fmt: skip
 
 

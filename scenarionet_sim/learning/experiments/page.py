@@ -62,7 +62,7 @@ def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: s
 def _settings(comparison: Comparison, commit: str) -> list[str]:
     """Return how the experiment was made."""
     steps = sorted({arm.config.steps for arm in comparison.arms})
-    arms = ", ".join(arm.name for arm in comparison.arms)
+    arms = "; ".join(arm.name for arm in comparison.arms)
     counts = " or ".join(f"{count:,}" for count in steps)
     rule = (
         f"Configuration of commit `{commit}`, fixed before the first run: {arms}; seeds "
@@ -73,7 +73,8 @@ def _settings(comparison: Comparison, commit: str) -> list[str]:
     )
     first = comparison.arms[0]
     values = ", ".join(f"{name} {value}" for name, value in describe_config(first.config).items())
-    return [rule, f"Settings of {first.name}: {values}."]
+    settings = f"Settings of {first.name}: {values}."
+    return [rule, settings, *([f"The paper: {comparison.paper}"] if comparison.paper else [])]
 
 
 def _sources(lake: Lake, comparison: Comparison) -> list[str]:

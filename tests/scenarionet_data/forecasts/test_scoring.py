@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from scenarionet_data import Samples, Targets, TimeWindow
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.errors import BadParameter, UnknownEvent
 from scenarionet_data.forecasts.displacements import argoverse, drivable_area, nuscenes, off_road_rate
 from scenarionet_data.forecasts.predictions import make_predictions, read_predictions, write_predictions
 from scenarionet_data.forecasts.scoring import score, summary
@@ -63,6 +63,18 @@ def test_the_recorded_future_scores_best(lake, path):
     assert found == [0.5, 1.0]  # the more probable mode is 3 m off, within the limit at 8 s
     (mean,) = summary(lake, scores, "dataset").to_pylist()
     assert mean["by"] == "made" and mean["targets"] == 2
+
+
+def test_scores_by_an_event(lake, path):
+    happens = set(lake.select(events=["following"]).scenario_ids)
+    scores = score(lake, path)
+    expected = {"following": 0, "without following": 0}
+    for row in scores.table.to_pylist():
+        expected["following" if row["scenario_id"] in happens else "without following"] += 1
+    found = {row["by"]: row["targets"] for row in summary(lake, scores, event="following").to_pylist()}
+    assert found == {name: count for name, count in expected.items() if count}
+    with pytest.raises(UnknownEvent):
+        summary(lake, scores, event="folowing")
 
 
 def test_a_prediction_is_in_the_frame_of_its_scenario(lake, rows):

@@ -31,6 +31,7 @@ _MAX_EXAMPLES = 5
 @verb(
     "score",
     "scenarionet score lake predictions.parquet --by has_intersection -o scores.parquet",
+    "scenarionet score lake predictions.parquet --event cut_in",
     "scenarionet score lake --rollouts submission.tar.gz",
     "scenarionet score lake --rollouts submission.binproto --configuration sim-agents-2024 --json",
     "scenarionet score lake --run all-constant-noisy-constant-noisy-kinematic-wosac -o submission.binproto",
@@ -42,6 +43,7 @@ _MAX_EXAMPLES = 5
     metavar="SQL",
     help="Of predictions: group them by an expression over the scores and `metadata`. [default: object_type]",
 )
+@click.option("--event", metavar="EVENT", help="Of predictions: group them by whether it happens, for example cut_in.")
 @click.option(
     "--rollouts",
     metavar="PATH",
@@ -69,6 +71,7 @@ def command(
     lake: str,
     predictions: str | None,
     by: str | None,
+    event: str | None,
     rollouts: str | None,
     run: str | None,
     output: str | None,
@@ -95,8 +98,10 @@ def command(
 
     if sum(each is not None for each in (predictions, rollouts, run)) != 1 or (output and rollouts is not None):
         raise click.UsageError("give one of PREDICTIONS, --rollouts and --run; -o belongs to the first and the last")
+    if by and event:
+        raise click.UsageError("give one of --by and --event")
     if predictions is not None:
-        forecast_scores.show(lake, predictions, by or "object_type", output, as_json)
+        forecast_scores.show(lake, predictions, by or "object_type", event, output, as_json)
         return
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
