@@ -11,7 +11,7 @@ from pathlib import Path
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
@@ -26,10 +26,17 @@ from scenarionet_data.errors import (
 )
 from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.output import shorten
+from scenarionet_pipelines.web import clips
 from scenarionet_pipelines.web.guards import BodyTooLarge, Guard
 from scenarionet_pipelines.web.picture import DARK_PICTURE, PICTURE
 from scenarionet_pipelines.web.question_workers import QuestionWorkers
-from scenarionet_pipelines.web.questions import RowsQuestion, SaveQuestion
+from scenarionet_pipelines.web.questions import (
+    TIMELINE_EVENTS,
+    EventsQuestion,
+    HistogramQuestion,
+    RowsQuestion,
+    SaveQuestion,
+)
 from scenarionet_pipelines.web.rows import MAX_ROWS, PageQuery, plain
 from scenarionet_pipelines.web.scenes import ScenarioCache
 
@@ -37,6 +44,7 @@ STATIC = Path(__file__).with_name("static")
 
 _POSITION = re.compile(r"\bcharacter (\d+)")
 _MAX_DIGITS = 10
+_MAX_RUNS = 3
 _THUMBNAIL_SIDES = range(32, 513)
 _IMMUTABLE = {"cache-control": "private, max-age=86400, immutable"}
 """For content of a snapshot, whose number is part of the address."""
@@ -79,6 +87,8 @@ class LakeRoutes:
                 "databases": self.lake.databases,
                 "picture": PICTURE,
                 "darkPicture": DARK_PICTURE,
+                "events": TIMELINE_EVENTS,
+                "clips": clips.KINDS,
                 "isWritable": self.is_writable,
                 "secret": self._secret if self.is_writable else None,
             },
@@ -102,6 +112,19 @@ class LakeRoutes:
         self._scenarios.expect([row["scenario_id"] for row in page.rows])
         return JSONResponse(asdict(page), headers=_NO_STORE)
 
+    async def histogram(self, request: Request) -> Response:
+        """Return the counts of a column's values in bins."""
+        parameters = request.query_params
+        where = parameters.get("where", "").strip() or "true"
+        question = HistogramQuestion(parameters.get("column", ""), where, parameters.get("database", ""))
+        found = await self._workers.ask(question, request.is_disconnected)
+        return JSONResponse(asdict(found), headers=_NO_STORE)
+
+    async def events(self, request: Request) -> Response:
+        """Return the occurrences of an event in a scenario, in seconds."""
+        question = EventsQuestion(_id(request), request.query_params.get("event", ""))
+        return JSONResponse(await self._workers.ask(question, request.is_disconnected), headers=_NO_STORE)
+
     def facts(self, request: Request) -> Response:
         """Return the metadata of one scenario."""
         found = self._scenarios.facts(_id(request))
@@ -110,6 +133,28 @@ class LakeRoutes:
     def scene(self, request: Request) -> Response:
         """Return one scenario in the binary format of ``packing``."""
         return Response(self._scenarios.packed(_id(request)), media_type="application/octet-stream", headers=_IMMUTABLE)
+
+    def runs(self, request: Request) -> Response:
+        """Return the runs that simulated a scenario, with outcome and metrics."""
+        return JSONResponse(self._scenarios.runs(_id(request)), headers=_NO_STORE)
+
+    def run(self, request: Request) -> Response:
+        """Return a rollout in the binary format of ``packing``."""
+        run, rollout = _rollout(request.query_params.get("run", ""))
+        packed = self._scenarios.packed_run(_id(request), run, rollout)
+        return Response(packed, media_type="application/octet-stream", headers=_NO_STORE)
+
+    def clip(self, request: Request) -> Response:
+        """Send a clip of a scenario and runs of it, after its progress."""
+        parameters = request.query_params
+        kind = parameters.get("kind", "gif")
+        if kind not in clips.KINDS:
+            raise BadParameter(f"no clips of kind {shorten(kind, 40)!r} here; there are {', '.join(clips.KINDS)}")
+        runs = [_rollout(text) for text in parameters.get("runs", "").split(",") if text]
+        if len(runs) > _MAX_RUNS:
+            raise BadParameter(f"a clip shows at most {_MAX_RUNS} runs, found {len(runs)}")
+        content = self._scenarios.clip(_id(request), runs, kind)
+        return StreamingResponse(content, media_type="application/octet-stream", headers=_NO_STORE)
 
     def thumbnail(self, request: Request) -> Response:
         """Return a small PNG picture of one scenario."""
@@ -151,6 +196,11 @@ def make_app(
             Route("/api/facts", routes.facts),
             Route("/api/scene", routes.scene),
             Route("/api/thumbnail", routes.thumbnail),
+            Route("/api/histogram", routes.histogram),
+            Route("/api/events", routes.events),
+            Route("/api/runs", routes.runs),
+            Route("/api/run", routes.run),
+            Route("/api/clip", routes.clip),
             Route("/api/databases", routes.save, methods=["POST"]),
             Mount("/static", StaticFiles(directory=STATIC)),
         ],
@@ -178,6 +228,12 @@ def _error_response(request: Request, error: Exception) -> Response:  # noqa: AR
 
 def _id(request: Request) -> str:
     return request.query_params.get("id", "")
+
+
+def _rollout(text: str) -> tuple[str, int]:
+    """Name and number of a rollout, written ``name`` or ``name:number``."""
+    name, _, number = text.partition(":")
+    return name, _number(number or "0", range(10**6))
 
 
 def _texts(body: bytes, *names: str) -> list[str]:

@@ -61,7 +61,7 @@ def pack(scenario: ScenarioDescription) -> bytes:
     if features is not None:
         header["features"] = _features(features)
         arrays |= _points("line", features.polyline) | _points("area", _outlines(features))
-    return _layout(header, arrays)
+    return layout(header, arrays)
 
 
 def _motion(tracks: Tracks) -> dict[str, Array]:
@@ -145,7 +145,8 @@ def _points(name: str, lists: Ragged) -> dict[str, Array]:
     return {f"{name}Points": lists.values[:, :2].astype(np.float32), f"{name}Offsets": lists.offsets}
 
 
-def _layout(header: dict[str, Any], arrays: dict[str, Array]) -> bytes:
+def layout(header: dict[str, Any], arrays: dict[str, Array]) -> bytes:
+    """Lay out a header and arrays in the format of this module."""
     chunks: list[bytes] = []
     described, offset = {}, 0
     for name, array in arrays.items():

@@ -14,12 +14,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from scenarionet_data import Lake
-from scenarionet_data.errors import ScenarioNetError
+from scenarionet_data.errors import BadParameter, ScenarioNetError
 from scenarionet_data.execution.worker import follow_parent
-from scenarionet_pipelines.web.rows import Page, PageColumn, PageQuery, read_page
+from scenarionet_data.query.named_sql import EVENTS
+from scenarionet_pipelines.web.histograms import Histogram, read_histogram
+from scenarionet_pipelines.web.rows import Page, PageColumn, PageQuery, plain, read_page
+
+TIMELINE_EVENTS = [name for name in EVENTS.names() if name not in ("closest_approach", "minimum_gap")]
+"""Events of the time line; the others are a measurement of every object rather than something that happens."""
 
 _MAX_VIEWS = 8
 _ROOM = 2**29
@@ -47,11 +52,18 @@ class OpenLake:
         if not database:
             return self.lake
         reference = self.lake.database(database).reference  # a name alone means its newest version
-        if reference not in self._views:
+        return self._view(reference, reference)
+
+    def only(self, scenario_id: str) -> Lake:
+        """The lake, restricted to one scenario."""
+        return self._view(f"scenario {scenario_id}", [scenario_id])
+
+    def _view(self, key: str, scenarios: str | list[str]) -> Lake:
+        if key not in self._views:
             if len(self._views) == _MAX_VIEWS:
                 del self._views[next(iter(self._views))]
-            self._views[reference] = self._open(self.lake.restrict_to(reference))
-        return self._views[reference]
+            self._views[key] = self._open(self.lake.restrict_to(scenarios))
+        return self._views[key]
 
     def _open(self, lake: Lake) -> Lake:
         """Open the connection of a lake, and limit the memory that the process may have in addition from here on."""
@@ -87,6 +99,46 @@ class RowsQuestion:
     def answer(self, opened: OpenLake) -> Page:
         """Read the rows; see :func:`read_page`."""
         return read_page(opened.restricted(self.database), self.query, opened.columns)
+
+
+@dataclass(frozen=True)
+class HistogramQuestion:
+    """How are the values of a column distributed?
+
+    Attributes:
+        column: A numeric column.
+        where: Condition of the scenarios that count.
+        database: Database that the table is restricted to; empty for the whole lake.
+    """
+
+    column: str
+    where: str
+    database: str
+
+    def answer(self, opened: OpenLake) -> Histogram:
+        """Count the values; see :func:`read_histogram`."""
+        return read_histogram(opened.restricted(self.database), self.column, self.where, opened.columns)
+
+
+@dataclass(frozen=True)
+class EventsQuestion:
+    """When does an event occur in a scenario?
+
+    Attributes:
+        scenario_id: The scenario.
+        event: One of TIMELINE_EVENTS.
+    """
+
+    scenario_id: str
+    event: str
+
+    def answer(self, opened: OpenLake) -> list[dict[str, Any]]:
+        """Return track, other track, first and last timestep and value of each occurrence."""
+        if self.event not in TIMELINE_EVENTS:
+            raise BadParameter(f"no event {self.event!r}; there are {', '.join(TIMELINE_EVENTS)}")
+        found = opened.only(self.scenario_id).mine(self.event)
+        names = "track_id", "other_id", "first_timestep", "last_timestep", "value"
+        return [{name: plain(value) for name, value in row.items()} for row in found.select(names).to_dicts()]
 
 
 @dataclass(frozen=True)

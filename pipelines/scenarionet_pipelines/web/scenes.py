@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import Any, Generic, TypeVar
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.plots import thumbnail
 from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_pipelines.web.clips import stream_clip
 from scenarionet_pipelines.web.packing import pack
+from scenarionet_pipelines.web.runs import pack_run, runs_of
 
 Value = TypeVar("Value")
 
@@ -105,6 +107,27 @@ class ScenarioCache:
             ScenarioNotFound: No scenario has that id.
         """
         return self._packed.get_or(scenario_id, lambda: pack(self._load(scenario_id)))
+
+    def runs(self, scenario_id: str) -> list[dict[str, Any]]:
+        """Return the results of all runs of a scenario; see :func:`runs_of`."""
+        return runs_of(self._lake, scenario_id)
+
+    def packed_run(self, scenario_id: str, run: str, rollout: int) -> bytes:
+        """Return a rollout in the binary format of ``packing``.
+
+        Raises:
+            ScenarioNotFound: No scenario has that id.
+            BadParameter: The run has no such rollout of it.
+        """
+        return pack_run(self._lake, run, rollout, self._load(scenario_id))
+
+    def clip(self, scenario_id: str, runs: Sequence[tuple[str, int]], kind: str) -> Iterator[bytes]:
+        """Return progress and content of a clip; see :func:`stream_clip`.
+
+        Raises:
+            ScenarioNotFound: No scenario has that id.
+        """
+        return stream_clip(self._lake, self._load(scenario_id), runs, kind)
 
     def _load(self, scenario_id: str) -> ScenarioDescription:
         with self._lookup_lock:  # other requests of the same page wait for the lookup

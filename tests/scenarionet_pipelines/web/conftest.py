@@ -7,8 +7,13 @@ from collections.abc import Iterator
 import pytest
 
 from scenarionet_data import Lake
-from tests.fixtures.lakes import write_lake
+from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.snapshots.commit import commit
+from scenarionet_sim import evaluate
+from tests.fixtures.drives import Other, make_drive
+from tests.fixtures.lakes import write_lake, write_shard
 from tests.fixtures.pages import odd_scenarios, serving
+from tests.fixtures.simulations import generated
 
 
 @pytest.fixture(scope="package")
@@ -16,6 +21,19 @@ def lake(tmp_path_factory: pytest.TempPathFactory) -> Lake:
     found = write_lake(tmp_path_factory.mktemp("browsed") / "lake", odd_scenarios())
     found.filter("num_objects > 1", name="several")
     return found
+
+
+@pytest.fixture(scope="package")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Lake:
+    """A lake with two runs: one that keeps its speed and direction into a parked car and off the road, and IDM."""
+    parked = make_drive("parked", others=(Other(25.0), Other(10.0, 3.5, vx=8.0)))
+    lake = write_lake(tmp_path_factory.mktemp("driven") / "made", [parked, make_drive("free")])
+    for scenario in (write_shard(lake.root, [generated(seed)], f"pg{seed}") for seed in (3, 13)):
+        commit(open_files(lake.root), [scenario], "test")
+    lake = Lake(lake.root)
+    for name, policy in (("straight", "constant"), ("idm", "idm")):
+        evaluate(lake, policy=policy, backend="kinematic", name=name)
+    return lake
 
 
 @pytest.fixture(scope="package")

@@ -12,9 +12,15 @@ const defaults = {
   at: "",
   object: "",
   follow: "",
+  runs: "",
+  look: "",
+  view: "",
+  charts: "",
+  ranges: "",
 };
 
 // What belongs to one scenario: the time [s], the selected object and whether the view follows it.
+// The runs beside it and whether it is seen in space stay when the next scenario is opened.
 export const elsewhere = { at: "", object: "", follow: "" };
 
 export function read() {

@@ -4,7 +4,7 @@ import { make } from "/static/elements.js";
 
 const speeds = [0.25, 0.5, 1, 2, 4];
 
-export function controls(player, layers) {
+export function controls(player, layers, hasSpace) {
   const { scene, clock } = player;
   const last = scene.numSteps - 1;
   const play = make("button", { type: "button", class: "primary play", onclick: () => player.toggle() }, "Play");
@@ -18,18 +18,19 @@ export function controls(player, layers) {
   const step = (label, by, words) => make("button", { type: "button", "aria-label": words, onclick: () => player.goTo(scene.at(clock.time).step + by) }, label);
   const bar = make(
     "div", { class: "controls" },
-    make("div", { class: "row" }, play, step("−1", -1, "One step back"), step("+1", 1, "One step forward"), slider, time, speed),
+    make("div", { class: "row" }, play, step("−1", -1, "One step back"), step("+1", 1, "One step forward"), slider, time, speed, make("button", { type: "button", onclick: () => player.askClip() }, "Clip…")),
     make("fieldset", { class: "layers" }, make("legend", {}, "Layers"), ...Object.keys(layers).map((name) => layer(player, layers, name))),
   );
-  const view = viewButtons(player);
+  const view = viewButtons(player, hasSpace);
   const update = () => {
     const now = scene.at(clock.time).step;
     play.textContent = clock.isRunning ? "Pause" : "Play";
     slider.value = now;
     slider.setAttribute("aria-valuetext", `${clock.time.toFixed(1)} seconds`);
-    seconds.textContent = `${clock.time.toFixed(1)} / ${scene.duration.toFixed(1)} s`;
+    seconds.textContent = `${clock.time.toFixed(1)} / ${clock.duration.toFixed(1)} s`;
     steps.textContent = ` · step ${now} of ${last}`;
     view.follow.setAttribute("aria-pressed", String(player.stage?.follows ?? false));
+    view.space.setAttribute("aria-pressed", String(player.isInSpace ?? false));
   };
   play.disabled = last === 0;
   update();
@@ -45,10 +46,13 @@ function layer(player, layers, name) {
   return make("label", {}, box, name);
 }
 
-function viewButtons(player) {
+function viewButtons(player, hasSpace) {
   const zoom = (factor) => { player.stage.camera.zoom(factor); player.stage.moved(); };
   const button = (label, words, action) => make("button", { type: "button", "aria-label": words, title: words, onclick: action }, label);
   const follow = button("Follow", "Follow the selected object or the ego (F)", () => player.follow(!player.stage.follows));
+  const words3d = hasSpace ? "Show the scenario in space (V)" : "This browser has no WebGL 2, which the view in space needs";
+  const space = button("3-D", words3d, () => player.look(player.isInSpace ? "" : "3d"));
+  space.disabled = !hasSpace;
   const element = make(
     "div", { class: "view" },
     button("+", "Zoom in (+)", () => zoom(1.4)),
@@ -56,6 +60,7 @@ function viewButtons(player) {
     button("Route", "Show the ego's route (0)", () => player.stage.fitRoute()),
     button("All", "Show the whole scenario", () => player.stage.fitAll()),
     follow,
+    space,
   );
-  return { element, follow };
+  return { element, follow, space };
 }

@@ -14,7 +14,7 @@ export function startFilter(lake, go) {
     hide();
     go({ where: find("where").value.trim(), page: 1 });
   });
-  find("clear").addEventListener("click", () => go({ where: "", database: "", page: 1 }));
+  find("clear").addEventListener("click", () => go({ where: "", database: "", ranges: "", page: 1 }));
   find("database").addEventListener("change", (event) => go({ database: event.target.value, page: 1 }));
   const box = find("where");
   box.addEventListener("input", suggest);

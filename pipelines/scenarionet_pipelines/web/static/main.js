@@ -2,8 +2,10 @@
 
 import * as address from "/static/address.js";
 import { find, make, fill } from "/static/elements.js";
+import { startEvents } from "/static/events.js";
 import { startFilter, showProblem } from "/static/filter.js";
 import { plural } from "/static/format.js";
+import { showHistograms, startHistograms } from "/static/histograms.js";
 import { openPlayer, closePlayer } from "/static/player.js";
 import { startSaving } from "/static/saving.js";
 import { getJson } from "/static/server.js";
@@ -25,7 +27,10 @@ async function show(state) {
     await openPlayer(lake, state, listed, go);
   } else {
     closePlayer();
-    listed = (await showTable(lake, state, showProblem)) ?? listed;
+    const shown = await showTable(lake, state, showProblem);
+    if (!shown) return;
+    listed = shown;
+    await showHistograms(state, go);
   }
 }
 
@@ -33,7 +38,7 @@ async function show(state) {
 function go(changes) {
   const before = address.read();
   const state = { ...before, ...changes };
-  const isOther = ["where", "database", "sort", "order", "rows"].some((name) => String(state[name]) !== String(before[name]));
+  const isOther = ["where", "database", "sort", "order", "rows", "ranges"].some((name) => String(state[name]) !== String(before[name]));
   if (isOther && !("page" in changes)) state.page = 1;
   address.write(state);
   return show(state);
@@ -66,7 +71,9 @@ async function start() {
   find("lake-facts").title = `${lake.path}, ${lake.software}`;
   showDatabases(lake.databases);
   startFilter(lake, go);
+  startHistograms(lake, go);
   startTable(lake, go);
+  startEvents(lake);
   startSaving(lake, showDatabases);
   addEventListener("popstate", () => show(address.read()));
   document.addEventListener("click", onLink);

@@ -146,13 +146,13 @@ function counterClockwise(outline) {
 }
 
 // Strokes of a lane line: lateral offset to the left [m] and whether it is broken.
-function strokes(type, line) {
+export function strokes(type, line) {
   if (type === "ROAD_LINE_PASSING_DOUBLE_YELLOW") return [[line, false], [-line, true]];
   const isBroken = type.includes("BROKEN");
   return type.includes("DOUBLE") ? [[line, isBroken], [-line, isBroken]] : [[0, isBroken]];
 }
 
-function beside(points, left) {
+export function beside(points, left) {
   const moved = new Float32Array(points.length);
   const last = points.length - 2;
   for (let k = 0; k <= last; k += 2) {

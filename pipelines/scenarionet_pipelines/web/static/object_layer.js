@@ -82,12 +82,7 @@ export class ObjectLayer {
   paintBox(context, camera, row, moment) {
     const box = this.scene.place(row, moment, this.there);
     if (!box.isThere) return;
-    const length = Math.max(box.length, least, 3 / camera.scale);
-    const width = Math.max(box.width, least, 3 / camera.scale);
-    const cos = Math.cos(box.heading);
-    const sin = Math.sin(box.heading);
-    const corner = (ahead, left) => [box.x + ahead * length * cos - left * width * sin, box.y + ahead * length * sin + left * width * cos];
-    polygon(context, [corner(0.5, 0.5), corner(-0.5, 0.5), corner(-0.5, -0.5), corner(0.5, -0.5)]);
+    const { corner, length } = boxPath(context, camera, box);
     context.fillStyle = this.color[row];
     context.fill();
     const isSelected = row === this.selected;
@@ -151,6 +146,17 @@ export class ObjectLayer {
     }
     return -1;
   }
+}
+
+// Trace a box that is large enough to be seen; returns its length, and the place of a corner in shares of its sides.
+export function boxPath(context, camera, box) {
+  const length = Math.max(box.length, least, 3 / camera.scale);
+  const width = Math.max(box.width, least, 3 / camera.scale);
+  const cos = Math.cos(box.heading);
+  const sin = Math.sin(box.heading);
+  const corner = (ahead, left) => [box.x + ahead * length * cos - left * width * sin, box.y + ahead * length * sin + left * width * cos];
+  polygon(context, [corner(0.5, 0.5), corner(-0.5, 0.5), corner(-0.5, -0.5), corner(0.5, -0.5)]);
+  return { corner, length };
 }
 
 function polygon(context, points) {

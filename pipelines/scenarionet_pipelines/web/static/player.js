@@ -2,13 +2,19 @@
 
 import * as address from "/static/address.js";
 import { Clock } from "/static/clock.js";
+import { askClip } from "/static/clip.js";
 import { controls } from "/static/controls.js";
 import { find, make, fill } from "/static/elements.js";
 import { described, featureFacts, objectFacts, scenarioFacts } from "/static/facts.js";
 import { plural, words } from "/static/format.js";
+import { press } from "/static/keyboard.js";
+import { Legend } from "/static/legend.js";
+import { Runs } from "/static/runs.js";
 import { unpack } from "/static/scene.js";
 import { getBytes, getJson } from "/static/server.js";
 import { Stage } from "/static/stage.js";
+import { hasSpace, Space } from "/static/space.js";
+import { Timeline } from "/static/timeline.js";
 
 const layers = { roads: true, direction: true, lines: true, edges: true, crosswalks: true, route: true, trails: true, objects: true, lights: true, names: false };
 let playing = null;
@@ -56,42 +62,86 @@ function head(state, id, back, listed) {
 
 class Player {
   constructor(lake, scene, facts, bar, onEnd) {
-    Object.assign(this, { scene, onEnd });
+    Object.assign(this, { lake, scene, onEnd });
     this.clock = new Clock(scene.duration);
     this.clock.set(scene.time[scene.now]);
-    const canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": `Scenario ${scene.id} from above; space plays, arrow keys step, plus and minus zoom` });
+    this.style = matchMedia("(prefers-color-scheme: dark)").matches ? lake.darkPicture : lake.picture;
     this.tip = make("div", { class: "tip", "aria-hidden": "true", hidden: true });
     this.chosen = make("div", { class: "chosen", "aria-live": "off" });
-    this.controls = controls(this, layers);
-    const style = matchMedia("(prefers-color-scheme: dark)").matches ? lake.darkPicture : lake.picture;
-    const picture = make("div", { class: "picture" }, canvas, this.tip, this.controls.view, legend(style, scene));
+    this.runs = new Runs(scene, this.style, () => this.runsChanged());
+    this.controls = controls(this, layers, hasSpace());
+    this.legend = new Legend(this.style, scene);
+    this.timeline = new Timeline(scene, this.style, this.runs, (time) => this.seek(time), (row) => { this.pick(row); this.remember(); });
+    this.picture = make("div", { class: "picture" }, this.tip, this.controls.view, this.legend.element);
     const side = make(
       "aside", { "aria-label": "Properties" },
       make("h2", {}, "Object"), this.chosen,
+      make("details", { open: true }, make("summary", {}, "Runs"), this.runs.element),
       make("details", { open: true }, make("summary", {}, plural(scene.numObjects, "object")), this.objectList()),
       make("details", {}, make("summary", {}, "Scenario"), scenarioFacts(lake, facts)),
     );
-    fill(find("player"), bar, make("div", { class: "stage" }, make("div", { class: "screen" }, picture, this.controls.bar), side));
-    this.stage = new Stage(canvas, scene, style, layers, this.clock);
-    this.stage.onHover = (under) => this.showTip(under);
-    this.stage.onPick = (row) => { this.pick(row); this.remember(); };
-    this.stage.onMove = () => this.controls.update();
+    const screen = make("div", { class: "screen" }, this.picture, this.controls.bar, this.timeline.element);
+    fill(find("player"), bar, make("div", { class: "stage" }, screen, side));
     this.sized = new ResizeObserver(() => this.stage.resize());
-    this.sized.observe(canvas);
-    this.onKey = (event) => this.press(event);
+    this.look("");
+    this.onKey = (event) => press(this, event);
     document.addEventListener("keydown", this.onKey);
+    this.legend.show([]);
     this.pick(scene.ego);
     this.frame = requestAnimationFrame((now) => this.run(now));
     find("content").focus({ preventScroll: true }); // so that keyboard shortcuts work immediately
   }
 
-  // Show the time and the object of an address.
-  restore({ at, object, follow }) {
+  // Show the scene from above (""), or in space ("3d"), on a new canvas: one canvas cannot draw both.
+  look(kind) {
+    if (this.stage && this.isInSpace === (kind === "3d")) return;
+    this.isInSpace = kind === "3d" && hasSpace();
+    const before = this.stage;
+    if (before) {
+      this.sized.unobserve(before.canvas);
+      before.close();
+      before.canvas.remove();
+    }
+    const where = this.isInSpace ? "in space; dragging turns the view" : "from above";
+    const canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": `Scenario ${this.scene.id} ${where}; space plays, arrow keys step, plus and minus zoom` });
+    this.picture.prepend(canvas);
+    this.stage = new (this.isInSpace ? Space : Stage)(canvas, this.scene, this.style, layers, this.clock, this.runs);
+    this.stage.onHover = (under) => this.showTip(under);
+    this.stage.onPick = (row) => { this.pick(row); this.remember(); };
+    this.stage.onMove = () => this.controls.update();
+    this.sized.observe(canvas);
+    this.tip.hidden = true;
+    if (!before) return;
+    this.stage.objects.selected = before.objects.selected;
+    if (before.follows) this.stage.follow(true);
+    this.controls.update();
+    this.remember();
+  }
+
+  // Show the time, the object, the view and the runs of an address.
+  restore({ at, object, follow, look, runs }) {
     const row = this.scene.objects.findIndex(({ id }) => id === object);
     if (row >= 0) this.pick(row);
-    if (at !== "" && Number.isFinite(Number(at))) this.clock.set(Number(at));
+    this.wanted = { at: at !== "" && Number.isFinite(Number(at)) ? Number(at) : null, runs };
+    if (this.wanted.at !== null) this.clock.set(this.wanted.at);
+    if (look) this.look(look);
     if (follow) this.follow(true);
     this.changed();
+    this.runs.load(runs.split(",").filter(Boolean));
+  }
+
+  // Called when the runs beside the recording are loaded or chosen.
+  runsChanged() {
+    this.clock.duration = Math.max(this.scene.duration, this.runs.duration);
+    if (this.wanted.at > this.clock.time && !this.clock.isRunning) this.clock.set(this.wanted.at); // beyond the recording
+    this.wanted = { at: null, runs: null };
+    this.legend.show(this.runs.shown);
+    this.timeline.show(this.stage.objects.selected);
+    this.changed();
+  }
+
+  askClip() {
+    askClip(this.lake, this.scene, this.runs);
   }
 
   // Keep the time and the object in the address, so that it can be shared.
@@ -103,12 +153,16 @@ class Player {
       at: isBegin ? "" : clock.time.toFixed(2),
       object: row < 0 || row === scene.ego ? "" : scene.objects[row].id,
       follow: stage.follows ? "1" : "",
+      look: this.isInSpace ? "3d" : "",
+      runs: this.wanted?.runs ?? this.runs.keys.join(","),
     });
   }
 
   close() {
     cancelAnimationFrame(this.frame);
     this.sized.disconnect();
+    this.timeline.close();
+    this.stage.close();
     document.removeEventListener("keydown", this.onKey);
   }
 
@@ -124,6 +178,7 @@ class Player {
   showTime() {
     const { step } = this.scene.at(this.clock.time);
     this.controls.update();
+    this.timeline.update(this.clock.time);
     if (step === this.shownStep) return;
     this.showChosen();
     this.stage.hover();
@@ -142,15 +197,19 @@ class Player {
     this.changed();
   }
 
+  seek(time) {
+    this.clock.isRunning = false;
+    this.clock.set(time);
+    this.changed();
+  }
+
   toggle() {
     this.clock.toggle();
     this.changed();
   }
 
   follow(isFollowed) {
-    this.stage.follows = isFollowed;
-    if (isFollowed) this.stage.camera.scale = Math.max(this.stage.camera.scale, this.stage.camera.width / 160);
-    this.stage.moved();
+    this.stage.follow(isFollowed);
     this.remember();
   }
 
@@ -159,6 +218,8 @@ class Player {
     for (const button of this.buttons.values()) button.removeAttribute("aria-current");
     this.buttons.get(row)?.setAttribute("aria-current", "true");
     this.showChosen();
+    this.timeline.show(row);
+    this.timeline.update(this.clock.time);
     this.stage.isStale = true;
   }
 
@@ -193,41 +254,4 @@ class Player {
     });
     return make("ul", { class: "objects" }, ...items);
   }
-
-  press(event) {
-    const isTyping = event.target.closest("input:not([type=range]):not([type=checkbox]), select, textarea, dialog");
-    if (isTyping || event.ctrlKey || event.metaKey || event.altKey) return;
-    const { step } = this.scene.at(this.clock.time);
-    const isButton = event.target.closest("button, summary, a, input");
-    const pan = (dx, dy) => { this.stage.camera.pan(dx, dy); this.stage.follows = false; this.stage.moved(); };
-    const zoom = (factor) => { this.stage.camera.zoom(factor); this.stage.moved(); };
-    const moves = {
-      ArrowLeft: () => (event.shiftKey ? pan(60, 0) : this.goTo(step - 1)),
-      ArrowRight: () => (event.shiftKey ? pan(-60, 0) : this.goTo(step + 1)),
-      ArrowUp: () => event.shiftKey && pan(0, 60),
-      ArrowDown: () => event.shiftKey && pan(0, -60),
-      Home: () => this.goTo(0),
-      End: () => this.goTo(this.scene.numSteps - 1),
-      "+": () => zoom(1.25),
-      "=": () => zoom(1.25),
-      "-": () => zoom(0.8),
-      0: () => this.stage.fitRoute(),
-      f: () => this.follow(!this.stage.follows),
-      Escape: () => this.onEnd(),
-    };
-    if (!isButton) moves[" "] = () => this.toggle();
-    if (!(event.key in moves) || (event.key.startsWith("Arrow") && isButton && event.target.type !== "range")) return;
-    if (moves[event.key]() !== false) event.preventDefault();
-  }
-}
-
-// Legend of the colours that occur in a scene.
-function legend(style, scene) {
-  const types = [...new Set(scene.objects.filter((_, row) => row !== scene.ego).map(({ type }) => type))].sort();
-  const item = (color, text) => {
-    const sample = make("span", { class: "sample" });
-    sample.style.background = color;
-    return make("li", {}, sample, text);
-  };
-  return make("ul", { class: "legend", "aria-label": "Legend" }, item(style.ego, "ego"), ...types.map((type) => item(style.objects[type], words(type))));
 }

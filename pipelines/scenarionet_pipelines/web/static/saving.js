@@ -3,6 +3,7 @@
 import * as address from "/static/address.js";
 import { find, make, fill } from "/static/elements.js";
 import { plural } from "/static/format.js";
+import { conditionOf } from "/static/histograms.js";
 import { post } from "/static/server.js";
 
 export function startSaving(lake, showDatabases) {
@@ -12,7 +13,8 @@ export function startSaving(lake, showDatabases) {
 
 function ask(lake, showDatabases) {
   const dialog = find("saving");
-  const { where, database } = address.read();
+  const state = address.read();
+  const [where, database] = [conditionOf(state), state.database];
   const name = make("input", { name: "name", required: true, pattern: "[A-Za-z0-9_][A-Za-z0-9._\\-]*", autocomplete: "off" });
   const said = make("p", { class: "said", role: "alert" });
   const close = make("button", { type: "button", onclick: () => dialog.close() }, "Cancel");

@@ -1,25 +1,36 @@
-// A scenario in the binary format of pipelines/scenarionet_pipelines/web/packing.py.
+// A scenario, and runs of it, in the binary format of pipelines/scenarionet_pipelines/web/packing.py.
 
 const kinds = { float32: Float32Array, float64: Float64Array, int32: Int32Array, uint8: Uint8Array };
+const reach = 0.25; // [s] accelerations are differences of the speed over twice this time
 
-export function unpack(buffer) {
+// Read the header and the arrays.
+function read(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   const arrays = {};
-  for (const [name, { type, shape, offset }] of Object.entries(header.arrays)) {
+  const { arrays: described, ...facts } = header;
+  for (const [name, { type, shape, offset }] of Object.entries(described)) {
     const size = shape.reduce((a, b) => a * b, 1);
     arrays[name] = new kinds[type](buffer, 4 + length + offset, size);
   }
-  return new Scene(header, arrays);
+  return { ...facts, ...arrays };
 }
 
-// One scenario with N objects and T timesteps, in metres, radians and seconds.
-class Scene {
-  constructor(header, arrays) {
-    Object.assign(this, header, arrays);
+export function unpack(buffer) {
+  return new Scene(read(buffer));
+}
+
+// A rollout of a scene in one of the colours of runs; `key` names it in addresses.
+export function unpackRun(buffer, scene, key, color) {
+  return new Run({ ...read(buffer), size: scene.size, key, color });
+}
+
+// Motion of N objects at T times, in metres, radians and seconds.
+class Motion {
+  constructor(content) {
+    Object.assign(this, content);
     this.numSteps = this.time.length;
     this.duration = this.time[this.numSteps - 1];
-    this.numObjects = this.objects.length;
   }
 
   // The last timestep not after a time, and the fraction of the way to the next one.
@@ -49,6 +60,7 @@ class Scene {
     into.heading = this.heading[row];
     into.length = this.size[3 * object];
     into.width = this.size[3 * object + 1];
+    into.height = this.size[3 * object + 2];
     if (part > 0 && this.valid[row + 1] === 1) {
       into.x += part * (this.position[2 * row + 2] - into.x);
       into.y += part * (this.position[2 * row + 3] - into.y);
@@ -60,6 +72,36 @@ class Scene {
   speed(object, step) {
     const row = 2 * (object * this.numSteps + step);
     return Math.hypot(this.velocity[row], this.velocity[row + 1]);
+  }
+
+  // Speed along the heading of an object at every time [m/s]; NaN where it is absent.
+  speeds(object) {
+    return Float32Array.from(this.time, (_, step) => {
+      const row = object * this.numSteps + step;
+      if (!this.valid[row]) return NaN;
+      return this.velocity[2 * row] * Math.cos(this.heading[row]) + this.velocity[2 * row + 1] * Math.sin(this.heading[row]);
+    });
+  }
+
+  // Acceleration along the heading at every time [m/s²], over half a second; NaN where it is unknown.
+  accelerations(object) {
+    const { time } = this;
+    const speed = this.speeds(object);
+    const isNear = (step, other) => isKnown(speed[other]) && Math.abs(time[other] - time[step]) <= reach + 1e-3;
+    return speed.map((_, step) => {
+      let [first, last] = [step, step];
+      while (first > 0 && (isNear(step, first - 1) || (first === step && isKnown(speed[step - 1])))) first--;
+      while (last < time.length - 1 && (isNear(step, last + 1) || (last === step && isKnown(speed[step + 1])))) last++;
+      return last > first && isKnown(speed[step]) ? (speed[last] - speed[first]) / (time[last] - time[first]) : NaN;
+    });
+  }
+}
+
+// The recording.
+class Scene extends Motion {
+  constructor(content) {
+    super(content);
+    this.numObjects = this.objects.length;
   }
 
   // First and last valid timestep of an object.
@@ -87,6 +129,13 @@ class Scene {
     }
     return box;
   }
+}
+
+// A rollout: `judged` are the rows of the evaluated vehicles, `driven` of all that move otherwise than recorded.
+class Run extends Motion {}
+
+function isKnown(value) {
+  return !Number.isNaN(value);
 }
 
 function extend(box, x, y) {

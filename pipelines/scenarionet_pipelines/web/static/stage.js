@@ -4,23 +4,25 @@ import { Camera } from "/static/camera.js";
 import { MapHit } from "/static/map_hit.js";
 import { MapLayer } from "/static/map_layer.js";
 import { ObjectLayer } from "/static/object_layer.js";
+import { Pointers } from "/static/pointers.js";
+import { RunLayer } from "/static/run_layer.js";
 
 const rest = 150; // [ms] without movement after which the camera counts as resting
 const bars = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000]; // [m]
 const layerOf = { lane: "roads", area: "roads", line: "lines", stop: "lines", edge: "edges", crosswalk: "crosswalks" };
 
 export class Stage {
-  constructor(canvas, scene, style, layers, clock) {
+  constructor(canvas, scene, style, layers, clock, runs) {
     Object.assign(this, { canvas, scene, style, layers, clock });
     this.context = canvas.getContext("2d", { alpha: false });
     this.camera = new Camera();
     this.map = new MapLayer(scene, style, layers);
     this.objects = new ObjectLayer(scene, style, layers);
+    this.runLayer = new RunLayer(scene, runs);
     this.hits = new MapHit(scene);
     this.follows = false;
     this.isStale = true;
     this.movedAt = -Infinity;
-    this.pointers = new Map();
     this.pointer = null;
     this.onHover = () => {};
     this.onPick = () => {};
@@ -66,14 +68,25 @@ export class Stage {
     if (!this.isStale && !isForced) return;
     this.isStale = false;
     const moment = this.scene.at(this.clock.time);
-    if (this.follows) this.follow(moment);
+    if (this.follows) this.center(moment);
     const isMoving = now - this.movedAt < rest;
     if (this.map.paint(this.context, this.camera, this.ratio, isMoving)) this.isStale = true;
     this.objects.paint(this.context, this.camera, this.ratio, moment);
+    this.runLayer.paint(this.context, this.camera, this.ratio, this.clock.time);
     this.paintBar();
   }
 
-  follow(moment) {
+  // Follow the selected object or the ego, or stop.
+  follow(isFollowed) {
+    this.follows = isFollowed;
+    if (isFollowed) this.camera.scale = Math.max(this.camera.scale, this.camera.width / 160);
+    this.moved();
+  }
+
+  // A canvas has nothing to release.
+  close() {}
+
+  center(moment) {
     const followed = this.objects.selected >= 0 ? this.objects.selected : this.scene.ego;
     const place = this.scene.place(followed, moment, {});
     if (place.isThere) [this.camera.x, this.camera.y] = [place.x, place.y];
@@ -105,56 +118,13 @@ export class Stage {
   // --- pointers ----------------------------------------------------------------------------------
 
   listen() {
-    const { canvas } = this;
-    canvas.addEventListener("wheel", (event) => this.onWheel(event), { passive: false });
-    canvas.addEventListener("pointerdown", (event) => this.onDown(event));
-    canvas.addEventListener("pointermove", (event) => this.onPointer(event));
-    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.onUp(event));
-    canvas.addEventListener("pointerleave", () => this.hover(null));
-    canvas.addEventListener("dblclick", () => this.fitRoute());
-  }
-
-  onWheel(event) {
-    event.preventDefault();
-    const pixels = event.deltaY * [1, 16, 400][event.deltaMode];
-    this.camera.zoom(Math.exp(-pixels / 500), event.offsetX, event.offsetY);
-    this.moved();
-  }
-
-  onDown(event) {
-    this.canvas.setPointerCapture(event.pointerId);
-    this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
-    this.dragged = 0;
-  }
-
-  onPointer(event) {
-    const before = this.pointers.get(event.pointerId);
-    const here = [event.offsetX, event.offsetY];
-    if (!before) return this.hover(event.pointerType === "touch" ? null : here);
-    if (this.pointers.size === 2) this.pinch(event.pointerId, before, here);
-    else this.drag(before, here);
-    this.pointers.set(event.pointerId, here);
-  }
-
-  drag(before, here) {
-    this.dragged += Math.hypot(here[0] - before[0], here[1] - before[1]);
-    if (this.dragged > 4) this.follows = false;
-    this.camera.pan(here[0] - before[0], here[1] - before[1]);
-    this.moved();
-  }
-
-  pinch(id, before, here) {
-    const [other] = [...this.pointers].filter(([each]) => each !== id).map(([, place]) => place);
-    const distance = (place) => Math.hypot(place[0] - other[0], place[1] - other[1]) || 1;
-    this.dragged = Infinity;
-    this.camera.zoom(distance(here) / distance(before), (here[0] + other[0]) / 2, (here[1] + other[1]) / 2);
-    this.camera.pan((here[0] - before[0]) / 2, (here[1] - before[1]) / 2);
-    this.moved();
-  }
-
-  onUp(event) {
-    this.pointers.delete(event.pointerId);
-    if (event.type === "pointerup" && this.dragged <= 4) this.onPick(this.under([event.offsetX, event.offsetY]).object);
+    this.canvas.addEventListener("dblclick", () => this.fitRoute());
+    this.pointers = new Pointers(this.canvas, {
+      drag: (dx, dy) => { this.follows = false; this.camera.pan(dx, dy); this.moved(); },
+      zoom: (factor, x, y) => { this.camera.zoom(factor, x, y); this.moved(); },
+      hover: (place) => this.hover(place),
+      pick: (place) => this.onPick(this.under(place).object),
+    });
   }
 
   // Update the tooltip for a pointer position; null hides it.

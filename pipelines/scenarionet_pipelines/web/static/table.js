@@ -3,6 +3,7 @@
 import * as address from "/static/address.js";
 import { find, make, fill } from "/static/elements.js";
 import { cell, number, plural } from "/static/format.js";
+import { conditionOf } from "/static/histograms.js";
 import { forgetPictures, showWhenSeen } from "/static/pictures.js";
 import { getJson } from "/static/server.js";
 
@@ -20,6 +21,7 @@ export function startTable(lake, go) {
   find("last").addEventListener("click", () => turn(numPages));
   find("page").addEventListener("change", (event) => turn(Number.parseInt(event.target.value, 10) || 1));
   find("page-size").addEventListener("change", (event) => go({ rows: event.target.value }));
+  find("view").addEventListener("click", () => go({ view: address.read().view ? "" : "gallery" }));
   find("sort").addEventListener("change", (event) => go({ sort: event.target.value }));
   find("order").addEventListener("click", () => go({ order: address.read().order === "falling" ? "rising" : "falling" }));
   find("table").addEventListener("click", (event) => {
@@ -41,10 +43,12 @@ export async function showTable(lake, state, showProblem) {
   find("table").setAttribute("aria-busy", "true");
   const patience = setTimeout(() => { find("count").textContent = "Searching…"; }, 400);
   find("page-size").value = String(state.rows);
+  find("frame").classList.toggle("gallery", state.view === "gallery");
+  find("view").setAttribute("aria-pressed", String(state.view === "gallery"));
   let found;
   try {
-    const { where, database, sort, order } = state;
-    const parameters = { where, database, sort, order, first: (state.page - 1) * state.rows, count: state.rows, columns: columns.join(",") };
+    const { database, sort, order } = state;
+    const parameters = { where: conditionOf(state), database, sort, order, first: (state.page - 1) * state.rows, count: state.rows, columns: columns.join(",") };
     found = await getJson("/api/rows", parameters, mine.signal);
   } catch (error) {
     if (error.name !== "AbortError") showProblem(error);
@@ -100,7 +104,7 @@ function showPages({ total, first, rows }, state) {
   find("count").textContent = total ? `${number(first + 1)}–${number(first + rows.length)} of ${plural(total, "scenario")}` : "";
   if (total && !rows.length) find("count").textContent = `page ${state.page} of ${numPages}: beyond the last`;
   find("nothing").hidden = total > 0;
-  find("nothing").textContent = state.where || state.database
+  find("nothing").textContent = state.where || state.database || state.ranges
     ? "No scenario matches this filter."
     : "This lake has no scenarios yet. Convert some: scenarionet convert DATASET RAW LAKE";
   find("page").value = String(state.page);

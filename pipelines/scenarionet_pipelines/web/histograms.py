@@ -1,0 +1,68 @@
+"""Histograms of columns of the scenario table, counted by DuckDB."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter, QueryError
+from scenarionet_data.query import suggestions
+from scenarionet_data.query.statements import check_expression
+from scenarionet_pipelines.web.rows import PageColumn
+
+NUM_BINS = 30
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """Counts of a numeric column in bins of equal width.
+
+    Attributes:
+        column: The column.
+        low, high: Limits of the first and of the last bin; None without any value.
+        counts: Scenarios by bin that satisfy the condition; the last bin includes its upper limit.
+        missing: Scenarios without a finite value.
+    """
+
+    column: str
+    low: float | None
+    high: float | None
+    counts: list[int]
+    missing: int
+
+
+def read_histogram(lake: Lake, column: str, where: str, known: Mapping[str, PageColumn]) -> Histogram:
+    """Count the values of a column; the limits are those of the whole lake or database, so that bins keep their place.
+
+    Args:
+        lake: The lake, possibly restricted to a database.
+        column: A numeric column.
+        where: SQL condition over ``metadata``.
+        known: The lake's columns by name.
+
+    Raises:
+        UnsafeSql: The condition is not a single expression.
+        QueryError: The condition is not valid SQL; the message says where.
+        BadParameter: The column does not exist or is not numeric.
+    """
+    if column not in known or not known[column].is_number:
+        raise BadParameter(f"no numeric column {column!r}; choose one from the page's list of columns")
+    check_expression(where)
+    value = f'CASE WHEN isfinite("{column}"::DOUBLE) THEN "{column}"::DOUBLE END'
+    limits = lake.arrow(f"SELECT min({value}), max({value}) FROM metadata").to_pylist()[0]
+    low, high = limits.values()
+    if low is None:
+        return Histogram(column, None, None, [0] * NUM_BINS, 0)
+    width = (high - low) / NUM_BINS or 1.0
+    query = (
+        f"SELECT least(floor(({value} - $low) / $width), {NUM_BINS - 1})::INTEGER AS bin, count(*) AS n "
+        f"FROM metadata WHERE ({where}\n) GROUP BY bin"
+    )
+    try:
+        rows = lake.arrow(query, {"low": low, "width": width}).to_pylist()
+    except QueryError as error:
+        raise suggestions.explain_unknown_column(error, where) from error
+    found = {row["bin"]: int(row["n"]) for row in rows}
+    counts = [found.get(number, 0) for number in range(NUM_BINS)]
+    return Histogram(column, low, low + NUM_BINS * width, counts, found.get(None, 0))

@@ -1,0 +1,163 @@
+"""Runs beside the recording, as the server sends them: motion, crashes, times off the road; histograms and clips."""
+
+from __future__ import annotations
+
+import json
+from io import BytesIO
+from urllib.parse import urlencode
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter, QueryError
+from scenarionet_pipelines.web.histograms import NUM_BINS, read_histogram
+from scenarionet_pipelines.web.questions import TIMELINE_EVENTS
+from scenarionet_pipelines.web.rows import columns
+from scenarionet_pipelines.web.runs import runs_of
+from tests.fixtures.pages import serving
+from tests.scenarionet_pipelines.web.test_packing import unpack
+from tests.scenarionet_pipelines.web.test_server import request, said
+
+pytestmark = pytest.mark.integration
+
+
+@pytest.fixture(scope="module")
+def address(driven):
+    with serving(driven) as found:
+        yield found
+
+
+def ask(address, what, **parameters):
+    return request(address, f"/api/{what}?{urlencode(parameters)}")
+
+
+def packed(address, scenario_id, run):
+    status, _, body = ask(address, "run", id=scenario_id, run=run)
+    assert status == 200, body
+    return unpack(body)
+
+
+def test_runs_of_a_scenario_have_their_results(driven, address):
+    for scenario_id in driven.sql("SELECT DISTINCT scenario_id FROM results")["scenario_id"]:
+        status, listed = said(ask(address, "runs", id=scenario_id))
+        assert status == 200
+        assert listed == json.loads(json.dumps(runs_of(driven, scenario_id)))
+        wanted = driven.sql("SELECT count(*) AS n FROM results WHERE scenario_id = $id", {"id": scenario_id})
+        assert len(listed) == wanted["n"].item()
+
+
+def test_motion_is_that_of_the_table(driven, address):
+    rows = driven.sql("SELECT * FROM rollouts WHERE run = 'straight'")
+    for row in rows.iter_rows(named=True):
+        header, arrays = packed(address, row["scenario_id"], "straight")
+        (place,) = [k for k, track in enumerate(driven_ids(driven, row["scenario_id"])) if track == row["track_id"]]
+        np.testing.assert_array_equal(arrays["position"][place, :, 0], np.float32(row["x"]))
+        np.testing.assert_array_equal(arrays["velocity"][place, :, 1], np.float32(row["vy"]))
+        assert arrays["time"][0] == pytest.approx(0.1 * row["start"])
+        assert (place in header["judged"]) == row["is_judged"]
+        assert set(header["judged"]) <= set(header["driven"])
+
+
+def driven_ids(lake, scenario_id):
+    return [str(name) for name in lake.loader([scenario_id])[0].tracks.ids]
+
+
+def test_first_crash_is_that_of_the_results(driven, address):
+    rows = driven.sql("SELECT * FROM results WHERE run = 'straight'")
+    assert rows["cost"].sum() > 0, "something is hit"
+    for row in rows.iter_rows(named=True):
+        header, arrays = packed(address, row["scenario_id"], "straight")
+        crashes = [event["first"] for event in header["events"] if event["kind"] == "crash"]
+        assert bool(crashes) == (row["cost"] > 0)
+        if crashes:
+            assert crashes[0] - arrays["time"][0] == pytest.approx(row["first_collision"], abs=0.11)
+
+
+def test_time_off_the_road_is_that_of_the_results(driven, address):
+    rows = driven.sql("SELECT * FROM results WHERE run = 'straight' AND off_road_time > 0")
+    assert len(rows), "something leaves the road"
+    for row in rows.iter_rows(named=True):
+        header, _ = packed(address, row["scenario_id"], "straight")
+        away = [event for event in header["events"] if event["kind"] == "off_road"]
+        seconds = sum(event["last"] - event["first"] + 0.1 for event in away)
+        assert seconds >= row["off_road_time"] - 0.05, "the results end with the recording, the run may not"
+
+
+def test_log_replay_drives_nothing_else(driven, address):
+    """Replayed traffic moves as recorded; only the evaluated vehicle counts as driven."""
+    for scenario_id in driven.sql("SELECT DISTINCT scenario_id FROM results")["scenario_id"]:
+        header, _ = packed(address, scenario_id, "straight")
+        assert header["driven"] == header["judged"]
+
+
+@pytest.mark.parametrize("run", ["nothing", "straight:7", "straight:x", "", "'; DROP TABLE results;--"])
+def test_unknown_runs_are_an_error(driven, address, run):
+    scenario_id = driven.sql("SELECT scenario_id FROM results LIMIT 1")["scenario_id"].item()
+    status, answer = said(ask(address, "run", id=scenario_id, run=run))
+    assert status == 400
+    assert "no rollout" in answer["error"] or "expected a number" in answer["error"]
+
+
+def test_events_are_those_that_are_mined(driven, address):
+    scenario_id = driven.sql("SELECT scenario_id FROM metadata ORDER BY num_objects DESC")["scenario_id"][0]
+    for event in ("turn_left", "hard_braking", "stationary_lead"):
+        status, found = said(ask(address, "events", id=scenario_id, event=event))
+        wanted = driven.mine(event).filter(scenario_id=scenario_id)
+        assert status == 200
+        assert [row["first_timestep"] for row in found] == wanted["first_timestep"].to_list()
+    assert "turn_left" in TIMELINE_EVENTS
+    assert ask(address, "events", id=scenario_id, event="closest_approach")[0] == 400
+
+
+def test_clip_shows_progress_and_then_the_file(driven, address):
+    scenario_id = driven.sql("SELECT scenario_id FROM results ORDER BY steps LIMIT 1")["scenario_id"].item()
+    status, _, body = ask(address, "clip", id=scenario_id, kind="gif", runs="straight")
+    assert status == 200
+    messages = []
+    while "size" not in (messages[-1] if messages else {}):
+        line, _, body = body.partition(b"\n")
+        messages.append(json.loads(line))
+    assert [message["done"] for message in messages[:-1]] == list(range(messages[0]["of"]))
+    assert len(body) == messages[-1]["size"]
+    with Image.open(BytesIO(body)) as clip:
+        assert clip.format == "GIF"
+        assert clip.size == (2 * 480, 480 + 28), "recording and run side by side"
+        assert clip.n_frames > 1
+
+
+def test_clips_that_cannot_be_made_are_an_error(driven, address):
+    scenario_id = driven.sql("SELECT scenario_id FROM results LIMIT 1")["scenario_id"].item()
+    assert "kind" in said(ask(address, "clip", id=scenario_id, kind="avi"))[1]["error"]
+    assert "at most 3" in said(ask(address, "clip", id=scenario_id, kind="gif", runs="a,b,c,d"))[1]["error"]
+    _, _, body = ask(address, "clip", id=scenario_id, kind="gif", runs="nothing")
+    assert "no rollout" in json.loads(body)["error"]
+
+
+def test_histogram_counts_every_scenario(driven):
+    known = {column.name: column for column in columns(driven)}
+    values = driven.sql("SELECT ego_distance FROM metadata")["ego_distance"].to_numpy()
+    found = read_histogram(driven, "ego_distance", "true", known)
+    wanted, _ = np.histogram(values, NUM_BINS, (found.low, found.high))
+    assert sum(found.counts) == len(values)
+    assert np.abs(np.array(found.counts) - wanted).sum() <= 2, "a value on the edge of a bin may be in either"
+    part = read_histogram(driven, "ego_distance", "num_objects > 2", known)
+    assert (part.low, part.high) == (found.low, found.high)
+    assert sum(part.counts) == driven.sql("SELECT count(*) AS n FROM metadata WHERE num_objects > 2")["n"].item()
+
+
+def test_histogram_of_one_value_and_of_none(driven):
+    known = {column.name: column for column in columns(driven)}
+    found = read_histogram(driven, "dt", "true", known)
+    assert found.counts[0] == sum(found.counts) == len(Lake(driven.root))
+    empty = read_histogram(driven, "dt", "false", known)
+    assert sum(empty.counts) == 0
+
+
+def test_histograms_that_cannot_be_made_are_an_error(driven):
+    known = {column.name: column for column in columns(driven)}
+    with pytest.raises(BadParameter, match="no numeric column 'dataset'"):
+        read_histogram(driven, "dataset", "true", known)
+    with pytest.raises(QueryError, match="similar: ego_distance"):
+        read_histogram(driven, "ego_distance", "ego_distanc > 1", known)
