@@ -126,7 +126,9 @@ class Views:
         if name == "metadata":
             joins = []
             for column in sorted(self._joined):
-                path = self._files.verified(f"layers/{column}/{self._user_columns[column]}.parquet")
+                file = f"layers/{column}/{self._user_columns[column]}.parquet"
+                path = self._files.verified(file)
+                self.scanned[file] = None
                 joins.append(f"LEFT JOIN read_parquet({quoted(str(path))}) AS user_{column} USING (scenario_id)")
             text = text.replace("{user_columns}", " ".join(joins))
         self._connection.execute(text)
