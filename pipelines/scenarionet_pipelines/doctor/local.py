@@ -35,6 +35,8 @@ EXTRAS = {
     "slurm": "Dask clusters on Slurm",
     "kubernetes": "Dask clusters on Kubernetes",
     "learn": "training (torch)",
+    "iceberg": "publishing lakes as Iceberg tables",
+    "ducklake": "publishing lakes as DuckLakes",
 }
 """The extras for users and what they are for; the others are for the development of this software."""
 

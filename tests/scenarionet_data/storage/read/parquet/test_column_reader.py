@@ -30,6 +30,8 @@ def some(kind, count, draw):
         return draw.integers(2, size=count).astype(bool).tolist()
     if kind == "uint64":
         return draw.integers(9, size=count).tolist()
+    if kind == "binary":
+        return [draw.bytes(length) for length in draw.integers(300, size=count)]
     return draw.integers(-5, 5, count).tolist() if kind.startswith("int") else draw.normal(size=count).tolist()
 
 
