@@ -77,7 +77,7 @@ def test_every_extra_of_users_is_examined():
 
 
 def test_findings_fit_on_a_screen(tmp_path):
-    assert len(examine(str(tmp_path))) <= 24
+    assert len(examine(str(tmp_path))) <= 30
 
 
 def test_requirements_of_a_checkout_match_the_package(monkeypatch):
