@@ -63,3 +63,14 @@ def test_exchanged_metadata_of_an_older_lake_is_found(tmp_path):
     other.write_bytes(contents[0])
     with pytest.raises(LakeError, match="its rows belong to another folder"):
         Lake(root).sql("SELECT scenario_id FROM metadata")
+
+
+def test_exchanged_manifests_of_an_older_lake_are_found(tmp_path):
+    root = copy_older(tmp_path)[0]
+    first, *_, last = sorted((root / "snapshots").glob("manifest-*"))
+    contents = first.read_bytes(), last.read_bytes()
+    first.write_bytes(contents[1])
+    last.write_bytes(contents[0])
+    lake = Lake(root)
+    with pytest.raises(LakeError, match="which no shard of snapshot"):
+        lake.pack(lake.databases[0], tmp_path / "pack")
