@@ -11,12 +11,14 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
+from scenarionet_sim.agents import among
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, StepResult
 from scenarionet_sim.kernels.step import OBSERVE, SCORE
+from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External
-from scenarionet_sim.simulation import Observer, Simulation, among
+from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.task.task import ARRIVED, DRIVING, OFF_ROUTE, TIMED_OUT, task_parameters
 from scenarionet_sim.worlds.world import World
 

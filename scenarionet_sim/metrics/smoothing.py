@@ -20,32 +20,34 @@ def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivati
     """Return the smoothed series or a derivative of it.
 
     Args:
-        values: (T,).
+        values: (..., T).
         window: Window length [samples], at most T.
         order: Order of the polynomials.
         dt: Sampling interval [s].
         derivative: Order of the derivative; 0 for the series itself.
 
     Returns:
-        (T,); NaN if there are at most ``order`` samples.
+        (..., T); NaN if there are at most ``order`` samples.
 
     Example:
         >>> savitzky_golay(np.array([0.0, 1.0, 4.0, 9.0, 16.0]), 5, 2, dt=1.0, derivative=1).round(6).tolist()
         [0.0, 2.0, 4.0, 6.0, 8.0]
     """
-    count, window = len(values), min(window, len(values))
+    count = values.shape[-1]
+    window = min(window, count)
     if window <= order:
-        return np.full(count, np.nan)
+        return np.full(values.shape, np.nan)
     half, middle = window // 2, (window - 1) / 2
     fit = _fit(window, order)
     scale = math.factorial(derivative) / dt**derivative
-    starts = np.arange(count - window + 1)
-    polynomials = np.lib.stride_tricks.sliding_window_view(values, window) @ fit.T
-    smooth = np.empty(count)
-    smooth[starts + math.floor(middle)] = polynomials[:, derivative] * scale
+    polynomials = np.lib.stride_tricks.sliding_window_view(values, window, axis=-1) @ fit.T
+    smooth = np.empty(values.shape)
+    first = math.floor(middle)
+    smooth[..., first : first + polynomials.shape[-2]] = polynomials[..., derivative] * scale
     ends = np.arange(half, dtype=np.float64) - middle
-    smooth[:half] = _evaluate(polynomials[0], ends, derivative) / dt**derivative
-    smooth[count - half :] = _evaluate(polynomials[-1], ends + (window - half), derivative) / dt**derivative
+    smooth[..., :half] = _evaluate(polynomials[..., 0, :], ends, derivative) / dt**derivative
+    last = polynomials[..., -1, :]
+    smooth[..., count - half :] = _evaluate(last, ends + (window - half), derivative) / dt**derivative
     return smooth
 
 
@@ -56,12 +58,12 @@ def _fit(window: int, order: int) -> Float64:
     return fit
 
 
-def _evaluate(polynomial: Float64, at: Float64, derivative: int) -> Float64:
-    """Values of a derivative of a polynomial, whose coefficients rise in degree, by Horner's rule."""
-    coefficients = polynomial.tolist()
+def _evaluate(polynomials: Float64, at: Float64, derivative: int) -> Float64:
+    """Values (..., K) of a derivative of polynomials (..., C), whose coefficients rise in degree, by Horner's rule."""
+    coefficients = polynomials
     for _ in range(derivative):
-        coefficients = [power * factor for power, factor in enumerate(coefficients)][1:]
-    found = np.full(len(at), coefficients[-1])
-    for factor in reversed(coefficients[:-1]):
-        found = factor + found * at
+        coefficients = (np.arange(coefficients.shape[-1]) * coefficients)[..., 1:]
+    found = np.broadcast_to(coefficients[..., -1:], (*polynomials.shape[:-1], len(at)))
+    for power in reversed(range(coefficients.shape[-1] - 1)):
+        found = coefficients[..., power, None] + found * at
     return found

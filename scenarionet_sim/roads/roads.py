@@ -6,6 +6,7 @@ Heights are dropped: sensors and rules work in the plane.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,7 @@ from scenarionet_data.scenario.vocabulary import (
     is_road_edge,
     is_road_line,
 )
-from scenarionet_sim.kernels.containment import find_polygon, find_polygons
+from scenarionet_sim.kernels.containment import find_polygon, find_polygons, strips_of
 from scenarionet_sim.kernels.lanes import find_lanes
 from scenarionet_sim.roads.grid import Grid
 
@@ -100,6 +101,10 @@ class Roads:
             polygon_grid=Grid.over(*polygons.bounds()),
         )
 
+    @cached_property
+    def _strips(self) -> Float32:
+        return strips_of(self.polygons.values)
+
     def is_on_road(self, points: npt.ArrayLike) -> Bool:
         """Return whether points (..., 2) [m] are on a lane or another drivable area."""
         return self.is_in(points, self.is_road)
@@ -135,7 +140,8 @@ class Roads:
         flat = np.ascontiguousarray(where.reshape(-1, 2))
         inside = np.zeros((len(flat), self.num_lanes), np.bool_)
         grid, outlines = self.polygon_grid, self.polygons
-        find_polygons(flat, outlines.values, outlines.offsets, grid.frame, grid.cell_start, grid.cell_items, inside)
+        cells = grid.frame, grid.cell_start, grid.cell_items
+        find_polygons(flat, outlines.values, self._strips, outlines.offsets, *cells, inside)
         return inside.reshape(*where.shape[:-1], self.num_lanes)
 
     def _find(self, points: npt.ArrayLike, is_selected: Bool) -> Int32:
@@ -144,7 +150,7 @@ class Roads:
         found = np.empty(len(flat), np.int32)
         grid, outlines = self.polygon_grid, self.polygons
         cells = grid.frame, grid.cell_start, grid.cell_items
-        find_polygon(flat, outlines.values, outlines.offsets, is_selected, *cells, found)
+        find_polygon(flat, outlines.values, self._strips, outlines.offsets, is_selected, *cells, found)
         return found.reshape(where.shape[:-1])
 
 
