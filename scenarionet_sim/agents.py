@@ -30,9 +30,10 @@ class Agents:
     def __init__(self, is_agent: Bool, *, are_egos: bool) -> None:
         self._is_agent, self.are_egos = is_agent, are_egos
         self._own_route, self._own_route_before = np.zeros((2, 0, 0, 2))
+        self.rows: Int32 = np.zeros((0, 2), np.int32)
         self._first: Int32 = np.zeros(1, np.int32)
         self.is_due = False
-        self._allocate(np.zeros((0, 2), np.int32), 0)
+        self._allocate(self.rows, 0)
 
     def drives(self, driver: UInt8) -> Bool:
         """Return the objects (W, N) that are agents, present or not, by the policy of each."""
@@ -78,16 +79,8 @@ class Agents:
     def arrays(self, before: State, now: State) -> DrivenArrays:
         """Return everything as kernels take it."""
         earlier = self._own_route_before if self.are_egos else before.route
-        return DrivenArrays(
-            self.rows,
-            self._first,
-            self.actions,
-            self.route(now),
-            earlier,
-            self.contacts,
-            self.contacts_before,
-            self.hits,
-        )
+        routes, contacts = (self.route(now), earlier), (self.contacts, self.contacts_before)
+        return DrivenArrays(self.rows, self._first, self.actions, *routes, *contacts, self.hits)
 
     def _listed(self, driver: UInt8, present: Bool, batch: WorldBatch) -> tuple[Int32, Int32]:
         """Return world and row (A, 2) of each agent, and the first agent (W + 1,) of each world."""

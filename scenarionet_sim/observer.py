@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_sim.kernels.observation import Sensing
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, StepResult
-
-if TYPE_CHECKING:
-    from scenarionet_sim.simulation import Simulation
 
 
 @dataclass(eq=False)
@@ -40,5 +36,5 @@ class Observer:
         result = StepResult(numbers, np.zeros(0, np.uint8), totals)
         return cls(np.zeros(12), result, Sensing.of_no_sensors(), 0)
 
-    def resize(self, simulation: Simulation) -> None:
-        """Allocate the results for the agents of a simulation, which have changed."""
+    def resize(self, num_agents: int, num_worlds: int, num_objects: int) -> None:
+        """Allocate the results for other agents, in worlds of up to a number of objects."""

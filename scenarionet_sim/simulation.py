@@ -291,7 +291,7 @@ class Simulation:
     def _list_agents(self) -> None:
         """List the present agents, and let the observer know if they are others."""
         if self._agents.update(self.driver, self.state.present, self.batch):
-            self.observer.resize(self)
+            self.observer.resize(len(self.agents), *self.driver.shape)
             self.observer.is_stale = True
 
     def _prepare(self, world: World, policies: Any) -> tuple[World, UInt8]:

@@ -194,10 +194,9 @@ class _Scorer(Observer):
         self.observed, sensing = observation.allocate(0)
         super().__init__(task, Observer.nothing().result, sensing, SCORE | OBSERVE)
 
-    def resize(self, simulation: Simulation) -> None:
-        """Allocate results for the current agents, all zero; totals of objects are kept."""
-        count, (num_worlds, num_objects) = len(simulation.agents), simulation.driver.shape
+    def resize(self, num_agents: int, num_worlds: int, num_objects: int) -> None:
+        """Allocate results for other agents, all zero; totals of objects are kept."""
         totals, old = np.zeros((num_worlds, num_objects, NUM_TOTALS)), self.result.totals
         totals[: old.shape[0], : old.shape[1]] = old
-        self.result = StepResult(np.zeros((count, len(NUMBERS))), np.zeros(count, np.uint8), totals)
-        self.observed, self.sensing = self._observation.allocate(count)
+        self.result = StepResult(np.zeros((num_agents, len(NUMBERS))), np.zeros(num_agents, np.uint8), totals)
+        self.observed, self.sensing = self._observation.allocate(num_agents)

@@ -124,6 +124,65 @@ def find_polygons(
                 inside[query, polygon] = winding_number(x, y, outlines, strips, start, end) != 0
 
 
+@kernel(allocates=False)
+def find_stays(
+    points: Float64,
+    outlines: Float32,
+    strips: Float32,
+    offsets: Int32,
+    frame: Float64,
+    cell_start: Int32,
+    cell_items: Int32,
+    num_polygons: int,
+    first: Int32,
+    starts: Int32,
+    around: Int32,
+) -> int:
+    """Find the stays of points that move together: the moments at which the polygons around one of them change.
+
+    Args:
+        points: (T, K, 2) [m].
+        outlines, strips, offsets, frame, cell_start, cell_items: See :func:`find_polygon`.
+        num_polygons: The first polygons, which count.
+        first: (T,) output: first moment of each stay.
+        starts: (T * K + 1,) output: where the polygons around each point of each stay begin in ``around``.
+        around: Output: the polygons; room for all in the fullest cell at every point.
+
+    Returns:
+        The number of stays.
+    """
+    stays, count = 0, points.shape[1]
+    for t in range(len(points)):
+        begin = filled = starts[stays * count]
+        for k in range(count):
+            x, y = points[t, k, 0], points[t, k, 1]
+            cell = cell_at(x, y, frame)
+            if cell >= 0:
+                for place in range(cell_start[cell], cell_start[cell + 1]):
+                    polygon = cell_items[place]
+                    start, end = offsets[polygon], offsets[polygon + 1]
+                    if polygon < num_polygons and winding_number(x, y, outlines, strips, start, end) != 0:
+                        around[filled] = polygon
+                        filled += 1
+            starts[stays * count + k + 1] = filled
+        if stays == 0 or not _is_repeated(starts, around, stays, count, filled - begin):
+            first[stays] = t
+            stays += 1
+    return stays
+
+
+@device_function
+def _is_repeated(starts: Int32, around: Int32, stay: int, count: int, length: int) -> bool:
+    """Return whether the polygons around ``count`` points are those of the stay before."""
+    here, last = starts[stay * count], starts[(stay - 1) * count]
+    is_same = True
+    for k in range(1, count + 1):
+        is_same &= starts[stay * count + k] - here == starts[(stay - 1) * count + k] - last
+    for n in range(length):
+        is_same = is_same and around[here + n] == around[last + n]
+    return is_same
+
+
 @device_function
 def cell_at(x: float, y: float, frame: Float64) -> int:
     """Return the cell of a grid that a point is in, or -1 outside of the grid."""

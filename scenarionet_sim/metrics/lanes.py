@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -161,17 +162,13 @@ class _Stay:
 
 def _stays(roads: Roads, points: Float64) -> list[_Stay]:
     """Return the stays of points (T, K, 2) [m] in lanes, in order of time."""
-    inside = roads.lanes_around(points)
-    is_new = np.append(True, (inside[1:] != inside[:-1]).any(axis=(1, 2)))
-    first = np.flatnonzero(is_new[: len(points)])
-    ends = np.append(first[1:], len(points))
-    moment, point, lane = np.nonzero(inside[first])
-    lanes: list[list[set[int]]] = [[set() for _ in range(points.shape[1])] for _ in first]
-    for each in zip(moment.tolist(), point.tolist(), lane.tolist(), strict=True):
-        lanes[each[0]][each[1]].add(each[2])
+    first, lanes = roads.stays_in_lanes(points)
+    values, count = lanes.values.tolist(), points.shape[1]
+    around = [frozenset(values[start:end]) for start, end in pairwise(lanes.offsets.tolist())]
+    ends = [*first[1:].tolist(), len(points)]
     return [
-        _Stay(start, end, tuple(map(frozenset, here)))
-        for start, end, here in zip(first.tolist(), ends.tolist(), lanes, strict=True)
+        _Stay(start, end, tuple(around[count * number : count * (number + 1)]))
+        for number, (start, end) in enumerate(zip(first.tolist(), ends, strict=True))
     ]
 
 

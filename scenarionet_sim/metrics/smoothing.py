@@ -8,11 +8,11 @@ sample.
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float64
 
 
@@ -37,18 +37,61 @@ def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivati
     window = min(window, count)
     if window <= order:
         return np.full(values.shape, np.nan)
-    half, middle = window // 2, (window - 1) / 2
-    fit = _fit(window, order)
-    scale = math.factorial(derivative) / dt**derivative
-    polynomials = np.lib.stride_tricks.sliding_window_view(values, window, axis=-1) @ fit.T
-    smooth = np.empty(values.shape)
-    first = math.floor(middle)
-    smooth[..., first : first + polynomials.shape[-2]] = polynomials[..., derivative] * scale
-    ends = np.arange(half, dtype=np.float64) - middle
-    smooth[..., :half] = _evaluate(polynomials[..., 0, :], ends, derivative) / dt**derivative
-    last = polynomials[..., -1, :]
-    smooth[..., count - half :] = _evaluate(last, ends + (window - half), derivative) / dt**derivative
-    return smooth
+    series = np.ascontiguousarray(values, np.float64).reshape(-1, count)
+    smooth = np.empty_like(series)
+    _fit_windows(series, _fit(window, order), derivative, dt**derivative, smooth, np.empty(order + 1))
+    return smooth.reshape(values.shape)
+
+
+@kernel(allocates=False)
+def _fit_windows(
+    series: Float64, fit: Float64, derivative: int, unit: float, smooth: Float64, polynomial: Float64
+) -> None:
+    """Write a derivative (S, T) of the polynomials through the windows of some series (S, T).
+
+    Args:
+        series: (S, T).
+        fit: See :func:`_fit`.
+        derivative: Order of the derivative.
+        unit: Sampling interval to the power of that order.
+        smooth: (S, T) output.
+        polynomial: (C,) memory.
+    """
+    window, count = fit.shape[1], series.shape[1]
+    half, middle = window // 2, 0.5 * (window - 1)
+    scale = 1.0
+    for power in range(2, derivative + 1):
+        scale *= power
+    for s in range(len(series)):
+        for start in range(count - window + 1):
+            smooth[s, start + int(middle)] = _coefficient(series, s, start, fit, derivative) * (scale / unit)
+        for side in range(2):
+            start, at, first = (0, -middle, 0) if side == 0 else (count - window, window - half - middle, count - half)
+            for power in range(len(fit)):
+                polynomial[power] = _coefficient(series, s, start, fit, power)
+            for n in range(half):
+                smooth[s, first + n] = _evaluate(polynomial, at + n, derivative) / unit
+
+
+@device_function
+def _coefficient(series: Float64, s: int, start: int, fit: Float64, power: int) -> float:
+    """Return a coefficient of the polynomial through a window."""
+    total = 0.0
+    for n in range(fit.shape[1]):
+        total += series[s, start + n] * fit[power, n]
+    return total
+
+
+@device_function
+def _evaluate(polynomial: Float64, at: float, derivative: int) -> float:
+    """Return the value of a derivative of a polynomial, whose coefficients rise in degree, by Horner's rule."""
+    value = 0.0
+    for power in range(len(polynomial) - 1, derivative - 1, -1):
+        factor = polynomial[power]
+        for degree in range(power, power - derivative, -1):
+            factor *= degree
+        value = factor + value * at
+    return value
 
 
 @cache
@@ -56,14 +99,3 @@ def _fit(window: int, order: int) -> Float64:
     """Matrix (order + 1, window) from the samples of a window to the coefficients of their polynomial."""
     fit: Float64 = np.linalg.pinv(np.vander(np.arange(window) - (window - 1) / 2, order + 1, increasing=True))
     return fit
-
-
-def _evaluate(polynomials: Float64, at: Float64, derivative: int) -> Float64:
-    """Values (..., K) of a derivative of polynomials (..., C), whose coefficients rise in degree, by Horner's rule."""
-    coefficients = polynomials
-    for _ in range(derivative):
-        coefficients = (np.arange(coefficients.shape[-1]) * coefficients)[..., 1:]
-    found = np.broadcast_to(coefficients[..., -1:], (*polynomials.shape[:-1], len(at)))
-    for power in reversed(range(coefficients.shape[-1] - 1)):
-        found = coefficients[..., power, None] + found * at
-    return found
