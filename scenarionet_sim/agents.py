@@ -11,7 +11,7 @@ from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
-class Agents:
+class PresentAgents:
     """The present agents, in the order of their worlds and rows, with room for their actions and contacts.
 
     Args:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scenarionet_data.arrays.compiled import Kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8, UInt32
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.agents import Agents, among
+from scenarionet_sim.agents import PresentAgents, among
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
 from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
@@ -92,7 +92,7 @@ class Simulation:
         self.driver: UInt8 = np.full(shape, UNDRIVEN, np.uint8)
         self._session = (backend or Kinematic()).open(self.batch)
         self._has_begun: Bool = np.zeros(len(worlds), np.bool_)
-        self._agents = Agents(self._policies.are_external, are_egos=has_passengers)
+        self._agents = PresentAgents(self._policies.are_external, are_egos=has_passengers)
         self.reset_slots(range(len(worlds)), worlds)
 
     def __repr__(self) -> str:
