@@ -12,7 +12,7 @@ from scenarionet_sim.kernels.log import HEADING, VX, VY, X, Y
 from scenarionet_sim.kernels.paths import wrapped
 
 
-class Pose(NamedTuple):
+class FramePose(NamedTuple):
     """Where a frame is in the scenario's.
 
     Attributes:
@@ -29,13 +29,13 @@ class Pose(NamedTuple):
 
 
 @device_function
-def turned(pose: Pose, x: float, y: float) -> tuple[float, float]:
+def turned(pose: FramePose, x: float, y: float) -> tuple[float, float]:
     """Return a vector of the scenario in a frame."""
     return pose.cos * x + pose.sin * y, pose.cos * y - pose.sin * x
 
 
 @kernel(allocates=False)
-def motion_to_frame(motion: Float64, pose: Pose, position: Float64, heading: Float64, velocity: Float64) -> None:
+def motion_to_frame(motion: Float64, pose: FramePose, position: Float64, heading: Float64, velocity: Float64) -> None:
     """Convert the motion (N, 7) of objects to a frame: (N, 2) [m], (N,) [rad] in [-pi, pi), (N, 2) [m/s]."""
     for n in range(len(motion)):
         row = motion[n]
@@ -45,7 +45,7 @@ def motion_to_frame(motion: Float64, pose: Pose, position: Float64, heading: Flo
 
 
 @kernel(allocates=False)
-def path_to_frame(path: Float32, first: int, pose: Pose, position: Float64, heading: Float64) -> None:
+def path_to_frame(path: Float32, first: int, pose: FramePose, position: Float64, heading: Float64) -> None:
     """Convert points of ``Paths.path`` from ``first`` on to a frame: (P, 2) [m], (P,) [rad] in [-pi, pi)."""
     for k in range(len(heading)):
         x, y = np.float64(path[first + k, X]), np.float64(path[first + k, Y])

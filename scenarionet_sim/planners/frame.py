@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64
-from scenarionet_sim.kernels.frames import Pose, motion_to_frame, path_to_frame
+from scenarionet_sim.kernels.frames import FramePose, motion_to_frame, path_to_frame
 from scenarionet_sim.kernels.log import HEADING, VX, VY
 
 _TURN = 2.0 * math.pi
@@ -28,7 +28,7 @@ class ViewFrame:
         self.origin, self.heading, self.is_scenario = np.array([x, y]), heading, is_scenario
         cos, sin = math.cos(heading), math.sin(heading)
         self._back = np.array([[cos, -sin], [sin, cos]])
-        self._pose = Pose(x, y, heading, cos, sin)
+        self._pose = FramePose(x, y, heading, cos, sin)
 
     def motion(self, motion: Float64) -> tuple[Float64, Float64, Float64]:
         """Return position (N, 2) [m], heading (N,) [rad] and velocity (N, 2) [m/s] of motion (N, 7) in this frame."""

@@ -63,12 +63,14 @@ class Live:
         """
         from matplotlib import pyplot
 
+        from scenarionet_sim.render.pixels import Pixels
+
         if self._image is None:
             _require_display()
-            figure = pyplot.figure("ScenarioNet", figsize=(self._size / 100, self._size / 100))
-            axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-            axes.set_axis_off()
-            self._image = axes.imshow(picture)
+            with pyplot.rc_context({"toolbar": "None"}):
+                figure = pyplot.figure("ScenarioNet", figsize=(self._size / 100, self._size / 100), dpi=100)
+            self._image = Pixels()
+            figure.add_artist(self._image)
             if self._keys is not None:
                 manager = figure.canvas.manager
                 if manager is not None and manager.key_press_handler_id is not None:
@@ -76,15 +78,22 @@ class Live:
                 figure.canvas.mpl_connect("key_press_event", partial(_tell, self._keys[0]))
                 figure.canvas.mpl_connect("key_release_event", partial(_tell, self._keys[1]))
             figure.show()
-        if not pyplot.fignum_exists(self._image.figure.number):
+        if self.is_closed:
             return
-        self._image.set_data(picture)
+        self._image.set_picture(picture)
         self._image.figure.canvas.draw_idle()
         self._image.figure.canvas.flush_events()
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether the user has closed the window."""
+        from matplotlib import pyplot
+
+        return self._image is not None and not pyplot.fignum_exists(self._image.figure.number)
+
     def wait(self, seconds: float) -> None:
         """Handle events of the window for a while [s]."""
-        if self._image is not None:
+        if self._image is not None and not self.is_closed:
             self._image.figure.canvas.start_event_loop(max(seconds, 1e-3))
 
     def close(self) -> None:
