@@ -26,6 +26,9 @@ class Live:
         width: Width of the view [m].
         size: Side of an image [pixels].
 
+    Attributes:
+        is_closed: The user has closed the window.
+
     Example:
         live = Live()
         picture = live.picture(world, simulation.state)  # after every step
@@ -39,6 +42,7 @@ class Live:
         self._moments: deque[Moment] = deque(maxlen=TRAIL)
         self._image: Any = None
         self._keys: tuple[KeyListener, KeyListener] | None = None
+        self.is_closed = False
 
     def on_keys(self, pressed: KeyListener, released: KeyListener) -> None:
         """Call functions with the name of each key that is pressed or released in the window, from its opening on."""
@@ -69,6 +73,7 @@ class Live:
             _require_display()
             with pyplot.rc_context({"toolbar": "None"}):
                 figure = pyplot.figure("ScenarioNet", figsize=(self._size / 100, self._size / 100), dpi=100)
+            figure.canvas.mpl_connect("close_event", self._note_closing)
             self._image = Pixels()
             figure.add_artist(self._image)
             if self._keys is not None:
@@ -78,18 +83,17 @@ class Live:
                 figure.canvas.mpl_connect("key_press_event", partial(_tell, self._keys[0]))
                 figure.canvas.mpl_connect("key_release_event", partial(_tell, self._keys[1]))
             figure.show()
+            figure.canvas.flush_events()  # the window learns how dense the display is
+            figure.set_size_inches(self._size / figure.dpi, self._size / figure.dpi)
         if self.is_closed:
             return
         self._image.set_picture(picture)
         self._image.figure.canvas.draw_idle()
         self._image.figure.canvas.flush_events()
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether the user has closed the window."""
-        from matplotlib import pyplot
-
-        return self._image is not None and not pyplot.fignum_exists(self._image.figure.number)
+    def _note_closing(self, event: Any) -> None:
+        del event
+        self.is_closed = True
 
     def wait(self, seconds: float) -> None:
         """Handle events of the window for a while [s]."""
@@ -102,7 +106,7 @@ class Live:
             from matplotlib import pyplot
 
             pyplot.close(self._image.figure)
-            self._image = None
+            self._image, self.is_closed = None, False
 
 
 def _tell(listener: KeyListener, event: Any) -> None:

@@ -51,6 +51,8 @@ def test_axes_of_a_game_pad(tmp_path):
 class Screen:
     """A window that shows nothing."""
 
+    is_closed = False
+
     def __init__(self) -> None:
         self.shown = 0
 
@@ -75,3 +77,6 @@ def test_keys_move_the_ego(monkeypatch):
         simulation.step()
     assert screen.shown == 10
     assert simulation.state.velocity[0, 0, 0] == pytest.approx(5.0 + 0.7 * 4.0, rel=0.01)
+    screen.is_closed = True
+    with pytest.raises(KeyboardInterrupt):
+        simulation.step()
