@@ -11,7 +11,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, Int64, UInt8
 from scenarionet_sim.cameras.lenses import rays_of
-from scenarionet_sim.cameras.meshes import library
+from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.stage import Scenery, stage_of
 from scenarionet_sim.kernels.cameras.frames import draw_frames
 from scenarionet_sim.kernels.cameras.layout import (
