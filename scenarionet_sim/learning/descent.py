@@ -33,7 +33,7 @@ class Descent:
     def step(self, loss: Tensor) -> None:
         """Make a step along the gradient of a loss."""
         self._gradient.zero_()
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         nn.utils.clip_grad_norm_(self._all, self._longest)
         self._adam.step()
 
