@@ -27,7 +27,7 @@ class Memory:
 
     def __init__(self, limit: int = 2**27) -> None:
         self._limit = limit
-        self._blocks: dict[int, list[UInt8]] = {}
+        self._blocks: dict[int, list[UInt8]] = {}  # by size
 
     def empty(self, shape: int | Sequence[int], dtype: npt.DTypeLike) -> Array:
         """Array of any values."""

@@ -124,9 +124,7 @@ class ColumnReader:
     def _load_pages(self, groups: Sequence[RowGroup]) -> tuple[Array, Array]:
         """Pages by column and row group, (columns, groups, NUM_PAGE_FIELDS) int64, and their decompressed bytes."""
         chunks = [group.footer.chunks(group.number) for group in groups]
-        size = sum(
-            int(each[each[:, kernels.CODEC] != kernels.OTHER_CODEC, kernels.CHUNK_SIZE].sum()) for each in chunks
-        )
+        size = sum(group.footer.size(group.number) for group in groups)
         data = self._memory.empty(size + kernels.SPARE, np.uint8)
         pages = np.zeros((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
         end = 0
@@ -153,19 +151,17 @@ class ColumnReader:
 
     def _read_levels(self, pages: Array, data: Array, num_rows: int) -> tuple[list[_Pages], list[ColumnType]]:
         """Lengths and offsets of the columns that the kernels know, and the columns that are left to Arrow."""
-        is_known = (pages[:, :, kernels.START] != UNKNOWN).all(axis=1)
         lists = self._memory.empty((2, len(pages), num_rows + 1), np.int32)
-        rows = np.empty(len(pages), np.int64)
-        kernels.read_levels(data, pages, self._shapes, lists, rows)
-        self._require((rows == num_rows) | ~is_known)
-        counts = pages[:, :, kernels.COUNT].sum(axis=1).tolist()
+        found = np.empty((2, len(pages)), np.int64)
+        kernels.read_levels(data, pages, self._shapes, lists, found)
+        self._require((found[0] == num_rows) | (found[0] == UNKNOWN))
         known: list[_Pages] = []
         others: list[ColumnType] = []
-        for index, column in enumerate(self._columns):
-            if is_known[index]:
-                known.append(_Pages(column, pages[index], lists[0, index, :-1], lists[1, index], counts[index]))
-            else:
+        for index, (column, rows, count) in enumerate(zip(self._columns, *found.tolist(), strict=True)):
+            if rows == UNKNOWN:
                 others.append(column)
+            else:
+                known.append(_Pages(column, pages[index], lists[0, index, :-1], lists[1, index], count))
         return known, others
 
     def _numbers(self, column: _Pages, data: Array) -> Array:
@@ -182,9 +178,8 @@ class ColumnReader:
 
     def _require(self, is_valid: Array) -> None:
         """Raise for the first column with a False, in any of its pages."""
-        damaged = np.argwhere(~is_valid)
-        if len(damaged):
-            raise _Damaged(f"column {self._columns[damaged[0, 0]].name} is damaged")
+        if not is_valid.all():
+            raise _Damaged(f"column {self._columns[np.argwhere(~is_valid)[0, 0]].name} is damaged")
 
 
 def _indices(column: _Pages, data: Array) -> tuple[list[str], Array]:

@@ -154,7 +154,7 @@ def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
 
 
 @kernel(nogil=True)
-def read_levels(data: Array, pages: Array, shapes: Array, lists: Array, rows: Array) -> None:
+def read_levels(data: Array, pages: Array, shapes: Array, lists: Array, found: Array) -> None:
     """Decode the lengths of all columns' rows, and locate the values of their pages.
 
     Args:
@@ -162,28 +162,29 @@ def read_levels(data: Array, pages: Array, shapes: Array, lists: Array, rows: Ar
         pages: (C, k, NUM_PAGE_FIELDS) int64 of C columns and k row groups; fills VALUES and COUNT.
         shapes: (C,) int64 LIST or 0, plus NULLABLE.
         lists: (2, C, 1 + rows) int32, filled with lengths of rows and offsets of their values.
-        rows: (C,) int64, filled with the number of rows; UNKNOWN when a page is inconsistent.
+        found: (2, C) int64, filled with the number of rows and of values; instead of rows UNKNOWN if a page is, DAMAGED
+            if one is inconsistent.
     """
     for column in range(len(pages)):
         lengths, offsets = lists[0, column], lists[1, column]
-        done, other = 0, column - 1
+        done, count, other = 0, 0, column - 1
         while other >= 0 and shapes[other] != shapes[column]:
             other -= 1
-        if other >= 0 and rows[other] > 0 and _repeat_levels(data, pages[other], pages[column]):
-            done = rows[other]
+        if other >= 0 and found[0, other] > 0 and _repeat_levels(data, pages[other], pages[column]):
+            done, count = found[0, other], found[1, other]
             lengths[:done] = lists[0, other, :done]
-        for number in range(pages.shape[1] if done == 0 else 0):
-            page = pages[column, number]
-            if page[START] < 0:
-                done = UNKNOWN
-                break
-            found, count, at = _read_levels(data, page, shapes[column], lengths[done:-1])
-            page[COUNT], page[VALUES] = count, at
-            if found == UNKNOWN:
-                done = UNKNOWN
-                break
-            done += found
-        rows[column], offsets[0] = done, 0
+        else:
+            for number in range(pages.shape[1]):
+                page = pages[column, number]
+                if page[START] < 0:
+                    done = page[START]
+                    break
+                rows, page[COUNT], page[VALUES] = _read_levels(data, page, shapes[column], lengths[done:-1])
+                if rows == UNKNOWN:
+                    done = DAMAGED
+                    break
+                done, count = done + rows, count + page[COUNT]
+        found[0, column], found[1, column], offsets[0] = done, count, 0
         for row in range(done):
             offsets[row + 1] = offsets[row] + lengths[row]
 

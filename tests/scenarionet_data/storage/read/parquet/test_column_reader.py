@@ -279,14 +279,14 @@ def test_arbitrary_pages_are_not_read_or_written_out_of_bounds(content, levels, 
     pages[0, 0, kernels.END] = len(content)
     pages[0, 0, [kernels.LEVELS, kernels.ENCODING, kernels.NUM_WORDS]] = levels, encoding, num_words
     # Lengths and offsets of the column, each between others that must not change.
-    lists, rows = np.full((3, 3, room + 1), -7, np.int32), np.zeros(1, np.int64)
-    kernels.read_levels(data, pages, np.array([shape]), lists[:2, 1:2], rows)
+    lists, found = np.full((3, 3, room + 1), -7, np.int32), np.zeros((2, 1), np.int64)
+    kernels.read_levels(data, pages, np.array([shape]), lists[:2, 1:2], found)
     assert (lists[2] == -7).all() and (lists[:, [0, 2]] == -7).all() and lists[0, 1, room] == -7
-    if rows[0] < 0:
+    if found[0, 0] < 0:
         return
-    (page,), (count,) = pages, pages[0, :, kernels.COUNT].tolist()
-    assert rows[0] <= min(levels, room)
-    assert 0 <= lists[1, 1, rows[0]] <= count <= levels
+    (page,), ((rows,), (count,)) = pages, found.tolist()
+    assert rows <= min(levels, room)
+    assert 0 <= lists[1, 1, rows] <= count == page[0, kernels.COUNT] <= levels
     words, bits, indices = guarded(count, np.uint32), guarded(count, np.int8), guarded(count, np.int32)
     offsets, text = guarded(count + 1, np.int64), guarded(len(content), np.uint8)
     offsets[0] = 0
@@ -322,11 +322,11 @@ def test_columns_that_repeat_levels_are_read_as_if_alone(contents, levels, shape
     pages[:, :, kernels.END], pages[:, :, kernels.LEVELS] = ends, np.array(levels).reshape(2, 2)
 
     def read(columns):
-        found, lists, rows = pages[columns], np.zeros((2, len(columns), 17), np.int32), np.zeros(len(columns), np.int64)
-        kernels.read_levels(data, found, np.array(shapes)[columns], lists, rows)
+        own, lists, found = pages[columns], np.zeros((2, len(columns), 17), np.int32), np.zeros((2, len(columns)), int)
+        kernels.read_levels(data, own, np.array(shapes)[columns], lists, found)
         return [
-            (rows[k], *(lists[:, k, : rows[k] + 1] if rows[k] >= 0 else ()), found[k] if rows[k] >= 0 else None)
-            for k in range(len(columns))
+            (rows, count, own[k], lists[0, k, :rows], lists[1, k, : rows + 1]) if rows >= 0 else rows
+            for k, (rows, count) in enumerate(found.T.tolist())
         ]
 
     for together, alone in zip(read([0, 1]), read([0]) + read([1]), strict=True):
