@@ -109,6 +109,8 @@ def _wider(route: Float64, batch: WorldBatch) -> Float64:
 
 
 def among(rows: Int32, others: Int32) -> Bool:
-    """Return which rows (A, 2) of worlds and objects are among others (B, 2)."""
+    """Return which rows (A, 2) of worlds and objects are among others (B, 2); both are sorted."""
     keys = np.array([1 << 32, 1])
-    return np.isin(rows @ keys, others @ keys, assume_unique=True)
+    wanted, known = rows @ keys, others @ keys
+    found: Bool = np.append(known, -1)[np.searchsorted(known, wanted)] == wanted
+    return found

@@ -36,8 +36,16 @@ def parsed(path: Path) -> ast.Module:
 
 @cache
 def import_statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
-    """The imports anywhere in a file."""
-    return [node for node in ast.walk(parsed(path)) if isinstance(node, ast.Import | ast.ImportFrom)]
+    """The imports anywhere in a file; expressions have none."""
+    found: list[ast.Import | ast.ImportFrom] = []
+    waiting: list[ast.AST] = [parsed(path)]
+    while waiting:
+        for node in ast.iter_child_nodes(waiting.pop()):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                found.append(node)
+            elif isinstance(node, ast.stmt | ast.excepthandler | ast.match_case):
+                waiting.append(node)
+    return found
 
 
 @cache

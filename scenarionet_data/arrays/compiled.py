@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import importlib
 import os
 import sys
 import time
@@ -166,6 +167,7 @@ class Kernel(CompiledFunction):
             self._is_cache_open = True
             with suppress(RuntimeError):  # no folder to write to: compile in every process
                 self._cache = _KernelCache(self)
+        _load_array_functions()
         begin, known, hits = time.process_time(), len(self.overloads), sum(self._cache_hits.values())
         try:
             with _paused_collector():
@@ -181,6 +183,23 @@ class Kernel(CompiledFunction):
             seconds = time.process_time() - begin
             compilations.append(Compilation(name, seconds, from_cache, self._cache.cache_path))
         return entry
+
+
+def _load_array_functions() -> None:
+    """Import Numba's array functions without SciPy, where neither is imported yet.
+
+    They import ``scipy.linalg`` if they find it, which takes 0.3 s, to have another ``np.cov`` and ``np.corrcoef``.
+    """
+    blas = "scipy.linalg.cython_blas"
+    if _ARRAY_FUNCTIONS not in sys.modules and blas not in sys.modules:
+        sys.modules[blas] = cast(ModuleType, None)  # not found by an import
+        try:
+            importlib.import_module(_ARRAY_FUNCTIONS)
+        finally:
+            del sys.modules[blas]
+
+
+_ARRAY_FUNCTIONS = "numba.np.arraymath"
 
 
 @contextmanager

@@ -8,12 +8,12 @@ from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.samples.choices import Choices, Polylines
 from scenarionet_data.samples.kernels import AgentArrays, fill_agents
 from scenarionet_data.samples.polyline_kernels import (
+    Centres,
     MapPieces,
     PolylineArrays,
-    count_pieces,
-    count_points,
     cut,
     fill_polylines,
+    measure,
 )
 from scenarionet_data.samples.scenes import Scenes, rules
 
@@ -40,7 +40,7 @@ def forecasting(scenes: Scenes, choices: Choices) -> dict[str, Array]:
     """
     wanted = scenes.wanted(choices)
     frames = scenes.frames(choices, wanted)
-    out = _agent_arrays(len(wanted.scene), choices)
+    out = _agent_arrays(scenes, choices)
     fill_agents(scenes.tracks, frames, wanted, rules(choices), out)
     found = {
         "history": out.history,
@@ -62,42 +62,46 @@ def forecasting(scenes: Scenes, choices: Choices) -> dict[str, Array]:
     return found
 
 
-def _agent_arrays(count: int, choices: Choices) -> AgentArrays:
-    agents, past, future = choices.agents.count, choices.window.num_history, choices.window.num_future
+def _agent_arrays(scenes: Scenes, choices: Choices) -> AgentArrays:
+    memory, agents = scenes.memory, (len(scenes.requests.scene), choices.agents.count)
+    past, future = (*agents, choices.window.num_history), (*agents, choices.window.num_future)
     return AgentArrays(
-        np.zeros((count, agents, past, 5), np.float32),
-        np.zeros((count, agents, past), np.bool_),
-        np.zeros((count, agents, past), np.bool_),
-        np.zeros((count, agents, future, 5), np.float32),
-        np.zeros((count, agents, future), np.bool_),
-        np.zeros((count, agents, future), np.bool_),
-        np.zeros((count, agents, 3), np.float32),
-        np.zeros((count, agents), np.int32),
-        np.zeros((count, agents), np.bool_),
-        np.full((count, agents), -1, np.int32),
-        np.zeros((count, 4)),
+        memory.zeros((*past, 5), np.float32),
+        memory.zeros(past, np.bool_),
+        memory.zeros(past, np.bool_),
+        memory.zeros((*future, 5), np.float32),
+        memory.zeros(future, np.bool_),
+        memory.zeros(future, np.bool_),
+        memory.zeros((*agents, 3), np.float32),
+        memory.zeros(agents, np.int32),
+        memory.zeros(agents, np.bool_),
+        np.full(agents, -1, np.int32),
+        np.zeros((agents[0], 4)),
     )
 
 
 def _polylines(scenes: Scenes, polylines: Polylines, agents: AgentArrays) -> PolylineArrays:
     count, longest, points = len(agents.pose), polylines.count, polylines.points
-    features, scene = scenes.map, scenes.requests.scene
-    counts, bounds = np.empty(len(features.kind), np.int32), np.empty(len(scenes.metadata) + 1, np.int64)
-    count_points(features, polylines.spacing, scene, agents.pose, polylines.radius, counts)
-    count_pieces(features, counts, points, bounds)
-    shape = (int(bounds[-1]), points)
+    features, scene, spacing, radius = scenes.map, scenes.requests.scene, polylines.spacing, polylines.radius
+    order, num_scenes = np.argsort(scene, kind="stable"), len(scenes.metadata)
+    bounds = np.searchsorted(scene[order], np.arange(num_scenes + 1))
+    centres = Centres(bounds, agents.pose[order, 0], agents.pose[order, 1])
+    memory = scenes.memory
+    steps = memory.empty(len(features.x) + len(features.outline_x), np.float64)
+    counts = np.empty(len(features.kind), np.int32)
+    num_pieces = measure(features, spacing, points, centres, radius, steps, counts)
     pieces = MapPieces(
-        bounds,
-        np.zeros(shape, np.float32),
-        np.zeros(shape, np.float32),
-        np.zeros(shape[0], np.int32),
-        np.zeros(shape[0], np.uint8),
+        np.empty(num_scenes + 1, np.int64),
+        memory.empty((num_pieces + 1, points), np.float32),  # one more, to begin a piece that is not kept
+        memory.empty((num_pieces + 1, points), np.float32),
+        memory.empty(num_pieces, np.int32),
+        memory.empty(num_pieces, np.uint8),
     )
-    cut(features, counts, polylines.spacing, pieces)
+    cut(features, steps, counts, spacing, centres, radius, pieces)
     out = PolylineArrays(
-        np.zeros((count, longest, points, 4), np.float32),
-        np.zeros((count, longest, points), np.bool_),
-        np.zeros((count, longest), np.int32),
+        memory.zeros((count, longest, points, 4), np.float32),
+        memory.zeros((count, longest, points), np.bool_),
+        memory.zeros((count, longest), np.int32),
     )
-    fill_polylines(pieces, polylines.spacing, scene, agents.pose, polylines.radius, out)
+    fill_polylines(pieces, spacing, scene, agents.pose, radius, out)
     return out

@@ -26,6 +26,14 @@ class MapLists(NamedTuple):
     outline_y: Float32
 
 
+class Centres(NamedTuple):
+    """Centres of the samples of each scenario."""
+
+    bounds: Int64  # (S + 1,) first centre of each scenario
+    x: Float64  # (B,) [m]; NaN for samples without a centre
+    y: Float64  # (B,) [m]
+
+
 class MapPieces(NamedTuple):
     """Polylines of at most N points, in the frames of their scenarios."""
 
@@ -44,72 +52,76 @@ class PolylineArrays(NamedTuple):
     kind: Int32  # (B, L)
 
 
-@kernel(nogil=True)
-def count_points(features: MapLists, spacing: float, scene: Int32, pose: Float64, radius: float, counts: Int32) -> None:
-    """Count the points that :func:`cut` puts on each feature; 0 if it is far from every sample of its scenario.
+@kernel(nogil=True, allocates=False, divides_by_zero=True)
+def measure(
+    features: MapLists, spacing: float, points: int, centres: Centres, radius: float, steps: Float64, counts: Int32
+) -> int:
+    """Measure the segments of features, and count the points that :func:`cut` puts on them.
 
     Args:
         features: M features.
         spacing: Distance between points [m]; the last one of a feature is nearer.
-        scene: (B,) scenario of each sample.
-        pose: (B, 4) see ``AgentArrays``.
-        radius: Largest distance from a sample's centre [m].
-        counts: (M,), filled.
+        points: Largest number of points of a piece.
+        centres: Centres of the samples.
+        radius: Largest distance from a centre [m].
+        steps: Filled with the distance of each point of the polylines, then of the outlines, to the one before [m].
+        counts: (M,), filled; 0 for a feature that is far from every sample of its scenario.
+
+    Returns:
+        Number of pieces of all features.
     """
-    for number in range(len(features.bounds) - 1):
-        for feature in range(features.bounds[number], features.bounds[number + 1]):
-            x, y, is_closed = _line(features, feature)
+    pieces = 0
+    for scene in range(len(features.bounds) - 1):
+        for feature in range(features.bounds[scene], features.bounds[scene + 1]):
+            first, end, is_closed = _span(features, feature)
+            x, y = features.x, features.y
+            if is_closed:
+                x, y = features.outline_x, features.outline_y
             counts[feature] = 0
-            if len(x) == 0 or not _is_near(x, y, number, scene, pose, radius):
+            if first == end or not _is_near(x, y, first, end, scene, centres, radius):
                 continue
-            length = 0.0
-            for point in range(1, len(x) + is_closed):
-                length += _distance(x, y, point)
+            length = _measure(x, y, first, end, is_closed, steps[len(features.x) * is_closed :])
             counts[feature] = 1 + int(np.ceil(length / spacing - 1e-6)) if length > 0.0 else 1
+            pieces += _num_pieces(counts[feature], points)
+    return pieces
 
 
-@device_function(allocates=True)
-def _is_near(x: Float32, y: Float32, number: int, scene: Int32, pose: Float64, radius: float) -> bool:
+@device_function(divides_by_zero=True)
+def _span(features: MapLists, feature: int) -> tuple[int, int, int]:
+    """First and last point of a feature's polyline, and 0; of its outline, which is closed, and 1, if it has none."""
+    first, end = features.offsets[feature], features.offsets[feature + 1]
+    if end > first:
+        return first, end, 0
+    return features.outline_offsets[feature], features.outline_offsets[feature + 1], 1
+
+
+@device_function(divides_by_zero=True)
+def _is_near(x: Float32, y: Float32, first: int, end: int, scene: int, centres: Centres, radius: float) -> bool:
     """Whether the bounding box of a line is near the centre of any sample of its scenario."""
-    min_x, max_x, min_y, max_y = x[0], x[0], y[0], y[0]
-    for point in range(1, len(x)):
+    min_x, max_x, min_y, max_y = x[first], x[first], y[first], y[first]
+    for point in range(first + 1, end):
         min_x, max_x = min(min_x, x[point]), max(max_x, x[point])
         min_y, max_y = min(min_y, y[point]), max(max_y, y[point])
     is_near = False
-    for sample in range(len(scene)):
-        if scene[sample] == number:
-            aside = max(min_x - pose[sample, 0], pose[sample, 0] - max_x, 0.0)
-            ahead = max(min_y - pose[sample, 1], pose[sample, 1] - max_y, 0.0)
-            is_near |= aside * aside + ahead * ahead <= radius * radius
+    for sample in range(centres.bounds[scene], centres.bounds[scene + 1]):
+        aside = max(min_x - centres.x[sample], centres.x[sample] - max_x, 0.0)
+        ahead = max(min_y - centres.y[sample], centres.y[sample] - max_y, 0.0)
+        is_near |= aside * aside + ahead * ahead <= radius * radius
     return is_near
 
 
-@kernel(nogil=True)
-def count_pieces(features: MapLists, counts: Int32, points: int, bounds: Int64) -> None:
-    """Count the pieces of at most ``points`` points of each scenario, as offsets (S + 1,)."""
-    bounds[0] = 0
-    for scene in range(len(features.bounds) - 1):
-        bounds[scene + 1] = bounds[scene]
-        for feature in range(features.bounds[scene], features.bounds[scene + 1]):
-            bounds[scene + 1] += _num_pieces(counts[feature], points)
-
-
-@device_function(allocates=True)
-def _line(features: MapLists, feature: int) -> tuple[Float32, Float32, int]:
-    """Points of a feature's polyline; of its outline, which is closed, if it has none."""
-    first, end = features.offsets[feature], features.offsets[feature + 1]
-    if end > first:
-        return features.x[first:end], features.y[first:end], 0
-    first, end = features.outline_offsets[feature], features.outline_offsets[feature + 1]
-    return features.outline_x[first:end], features.outline_y[first:end], 1
-
-
-@device_function
-def _distance(x: Float32, y: Float32, point: int) -> Any:
-    """Distance of a point to the one before; the point after the last is the first."""
-    other = point if point < len(x) else 0
-    ahead, aside = np.float64(x[other]) - x[point - 1], np.float64(y[other]) - y[point - 1]
-    return np.sqrt(ahead * ahead + aside * aside)
+@device_function(divides_by_zero=True)
+def _measure(x: Float32, y: Float32, first: int, end: int, is_closed: int, steps: Float64) -> Any:
+    """Distance of each point of a line to the one before, of the first to the last; returns the length of the line."""
+    for point in range(first + 1, end):
+        ahead, aside = np.float64(x[point]) - x[point - 1], np.float64(y[point]) - y[point - 1]
+        steps[point] = np.sqrt(ahead * ahead + aside * aside)
+    ahead, aside = np.float64(x[first]) - x[end - 1], np.float64(y[first]) - y[end - 1]
+    steps[first] = np.sqrt(ahead * ahead + aside * aside)
+    length = 0.0
+    for point in range(first + 1, end):
+        length += steps[point]
+    return length + steps[first] * is_closed
 
 
 @device_function
@@ -118,56 +130,80 @@ def _num_pieces(num_points: int, points: int) -> int:
     return num_points if num_points < 2 else (num_points - 2) // (points - 1) + 1
 
 
-@kernel(nogil=True)
-def cut(features: MapLists, counts: Int32, spacing: float, pieces: MapPieces) -> None:
-    """Put points at equal distances along the features, and cut them into pieces.
+@kernel(nogil=True, allocates=False, divides_by_zero=True)
+def cut(
+    features: MapLists,
+    steps: Float64,
+    counts: Int32,
+    spacing: float,
+    centres: Centres,
+    radius: float,
+    pieces: MapPieces,
+) -> None:
+    """Put points at equal distances along the features, cut them into pieces, and keep those near a sample.
 
     Args:
         features: M features.
-        counts: (M,) number of points of each, see :func:`count_points`.
+        steps: Lengths of their segments, see :func:`measure`.
+        counts: (M,) number of points of each.
         spacing: Distance between points [m].
-        pieces: With ``bounds``; the other arrays are filled.
+        centres: Centres of the samples.
+        radius: Largest distance of a piece's nearest point from a centre [m].
+        pieces: Filled; with memory for one piece more than are kept.
     """
     points = pieces.x.shape[1]
+    beyond = radius + spacing * (points - 1)
     piece = 0
-    for feature in range(features.bounds[-1]):
-        count = counts[feature]
-        if count == 0:
-            continue
-        x, y, is_closed = _line(features, feature)
-        point, walked, at, end = 1, 0.0, 0, len(x) + is_closed - 1
-        from_x, from_y, along_x, along_y, step = _segment(x, y, point)
-        for number in range(count):
-            arc = number * spacing - walked
-            while arc > step and point < end:
-                arc -= step
-                walked += step
-                point += 1
-                from_x, from_y, along_x, along_y, step = _segment(x, y, point)
-            arc = min(arc, step)
-            here_x, here_y = from_x + arc * along_x, from_y + arc * along_y
-            pieces.x[piece, at], pieces.y[piece, at] = here_x, here_y
-            at += 1
-            if at == points and number + 1 < count:  # the next piece begins with the last point of this one
-                pieces.lengths[piece], pieces.kind[piece] = points, features.kind[feature]
-                piece += 1
+    pieces.bounds[0] = 0
+    for scene in range(len(features.bounds) - 1):
+        for feature in range(features.bounds[scene], features.bounds[scene + 1]):
+            count = counts[feature]
+            if count == 0:
+                continue
+            first, end, is_closed = _span(features, feature)
+            x, y, base = features.x, features.y, 0
+            if is_closed:
+                x, y, base = features.outline_x, features.outline_y, len(features.x)
+            number, walked, final = 0, 0.0, end - 1 + is_closed
+            point = min(first + 1, final)
+            step = steps[base + (point if point < end else first)]
+            here_x, here_y = np.float64(x[first]), np.float64(y[first])
+            for _ in range(_num_pieces(count, points)):  # each begins with the last point of the one before
                 pieces.x[piece, 0], pieces.y[piece, 0] = here_x, here_y
-                at = 1
-        pieces.lengths[piece], pieces.kind[piece] = at, features.kind[feature]
-        piece += 1
+                is_kept = _is_within(pieces.x[piece, 0], pieces.y[piece, 0], scene, centres, beyond)
+                begin, last = number, min(number + points, count) - 1
+                if not is_kept:  # only its last two points matter to the next piece
+                    number = max(number, last - 2)
+                while number < last:
+                    number += 1
+                    arc = number * spacing - walked
+                    while arc > step and point < final:
+                        arc -= step
+                        walked += step
+                        point += 1
+                        step = steps[base + (point if point < end else first)]
+                    if is_kept or number == last:
+                        before, after = point - 1, point if point < end else first
+                        from_x, from_y = np.float64(x[before]), np.float64(y[before])
+                        scale = 1.0 / step if step > 0.0 else 0.0
+                        arc = min(arc, step)
+                        here_x = from_x + arc * ((x[after] - from_x) * scale)
+                        here_y = from_y + arc * ((y[after] - from_y) * scale)
+                        pieces.x[piece, number - begin], pieces.y[piece, number - begin] = here_x, here_y
+                if is_kept:
+                    pieces.lengths[piece], pieces.kind[piece] = number - begin + 1, features.kind[feature]
+                    piece += 1
+        pieces.bounds[scene + 1] = piece
 
 
-@device_function
-def _segment(x: Float32, y: Float32, point: int) -> Any:
-    """Beginning, unit direction and length of the line to a point from the one before; of no length for one point."""
-    if len(x) == 1:
-        return np.float64(x[0]), np.float64(y[0]), 0.0, 0.0, 0.0
-    other = point if point < len(x) else 0
-    from_x, from_y = np.float64(x[point - 1]), np.float64(y[point - 1])
-    ahead, aside = x[other] - from_x, y[other] - from_y
-    step = np.sqrt(ahead * ahead + aside * aside)
-    scale = 1.0 / step if step > 0.0 else 0.0
-    return from_x, from_y, ahead * scale, aside * scale, step
+@device_function(divides_by_zero=True)
+def _is_within(x: Any, y: Any, scene: int, centres: Centres, reach: float) -> bool:
+    """Whether a point is near the centre of any sample of its scenario."""
+    is_within = False
+    for sample in range(centres.bounds[scene], centres.bounds[scene + 1]):
+        aside, ahead = x - np.float32(centres.x[sample]), y - np.float32(centres.y[sample])
+        is_within |= aside * aside + ahead * ahead <= reach * reach
+    return is_within
 
 
 @kernel(nogil=True)

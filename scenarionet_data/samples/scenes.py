@@ -12,6 +12,7 @@ import numpy as np
 
 from scenarionet_data import codec
 from scenarionet_data.arrays.dtypes import Array, Float64, Int32, UInt64
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.codec.columns import ScenarioColumns
 from scenarionet_data.errors import LakeError
 from scenarionet_data.samples.choices import Choices
@@ -59,6 +60,7 @@ class Scenes:
         map_rows: Rows of the table maps; None without any.
         shared_maps: Crop of each scenario's shared map, in its frame; None for scenarios with their own map.
         requests: The samples.
+        memory: Memory for the arrays of samples, and for others while they are made.
     """
 
     metadata: Sequence[Mapping[str, Any]]
@@ -66,6 +68,7 @@ class Scenes:
     map_rows: ScenarioColumns | None
     shared_maps: Sequence[MapFeatures | None]
     requests: Requests
+    memory: Memory
 
     @cached_property
     def tracks(self) -> TrackLists:
@@ -184,7 +187,7 @@ class SceneReader:
             raise LakeError(f"{metadata[0]['scenario_id']} has no tracks; `scenarionet check` lists all such scenarios")
         with_map = "maps" in self._tables
         crops = [self._crop(row) if with_map and row["map_crop"] is not None else None for row in metadata]
-        return Scenes(metadata, rows["tracks"], rows.get("maps"), crops, requests)
+        return Scenes(metadata, rows["tracks"], rows.get("maps"), crops, requests, self._reader.memory)
 
     def _crop(self, row: Mapping[str, Any]) -> MapFeatures:
         with snapshots.reading_from(self._files, self._snapshot):

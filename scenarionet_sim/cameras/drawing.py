@@ -11,7 +11,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, Int64, UInt8
 from scenarionet_sim.cameras.lenses import rays_of
-from scenarionet_sim.cameras.meshes import library
+from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.stage import Scenery, stage_of
 from scenarionet_sim.kernels.cameras.frames import draw_frames
 from scenarionet_sim.kernels.cameras.layout import (
@@ -75,7 +75,7 @@ class Optics:
 def draw(
     batch: WorldBatch,
     state: State,
-    who: Int32,
+    cameras: Int32,
     poses: Float64,
     optics: Optics,
     look: Look,
@@ -87,7 +87,7 @@ def draw(
 
     Args:
         batch, state: The worlds and their current state.
-        who: (B, 3) int32 slot, row of the own vehicle or -1, and how it is shown.
+        cameras: (B, 3) int32 slot, row of the own vehicle or -1, and how it is shown.
         poses: (B, NUM_POSE) see ``kernels.cameras.layout``; heights are the scenario's.
         optics: Lens, size and reach.
         look: Light of each frame.
@@ -98,7 +98,7 @@ def draw(
     Returns:
         Arrays (B, H, W) or (B, H, W, numbers) by channel.
     """
-    count, (height, width) = len(who), (optics.height, optics.width)
+    count, (height, width) = len(cameras), (optics.height, optics.width)
     made: dict[str, Array] = {}
     for name, (numbers, dtype) in CHANNELS.items():
         tail = (numbers,) if numbers > 1 else ()
@@ -113,7 +113,7 @@ def draw(
 
     def draw_bands(first: int, end: int) -> int:
         draw_frames(
-            first, end, order, who, poses, optics.lens, rays, rings, (height, width), options, solids, stage.ground,
+            first, end, order, cameras, poses, optics.lens, rays, rings, (height, width), options, solids, stage.ground,
             meshes, look, _scratch(width), pictures,
         )  # fmt: skip
         return end - first

@@ -127,6 +127,14 @@ def follow_paths(
         locate(own, back, ahead, motion[w, n], route[w, n], sets_height)
 
 
+@kernel(allocates=False)
+def locate_point(
+    path: Float32, first: int, end: int, x: float, y: float, low: float, high: float
+) -> tuple[float, float]:
+    """Return what :func:`nearest` finds on the rows ``first`` to ``end`` of ``path``, at least one."""
+    return nearest(PathRows(path, first, end), x, y, low, high)
+
+
 @device_function
 def locate(own: PathRows, back: float, ahead: float, row: Float64, route: Float64, sets_height: bool) -> None:
     """Locate one agent, with rows (7,) of motion and (2,) of route; see :func:`follow_paths`."""

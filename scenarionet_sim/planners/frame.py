@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64
+from scenarionet_data.arrays.dtypes import Array, Float32, Float64
+from scenarionet_sim.kernels.frames import FramePose, motion_to_frame, path_to_frame
+from scenarionet_sim.kernels.log import HEADING, VX, VY
 
 _TURN = 2.0 * math.pi
 
@@ -20,20 +22,33 @@ class ViewFrame:
         is_scenario: The scenario's own frame, in which arrays stay views.
     """
 
-    __slots__ = ("_back", "heading", "is_scenario", "origin")
+    __slots__ = ("_back", "_pose", "heading", "is_scenario", "origin")
 
     def __init__(self, x: float = 0.0, y: float = 0.0, heading: float = 0.0, *, is_scenario: bool = True) -> None:
         self.origin, self.heading, self.is_scenario = np.array([x, y]), heading, is_scenario
         cos, sin = math.cos(heading), math.sin(heading)
         self._back = np.array([[cos, -sin], [sin, cos]])
+        self._pose = FramePose(x, y, heading, cos, sin)
+
+    def motion(self, motion: Float64) -> tuple[Float64, Float64, Float64]:
+        """Return position (N, 2) [m], heading (N,) [rad] and velocity (N, 2) [m/s] of motion (N, 7) in this frame."""
+        if self.is_scenario:
+            return motion[:, :2], motion[:, HEADING], motion[:, VX : VY + 1]
+        position, heading, velocity = np.empty((len(motion), 2)), np.empty(len(motion)), np.empty((len(motion), 2))
+        motion_to_frame(motion, self._pose, position, heading, velocity)
+        return position, heading, velocity
+
+    def path(self, path: Float32, first: int, end: int) -> tuple[Array, Array]:
+        """Return the rows ``first`` to ``end`` of ``Paths.path`` in this frame: (P, 2) [m], headings (P,) [rad]."""
+        if self.is_scenario:
+            return path[first:end, :2], path[first:end, HEADING]
+        position, heading = np.empty((end - first, 2)), np.empty(end - first)
+        path_to_frame(path, first, self._pose, position, heading)
+        return position, heading
 
     def points(self, points: Array) -> Array:
         """Return points (..., 2) of the scenario in this frame [m]."""
         return points if self.is_scenario else (points - self.origin) @ self._back
-
-    def vectors(self, vectors: Array) -> Array:
-        """Return vectors (..., 2) of the scenario in this frame."""
-        return vectors if self.is_scenario else vectors @ self._back
 
     def angles(self, angles: Array) -> Array:
         """Return directions of the scenario in this frame [rad], in [-pi, pi)."""

@@ -26,21 +26,21 @@ _FULL = 32767.0
 
 
 class Keyboard:
-    """Steering and throttle from the keys that are held: arrows or W, A, S, D; the space bar brakes, Escape ends."""
+    """Steering and throttle from the keys that are held: arrows or W, A, S, D; the space bar brakes, Escape ends.
+
+    Attributes:
+        has_ended: Escape was pressed.
+    """
 
     def __init__(self) -> None:
         self._held: set[str] = set()
         self._steering = 0.0
+        self.has_ended = False
 
     def press(self, key: str | None) -> None:
-        """Note that a key is held.
-
-        Raises:
-            KeyboardInterrupt: It is Escape.
-        """
-        if key == "escape":
-            raise KeyboardInterrupt
+        """Note that a key is held."""
         self._held.add(str(key))
+        self.has_ended |= key == "escape"
 
     def release(self, key: str | None) -> None:
         """Note that a key is no longer held."""
@@ -99,12 +99,18 @@ class KeyboardPlanner(Planner):
         self._due = 0.0
 
     def act(self, view: View) -> Action:
-        """Show the moment, wait until it is over, and return steering and throttle."""
+        """Show the moment, wait until it is over, and return steering and throttle.
+
+        Raises:
+            KeyboardInterrupt: Escape was pressed, or the window was closed.
+        """
         live = window()
         live.show(live.picture(view.world, view.state, view.slot))
         now = time.monotonic()
         self._due = max(self._due, now) + view.dt * self.pace
         live.wait(self._due - now)
+        if keyboard().has_ended or live.is_closed:  # windows do not pass on what their listeners raise
+            raise KeyboardInterrupt
         return self.controls().action(view.ego.speed, view.dt)
 
     def controls(self) -> Keyboard | GamePad:

@@ -26,6 +26,9 @@ class Live:
         width: Width of the view [m].
         size: Side of an image [pixels].
 
+    Attributes:
+        is_closed: The user has closed the window.
+
     Example:
         live = Live()
         picture = live.picture(world, simulation.state)  # after every step
@@ -39,6 +42,7 @@ class Live:
         self._moments: deque[Moment] = deque(maxlen=TRAIL)
         self._image: Any = None
         self._keys: tuple[KeyListener, KeyListener] | None = None
+        self.is_closed = False
 
     def on_keys(self, pressed: KeyListener, released: KeyListener) -> None:
         """Call functions with the name of each key that is pressed or released in the window, from its opening on."""
@@ -63,12 +67,15 @@ class Live:
         """
         from matplotlib import pyplot
 
+        from scenarionet_sim.render.pixels import Pixels
+
         if self._image is None:
             _require_display()
-            figure = pyplot.figure("ScenarioNet", figsize=(self._size / 100, self._size / 100))
-            axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-            axes.set_axis_off()
-            self._image = axes.imshow(picture)
+            with pyplot.rc_context({"toolbar": "None"}):
+                figure = pyplot.figure("ScenarioNet", figsize=(self._size / 100, self._size / 100), dpi=100)
+            figure.canvas.mpl_connect("close_event", self._note_closing)
+            self._image = Pixels()
+            figure.add_artist(self._image)
             if self._keys is not None:
                 manager = figure.canvas.manager
                 if manager is not None and manager.key_press_handler_id is not None:
@@ -76,15 +83,21 @@ class Live:
                 figure.canvas.mpl_connect("key_press_event", partial(_tell, self._keys[0]))
                 figure.canvas.mpl_connect("key_release_event", partial(_tell, self._keys[1]))
             figure.show()
-        if not pyplot.fignum_exists(self._image.figure.number):
+            figure.canvas.flush_events()  # the window learns how dense the display is
+            figure.set_size_inches(self._size / figure.dpi, self._size / figure.dpi)
+        if self.is_closed:
             return
-        self._image.set_data(picture)
+        self._image.set_picture(picture)
         self._image.figure.canvas.draw_idle()
         self._image.figure.canvas.flush_events()
 
+    def _note_closing(self, event: Any) -> None:
+        del event
+        self.is_closed = True
+
     def wait(self, seconds: float) -> None:
         """Handle events of the window for a while [s]."""
-        if self._image is not None:
+        if self._image is not None and not self.is_closed:
             self._image.figure.canvas.start_event_loop(max(seconds, 1e-3))
 
     def close(self) -> None:
@@ -93,7 +106,7 @@ class Live:
             from matplotlib import pyplot
 
             pyplot.close(self._image.figure)
-            self._image = None
+            self._image, self.is_closed = None, False
 
 
 def _tell(listener: KeyListener, event: Any) -> None:

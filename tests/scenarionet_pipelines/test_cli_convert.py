@@ -35,6 +35,27 @@ def test_report(raw, tmp_path):
     assert "SELECT * FROM quarantine" in result.stdout.splitlines()[-1]
 
 
+_IMPORTS = """
+import contextlib, sys
+from scenarionet_pipelines.cli import main
+with contextlib.suppress(SystemExit):
+    main()
+print(sorted({"pandas", "scipy.linalg"} & sys.modules.keys()))
+with contextlib.suppress(ModuleNotFoundError):  # they still work, where they are installed
+    import pandas, pyarrow
+    assert isinstance(pyarrow.table({"a": [1]}).to_pandas(), pandas.DataFrame)
+with contextlib.suppress(ModuleNotFoundError):
+    import scipy.linalg.cython_blas
+"""
+
+
+def test_pandas_and_scipy_are_not_imported(tmp_path):
+    """They would take a third of the time to convert a log."""
+    command = [sys.executable, "-c", _IMPORTS, "convert", "pg", "0:1", str(tmp_path / "lake"), "--quiet"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]", done.stderr
+
+
 def test_running_again_skips_and_succeeds(raw, lake, ok):
     text = ok("convert", NAME, raw, lake)
     assert "skipped    2 shards already in the lake" in text

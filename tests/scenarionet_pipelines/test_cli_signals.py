@@ -17,6 +17,7 @@ import pytest
 
 from scenarionet_data import Lake
 from scenarionet_pipelines.cli import interrupt
+from scenarionet_sim import evaluate
 from tests.fixtures.waiting import HANGS_AFTER, until
 from tests.scenarionet_pipelines.conftest import run
 from tests.scenarionet_pipelines.test_cli import ALL_VERBS, verb
@@ -149,6 +150,8 @@ def test_sigterm_at_any_time_ends_every_verb(name, lake, tmp_path):
     opened = Lake(lake)
     opened.filter("true", name="one")
     opened.filter("num_objects > 2", name="two")
+    for before_or_after in ("before", "after") if name == "compare-runs" else ():
+        evaluate(lake, policy="replay", name=before_or_after)
     ids = opened.sql("SELECT scenario_id FROM metadata")["scenario_id"]
     for index, delay in enumerate((0.0, 0.2, 0.5, 1.0, 2.0, 4.0)):
         place = Path(shutil.copytree(lake, tmp_path / str(index) / "lake")).parent

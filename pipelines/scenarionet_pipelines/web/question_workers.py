@@ -66,10 +66,12 @@ class QuestionWorkers:
             is_abandoned: Whether the answer is no longer wanted; the question is then stopped.
 
         Raises:
-            QueryError: The question is wrong, or it was stopped.
+            QueryError: The question is wrong, or it was stopped, or the server was.
         """
         async with self._free:
             self.start_spare()
+            if not self._idle:
+                raise QueryError("the server has been stopped; start it again")
             worker = self._idle.pop()
             self._busy.add(worker)
             self.start_spare()

@@ -7,6 +7,7 @@ from itertools import accumulate
 from typing import Any
 
 from scenarionet_data.arrays.columns import Columns
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.codec import ScenarioColumns
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading
@@ -37,6 +38,9 @@ class ScenarioReader:
         snapshot: The snapshot of the scenarios.
         with_ids: Whether to read scenario_id as well.
         columns: Columns of each table to read; by default those that a scenario is decoded from.
+
+    Attributes:
+        memory: Memory of the arrays that it returns.
     """
 
     def __init__(
@@ -51,8 +55,9 @@ class ScenarioReader:
         self._snapshot = snapshot
         unused = _UNUSED - {"scenario_id"} if with_ids else _UNUSED
         wanted = columns or {table: {c.name for c in tables.load(table).columns} - unused for table in TABLES}
+        self.memory = Memory()
         self._readers = {
-            table: ColumnReader([column for column in tables.load(table).columns if column.name in names])
+            table: ColumnReader([column for column in tables.load(table).columns if column.name in names], self.memory)
             for table, names in wanted.items()
         }
         self._remote = RemoteRowGroups(files, self._readers) if isinstance(files, RemoteLakeFiles) else None

@@ -72,7 +72,7 @@ def test_selection_is_a_database_without_a_name(own):
 CONDITIONS = st.sampled_from(["true", "num_objects > 3", "num_objects < 4", "hash(scenario_id) % 2 = 0", "false"])
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(first=CONDITIONS, second=CONDITIONS, limit=st.integers(2, 5))
 def test_saved_selection_equals_the_selection(own, first, second, limit):
     selected = own.select(first).select(f"({second}) AND num_objects <= $min", parameters={"min": limit})
@@ -108,7 +108,8 @@ def grow(root, number):
     commits.commit(open_files(root), [shard], "grow")
 
 
-@pytest.mark.parametrize("is_saved", [pytest.param(True, marks=pytest.mark.long), False])
+@pytest.mark.integration
+@pytest.mark.parametrize("is_saved", [True, False])
 def test_pickled_database_is_unchanged_in_a_worker_after_the_lake_grew(own, is_saved):
     selected = own.select("num_objects >= 5")
     database = selected.save("many") if is_saved else selected

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import http.client
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
+import urllib.parse
 import urllib.request
+from contextlib import suppress
 
+import psutil
 import pytest
 
-from tests.fixtures.waiting import HANGS_AFTER
+from tests.fixtures.waiting import HANGS_AFTER, until
 from tests.scenarionet_pipelines.conftest import run
 
 pytestmark = pytest.mark.integration
@@ -29,16 +34,30 @@ def test_folder_without_lake(tmp_path):
     assert "no lake there" in result.stderr
 
 
-@pytest.mark.long
-def test_serves_until_interrupted(lake):
+def ask_without_end(address):
+    """Begin to ask the server for something that takes longer than its limit."""
+    where = urllib.parse.quote("levenshtein(repeat('a', 1000000), repeat('b', 1000000)) > 0")
+
+    def ask() -> None:
+        with suppress(OSError, http.client.HTTPException), urllib.request.urlopen(f"{address}api/rows?where={where}"):
+            pass
+
+    threading.Thread(target=ask, daemon=True).start()
+
+
+@pytest.mark.parametrize("is_busy", [False, True])
+def test_serves_until_interrupted(lake, is_busy):
     started = subprocess.Popen(
         [sys.executable, "-m", "scenarionet_pipelines.cli", "browse", lake.root, "--port", "0", "--json"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
     try:
-        text = "".join(iter(started.stdout.readline, "}\n")) + "}"
-        with urllib.request.urlopen(json.loads(text)["address"] + "api/about", timeout=HANGS_AFTER) as answer:
+        address = json.loads("".join(iter(started.stdout.readline, "}\n")) + "}")["address"]
+        with urllib.request.urlopen(address + "api/about", timeout=HANGS_AFTER) as answer:
             assert json.load(answer)["scenarios"] == 59
+        if is_busy:
+            ask_without_end(address)
+            until(lambda: work(psutil.Process(started.pid).children(recursive=True)) > 2, "it looks for the answer")
         started.send_signal(signal.SIGINT)
         _, errors = started.communicate(timeout=HANGS_AFTER)
     finally:
@@ -46,3 +65,12 @@ def test_serves_until_interrupted(lake):
         started.communicate()
     assert started.returncode == 0
     assert errors == "stopped\n"
+
+
+def work(processes):
+    """Processor time of some processes [s]."""
+    found = 0.0
+    for process in processes:
+        with suppress(psutil.NoSuchProcess):
+            found += process.cpu_times().user
+    return found

@@ -111,9 +111,9 @@ def test_events_are_those_that_are_mined(driven, address):
     assert ask(address, "events", id=scenario_id, event="closest_approach")[0] == 400
 
 
-def test_clip_shows_progress_and_then_the_file(driven, address):
-    scenario_id = driven.sql("SELECT scenario_id FROM results ORDER BY steps LIMIT 1")["scenario_id"].item()
-    status, _, body = ask(address, "clip", id=scenario_id, kind="gif", runs="straight")
+def clip_of(address, **parameters):
+    """The bytes of a clip, after the messages about its progress."""
+    status, _, body = ask(address, "clip", **parameters)
     assert status == 200
     messages = []
     while "size" not in (messages[-1] if messages else {}):
@@ -121,10 +121,25 @@ def test_clip_shows_progress_and_then_the_file(driven, address):
         messages.append(json.loads(line))
     assert [message["done"] for message in messages[:-1]] == list(range(messages[0]["of"]))
     assert len(body) == messages[-1]["size"]
-    with Image.open(BytesIO(body)) as clip:
+    return body
+
+
+def test_clip_shows_progress_and_then_the_file(driven, address):
+    scenario_id = driven.sql("SELECT scenario_id FROM results ORDER BY steps LIMIT 1")["scenario_id"].item()
+    with Image.open(BytesIO(clip_of(address, id=scenario_id, kind="gif", runs="straight"))) as clip:
         assert clip.format == "GIF"
         assert clip.size == (2 * 480, 480 + 28), "recording and run side by side"
         assert clip.n_frames > 1
+
+
+def test_clip_as_a_video(driven, address):
+    av = pytest.importorskip("av", reason="the extra `video` is not installed")
+    scenario_id = driven.sql("SELECT scenario_id FROM results ORDER BY steps LIMIT 1")["scenario_id"].item()
+    with av.open(BytesIO(clip_of(address, id=scenario_id, kind="mp4", runs="straight"))) as clip:
+        frames = [frame.to_ndarray(format="rgb24") for frame in clip.decode(video=0)]
+    assert {frame.shape for frame in frames} == {(480 + 28, 2 * 480, 3)}
+    assert len(frames) > 1
+    assert not (frames[0] == frames[-1]).all()
 
 
 def test_clips_that_cannot_be_made_are_an_error(driven, address):

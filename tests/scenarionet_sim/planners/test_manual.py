@@ -28,8 +28,9 @@ def test_held_keys_steer_and_drive():
     keys.release("left")
     keys.press(" ")
     assert keys.action(0.0, 0.1) == pytest.approx([0.2, -1.0])
-    with pytest.raises(KeyboardInterrupt):
-        keys.press("escape")
+    assert not keys.has_ended
+    keys.press("escape")
+    assert keys.has_ended
 
 
 def test_axes_of_a_game_pad(tmp_path):
@@ -49,6 +50,8 @@ def test_axes_of_a_game_pad(tmp_path):
 
 class Screen:
     """A window that shows nothing."""
+
+    is_closed = False
 
     def __init__(self) -> None:
         self.shown = 0
@@ -74,3 +77,6 @@ def test_keys_move_the_ego(monkeypatch):
         simulation.step()
     assert screen.shown == 10
     assert simulation.state.velocity[0, 0, 0] == pytest.approx(5.0 + 0.7 * 4.0, rel=0.01)
+    screen.is_closed = True
+    with pytest.raises(KeyboardInterrupt):
+        simulation.step()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from dataclasses import asdict
+from importlib.abc import MetaPathFinder
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -124,6 +126,7 @@ def command(
 
     --watch scans for new recordings repeatedly and converts each once it is unchanged between two scans.
     """
+    _leave_pandas_out()
     from scenarionet_data.conversion import InputSelection, parse_slice, plan_conversion
     from scenarionet_pipelines.cli import converter
     from scenarionet_pipelines.machine import default_workers
@@ -165,6 +168,25 @@ def _convert(dataset: str, raw: str, lake: str, quiet: bool, **how: Any) -> Conv
             return convert(dataset, raw, lake, on_progress=progress.update, **how)
         except KeyboardInterrupt as error:
             raise Interrupted(_kept(progress, lake)) from error
+
+
+class _WithoutPandas(MetaPathFinder):
+    """Imports do not find pandas."""
+
+    def find_spec(self, fullname: str, *_: object) -> None:
+        """Find nothing; raise for pandas."""
+        if fullname == "pandas":
+            raise ModuleNotFoundError(fullname)
+
+
+def _leave_pandas_out() -> None:
+    """Let Arrow look for pandas while there is none to be found: it imports it, in 0.3 s, to recognise its objects."""
+    finder = _WithoutPandas()
+    sys.meta_path.insert(0, finder)
+    try:
+        importlib.import_module("pyarrow").array([])
+    finally:
+        sys.meta_path.remove(finder)
 
 
 def _watch(dataset: str, raw: str, lake: str, every: float, as_json: bool, **how: Any) -> bool:

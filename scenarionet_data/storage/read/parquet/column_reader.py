@@ -21,6 +21,7 @@ import zstandard
 
 from scenarionet_data.arrays.columns import Columns, ColumnType, Lists
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.storage.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, UnreadableFile
@@ -29,8 +30,6 @@ from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
 COMPILE_AFTER = 64
 """Row groups that a reader leaves to Arrow before it compiles the kernels: compiling costs as much as 1,500."""
-_KEPT = 2**25
-"""Largest buffer that a reader keeps for its next call [bytes]."""
 _TEXT = ("string", "json")
 _NULLS = {"float32": np.float32(np.nan), "bool": np.int8(-1), "dictionary": np.int32(-1), **dict.fromkeys(_TEXT)}
 _POSITIONS = [kernels.START, kernels.END, kernels.STORED, kernels.STORED_END]
@@ -55,15 +54,18 @@ class ColumnReader:
 
     Args:
         columns: The columns.
+        memory: Memory for pages and values; of its own by default.
         compile_after: Row groups that are left to Arrow unless the kernels are compiled already.
     """
 
-    def __init__(self, columns: Sequence[ColumnType], compile_after: int = COMPILE_AFTER) -> None:
+    def __init__(
+        self, columns: Sequence[ColumnType], memory: Memory | None = None, compile_after: int = COMPILE_AFTER
+    ) -> None:
         self._columns = list(columns)
         self._shapes = np.array([kernels.LIST * c.is_list + kernels.NULLABLE * c.nullable for c in self._columns])
         self._zstd = zstandard.ZstdDecompressor()
         self._left_to_arrow = compile_after
-        self._kept: Array = np.empty(0, np.uint8)
+        self._memory = memory or Memory()
 
     def footer(self, url: str, metadata: pq.FileMetaData, *, has_checksums: bool = False) -> Footer:
         """Locate the columns in a file.
@@ -109,7 +111,7 @@ class ColumnReader:
             if each.column.element == "dictionary":
                 words[name], values[name] = _indices(each, data)
             elif name not in values:
-                values[name] = _numbers(each, data)
+                values[name] = self._numbers(each, data)
             if each.column.is_list:
                 lists[name] = Lists(each.lengths, each.offsets, values[name])
             else:
@@ -122,31 +124,23 @@ class ColumnReader:
     def _load_pages(self, groups: Sequence[RowGroup]) -> tuple[Array, Array]:
         """Pages by column and row group, (columns, groups, NUM_PAGE_FIELDS) int64, and their decompressed bytes."""
         chunks = [group.footer.chunks(group.number) for group in groups]
-        size = sum(
-            int(each[each[:, kernels.CODEC] != kernels.OTHER_CODEC, kernels.CHUNK_SIZE].sum()) for each in chunks
-        )
-        data = self._buffer(size + kernels.SPARE)
+        size = sum(group.footer.size(group.number) for group in groups)
+        data = self._memory.empty(size + kernels.SPARE, np.uint8)
         pages = np.zeros((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
         end = 0
         for index, (group, positions) in enumerate(zip(groups, chunks, strict=True)):
             end = kernels.load_pages(group.content, group.base, positions, pages, index, data, end)
-        for column, index in np.argwhere(pages[:, :, kernels.STORED_END] > 0).tolist():
-            start, stop, *stored = pages[column, index, _POSITIONS].tolist()
-            if not self._decompress(groups[index].content[slice(*stored)].data, data[start:stop]):
+        contents, target = [group.content.data for group in groups], data.data
+        columns, indices = np.nonzero(pages[:, :, kernels.STORED_END] > 0)
+        places = pages[columns[:, None], indices[:, None], _POSITIONS].tolist()
+        for column, index, (start, stop, first, last) in zip(columns.tolist(), indices.tolist(), places, strict=True):
+            if not self._decompress(contents[index][first:last], target[start:stop]):
                 pages[column, index, kernels.START] = kernels.DAMAGED
         self._require(pages[:, :, kernels.START] != kernels.DAMAGED)
         data.flags.writeable = False  # like mapped files: kernels are compiled for each kind of array
         return pages, data
 
-    def _buffer(self, size: int) -> Array:
-        """Memory for pages. It is used again, because new memory costs more than most pages: values are copied."""
-        if size > _KEPT:
-            return np.empty(size, np.uint8)
-        if size > len(self._kept):
-            self._kept = np.empty(size, np.uint8)
-        return self._kept[:size]
-
-    def _decompress(self, stored: memoryview, target: Array) -> bool:
+    def _decompress(self, stored: memoryview, target: memoryview) -> bool:
         """Decompress a zstd page; returns whether it fills the target exactly."""
         try:
             # Compared first, because readinto would truncate a longer page.
@@ -157,41 +151,35 @@ class ColumnReader:
 
     def _read_levels(self, pages: Array, data: Array, num_rows: int) -> tuple[list[_Pages], list[ColumnType]]:
         """Lengths and offsets of the columns that the kernels know, and the columns that are left to Arrow."""
-        is_known = (pages[:, :, kernels.START] != UNKNOWN).all(axis=1)
-        sizes = pages[:, :, kernels.LEVELS].sum(axis=1) + 1
-        firsts, lists = np.cumsum(sizes) - sizes, np.empty((2, int(sizes.sum())), np.int32)
-        rows = np.empty(len(pages), np.int64)
-        kernels.read_levels(data, pages, self._shapes, firsts, lists, rows)
-        self._require((rows == num_rows) | ~is_known)
-        counts = pages[:, :, kernels.COUNT].sum(axis=1).tolist()
+        lists = self._memory.empty((2, len(pages), num_rows + 1), np.int32)
+        found = np.empty((2, len(pages)), np.int64)
+        kernels.read_levels(data, pages, self._shapes, lists, found)
+        self._require((found[0] == num_rows) | (found[0] == UNKNOWN))
         known: list[_Pages] = []
         others: list[ColumnType] = []
-        for index, (column, first) in enumerate(zip(self._columns, firsts.tolist(), strict=True)):
-            if is_known[index]:
-                lengths, offsets = lists[0, first : first + num_rows], lists[1, first : first + num_rows + 1]
-                known.append(_Pages(column, pages[index], lengths, offsets, counts[index]))
-            else:
+        for index, (column, rows, count) in enumerate(zip(self._columns, *found.tolist(), strict=True)):
+            if rows == UNKNOWN:
                 others.append(column)
+            else:
+                known.append(_Pages(column, pages[index], lists[0, index, :-1], lists[1, index], count))
         return known, others
+
+    def _numbers(self, column: _Pages, data: Array) -> Array:
+        """Numbers or truth values; int8 where a truth value may be null."""
+        declared = column.column
+        if declared.element == "bool":
+            values = self._memory.empty(column.num_values, np.int8)
+            is_complete = kernels.read_bits(data, column.pages, values)
+            values = values if declared.nullable and not declared.is_list else values.view(np.bool_)
+        else:
+            values = self._memory.empty(column.num_values, declared.element)
+            is_complete = kernels.read_words(data, column.pages, values.view(np.uint32))
+        return _complete(column, values, is_complete)
 
     def _require(self, is_valid: Array) -> None:
         """Raise for the first column with a False, in any of its pages."""
-        damaged = np.argwhere(~is_valid)
-        if len(damaged):
-            raise _Damaged(f"column {self._columns[damaged[0, 0]].name} is damaged")
-
-
-def _numbers(column: _Pages, data: Array) -> Array:
-    """Numbers or truth values; int8 where a truth value may be null."""
-    declared = column.column
-    if declared.element == "bool":
-        values = np.empty(column.num_values, np.int8)
-        is_complete = kernels.read_bits(data, column.pages, values)
-        values = values if declared.nullable and not declared.is_list else values.view(np.bool_)
-    else:
-        values = np.empty(column.num_values, declared.element)
-        is_complete = kernels.read_words(data, column.pages, values.view(np.uint32))
-    return _complete(column, values, is_complete)
+        if not is_valid.all():
+            raise _Damaged(f"column {self._columns[np.argwhere(~is_valid)[0, 0]].name} is damaged")
 
 
 def _indices(column: _Pages, data: Array) -> tuple[list[str], Array]:

@@ -95,6 +95,7 @@ class Footer:
         self._columns = [(positions.get(column.path), _known_encodings(column)) for column in columns]
         self._encodings = self._read_encodings()
         self._chunks: dict[int, Int64] = {}
+        self._sizes: dict[int, int] = {}
 
     def _read_encodings(self) -> list[int]:
         """Encoding of each column's data pages, which a writer chooses for a file."""
@@ -128,6 +129,14 @@ class Footer:
             ]
             self._chunks[number] = np.array(rows, np.int64)
         return self._chunks[number]
+
+    def size(self, number: int) -> int:
+        """Uncompressed bytes of a row group's chunks in codecs that the kernels know."""
+        if number not in self._sizes:
+            chunks = self.chunks(number)
+            is_known = chunks[:, kernels.CODEC] != kernels.OTHER_CODEC
+            self._sizes[number] = int(chunks[is_known, kernels.CHUNK_SIZE].sum())
+        return self._sizes[number]
 
 
 def _holds(stored: pq.ColumnSchema, column: ColumnType) -> bool:

@@ -154,33 +154,38 @@ def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
 
 
 @kernel(nogil=True)
-def read_levels(data: Array, pages: Array, shapes: Array, firsts: Array, lists: Array, rows: Array) -> None:
+def read_levels(data: Array, pages: Array, shapes: Array, lists: Array, found: Array) -> None:
     """Decode the lengths of all columns' rows, and locate the values of their pages.
 
     Args:
         data: (n,) uint8 decompressed pages, followed by SPARE bytes.
         pages: (C, k, NUM_PAGE_FIELDS) int64 of C columns and k row groups; fills VALUES and COUNT.
         shapes: (C,) int64 LIST or 0, plus NULLABLE.
-        firsts: (C,) int64 start of each column in ``lists``.
-        lists: (2, C + sum of levels) int32, filled with lengths of rows and offsets of their values.
-        rows: (C,) int64, filled with the number of rows; UNKNOWN when a page is inconsistent.
+        lists: (2, C, 1 + rows) int32, filled with lengths of rows and offsets of their values.
+        found: (2, C) int64, filled with the number of rows and of values; instead of rows UNKNOWN if a page is, DAMAGED
+            if one is inconsistent.
     """
-    lengths, offsets = lists[0], lists[1]
     for column in range(len(pages)):
-        first, done = firsts[column], 0
-        for number in range(pages.shape[1]):
-            page = pages[column, number]
-            if page[START] < 0:
-                done = UNKNOWN
-                break
-            found, count, at = _read_levels(data, page, shapes[column], lengths[first + done :])
-            page[COUNT], page[VALUES] = count, at
-            if found == UNKNOWN:
-                done = UNKNOWN
-                break
-            done += found
-        rows[column], offsets[first] = done, 0
-        for row in range(first, first + done):
+        lengths, offsets = lists[0, column], lists[1, column]
+        done, count, other = 0, 0, column - 1
+        while other >= 0 and shapes[other] != shapes[column]:
+            other -= 1
+        if other >= 0 and found[0, other] > 0 and _repeat_levels(data, pages[other], pages[column]):
+            done, count = found[0, other], found[1, other]
+            lengths[:done] = lists[0, other, :done]
+        else:
+            for number in range(pages.shape[1]):
+                page = pages[column, number]
+                if page[START] < 0:
+                    done = page[START]
+                    break
+                rows, page[COUNT], page[VALUES] = _read_levels(data, page, shapes[column], lengths[done:-1])
+                if rows == UNKNOWN:
+                    done = DAMAGED
+                    break
+                done, count = done + rows, count + page[COUNT]
+        found[0, column], found[1, column], offsets[0] = done, count, 0
+        for row in range(done):
             offsets[row + 1] = offsets[row] + lengths[row]
 
 
@@ -310,7 +315,8 @@ def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[
     at, end, num_levels = page[START], page[END], page[LEVELS]
     rows, empty = num_levels, 0
     if not shape & LIST:
-        for row in range(num_levels):
+        rows = num_levels if num_levels <= len(lengths) else UNKNOWN
+        for row in range(rows):
             lengths[row] = 1
     else:
         stop = _levels_end(data, at, end)
@@ -322,6 +328,22 @@ def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[
         empty = UNKNOWN if stop == UNKNOWN else _mark_empty(data, at + 4, stop, num_levels, deepest, lengths)
         at = stop
     return UNKNOWN if empty == UNKNOWN else rows, num_levels - empty, at
+
+
+@device_function
+def _repeat_levels(data: Array, pages: Array, others: Array) -> bool:
+    """Locate the values of other pages if these have the same levels, as the coordinates of points have."""
+    for number in range(len(pages)):
+        page, other = pages[number], others[number]
+        size, differences = page[VALUES] - page[START], np.uint8(0)
+        if other[START] < 0 or other[LEVELS] != page[LEVELS] or size > other[END] - other[START]:
+            return False
+        for k in range(size):
+            differences |= data[page[START] + k] ^ data[other[START] + k]
+        if differences:
+            return False
+        other[VALUES], other[COUNT] = other[START] + size, page[COUNT]
+    return True
 
 
 @device_function
@@ -351,6 +373,8 @@ def _count_levels(data: Array, at: int, end: int, num_levels: int, lengths: Arra
                 continue
             for level in range(place, min(place + 8, stop)):
                 if bits >> (level - place) & 1 == 0:
+                    if rows == len(lengths):
+                        return UNKNOWN
                     lengths[max(rows - 1, 0)] = level - begin
                     rows, begin = rows + 1, level
         at += length if is_packed else 1

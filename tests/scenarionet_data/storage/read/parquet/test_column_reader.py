@@ -271,20 +271,22 @@ def guarded(size, kind):
     shape=st.sampled_from([0, kernels.NULLABLE, kernels.LIST, kernels.LIST | kernels.NULLABLE]),
     encoding=st.sampled_from([kernels.PLAIN, kernels.BYTE_STREAM_SPLIT]),
     num_words=st.integers(0, 4),
+    room=st.integers(0, 60),
 )
-def test_arbitrary_pages_are_not_read_or_written_out_of_bounds(content, levels, shape, encoding, num_words):
+def test_arbitrary_pages_are_not_read_or_written_out_of_bounds(content, levels, shape, encoding, num_words, room):
     data = np.frombuffer(content + bytes(kernels.SPARE), np.uint8)
     pages = np.zeros((1, 1, kernels.NUM_PAGE_FIELDS), np.int64)
     pages[0, 0, kernels.END] = len(content)
     pages[0, 0, [kernels.LEVELS, kernels.ENCODING, kernels.NUM_WORDS]] = levels, encoding, num_words
-    lists, rows = np.full((3, levels + 1), -7, np.int32), np.zeros(1, np.int64)
-    kernels.read_levels(data, pages, np.array([shape]), np.zeros(1, np.int64), lists[:2], rows)
-    assert (lists[2] == -7).all()
-    if rows[0] < 0:
+    # Lengths and offsets of the column, each between others that must not change.
+    lists, found = np.full((3, 3, room + 1), -7, np.int32), np.zeros((2, 1), np.int64)
+    kernels.read_levels(data, pages, np.array([shape]), lists[:2, 1:2], found)
+    assert (lists[2] == -7).all() and (lists[:, [0, 2]] == -7).all() and lists[0, 1, room] == -7
+    if found[0, 0] < 0:
         return
-    (page,), (count,) = pages, pages[0, :, kernels.COUNT].tolist()
-    assert rows[0] <= levels
-    assert 0 <= lists[1, rows[0]] <= count <= levels
+    (page,), ((rows,), (count,)) = pages, found.tolist()
+    assert rows <= min(levels, room)
+    assert 0 <= lists[1, 1, rows] <= count == page[0, kernels.COUNT] <= levels
     words, bits, indices = guarded(count, np.uint32), guarded(count, np.int8), guarded(count, np.int32)
     offsets, text = guarded(count + 1, np.int64), guarded(len(content), np.uint8)
     offsets[0] = 0
@@ -294,8 +296,41 @@ def test_arbitrary_pages_are_not_read_or_written_out_of_bounds(content, levels, 
     kernels.read_bits(data, page, inner[1])
     kernels.read_indices(data, page, np.arange(num_words, dtype=np.int32), inner[2])
     kernels.read_texts(data, page, inner[3], inner[4])
-    for room in rooms:
-        assert (room[len(room) - GUARD :] == (7 if room.dtype.kind == "u" else -7)).all()
+    for each in rooms:
+        assert (each[len(each) - GUARD :] == (7 if each.dtype.kind == "u" else -7)).all()
+
+
+LEVELS_OF_LISTS = b"\2\0\0\0\3\x16"
+"""Repetition levels of lists of 3, 2, 1, 1 and 1 elements: 0 1 1 0 1 0 0 0, in bits from the right 00010110."""
+
+
+@given(
+    contents=st.lists(
+        st.sampled_from([2 * LEVELS_OF_LISTS, LEVELS_OF_LISTS + b"\2\0\0\0\x10\1", b"\0\0\0\0", b"\2\0\0\0\x10\1"]),
+        min_size=4,
+        max_size=4,
+    ),
+    levels=st.lists(st.integers(0, 8), min_size=4, max_size=4),
+    shapes=st.lists(st.sampled_from([kernels.LIST, kernels.NULLABLE, 0]), min_size=2, max_size=2),
+)
+def test_columns_that_repeat_levels_are_read_as_if_alone(contents, levels, shapes):
+    """Two columns of two pages each."""
+    data = np.frombuffer(b"".join(contents) + bytes(kernels.SPARE), np.uint8)
+    ends = np.cumsum([len(content) for content in contents]).reshape(2, 2)
+    pages = np.zeros((2, 2, kernels.NUM_PAGE_FIELDS), np.int64)
+    pages[:, :, kernels.START] = ends - np.array([len(content) for content in contents]).reshape(2, 2)
+    pages[:, :, kernels.END], pages[:, :, kernels.LEVELS] = ends, np.array(levels).reshape(2, 2)
+
+    def read(columns):
+        own, lists, found = pages[columns], np.zeros((2, len(columns), 17), np.int32), np.zeros((2, len(columns)), int)
+        kernels.read_levels(data, own, np.array(shapes)[columns], lists, found)
+        return [
+            (rows, count, own[k], lists[0, k, :rows], lists[1, k, : rows + 1]) if rows >= 0 else rows
+            for k, (rows, count) in enumerate(found.T.tolist())
+        ]
+
+    for together, alone in zip(read([0, 1]), read([0]) + read([1]), strict=True):
+        np.testing.assert_equal(together, alone)
 
 
 @given(content=st.binary(max_size=80), size=st.integers(0, 200))

@@ -1,0 +1,78 @@
+"""Memory of arrays that is used again: the system clears each new page, which takes longer than decoding into it."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.arrays.dtypes import Array, UInt8
+
+_SMALL = 2**14
+"""Arrays of fewer bytes are left to NumPy."""
+
+
+class Memory:
+    """Memory for arrays, which is used for others when no array, view or tensor refers to it any more.
+
+    For one thread. Nothing has to be given back.
+
+    Args:
+        limit: Bytes that are kept at most; arrays beyond it are NumPy's own.
+    """
+
+    def __init__(self, limit: int = 2**27) -> None:
+        self._limit = limit
+        self._blocks: dict[int, list[UInt8]] = {}  # by size
+
+    def empty(self, shape: int | Sequence[int], dtype: npt.DTypeLike) -> Array:
+        """Array of any values."""
+        found = self._used_again(shape, dtype)
+        return np.empty(shape, dtype) if found is None else found
+
+    def zeros(self, shape: int | Sequence[int], dtype: npt.DTypeLike) -> Array:
+        """Array of zeros."""
+        found = self._used_again(shape, dtype)
+        if found is None:
+            return np.zeros(shape, dtype)
+        found.fill(0)
+        return found
+
+    @property
+    def num_bytes(self) -> int:
+        """Bytes of all blocks, in use or not."""
+        return sum(size * len(blocks) for size, blocks in self._blocks.items())
+
+    def _used_again(self, shape: Any, dtype: npt.DTypeLike) -> Array | None:
+        """Array in a block of the next power of two; None for small ones, and beyond the limit."""
+        size = np.dtype(dtype).itemsize * (shape if isinstance(shape, int) else math.prod(shape))
+        if size < _SMALL:
+            return None
+        block = self._block(1 << (size - 1).bit_length())
+        return None if block is None else block[:size].view(dtype).reshape(shape)
+
+    def _block(self, size: int) -> UInt8 | None:
+        blocks = self._blocks.setdefault(size, [])
+        for index, count in enumerate(_references(blocks)):
+            if count == _UNUSED:
+                return blocks[index]
+        if self.num_bytes + size > self._limit:
+            for known in self._blocks.values():
+                known[:] = [block for block, count in zip(known, _references(known), strict=True) if count != _UNUSED]
+        if self.num_bytes + size > self._limit:
+            return None
+        blocks.append(np.empty(size, np.uint8))
+        return blocks[-1]
+
+
+def _references(blocks: list[UInt8]) -> list[int]:
+    """Number of references to each block; views of views refer to the block itself."""
+    return [sys.getrefcount(block) for block in blocks]
+
+
+_UNUSED = _references([np.empty(0, np.uint8)])[0]
+"""References to a block that no array uses."""

@@ -1,0 +1,97 @@
+"""All meshes as the kernels of cameras take them, with those that stand for them from far away."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Float32
+from scenarionet_sim.cameras.meshes import people, things, vehicles
+from scenarionet_sim.cameras.meshes.materials import MATERIAL_COLORS, PAINTS
+from scenarionet_sim.cameras.shapes import Shape, ball, box, joined, tube, with_normals
+from scenarionet_sim.kernels.cameras import layout as at
+from scenarionet_sim.kernels.cameras.layout import Meshes
+
+_CREASE = 0.75
+"""Edges sharper than this [rad] are seen as edges; others are smooth."""
+
+
+def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
+    """Return the shapes of each mesh, and a typical length, width and height."""
+    whole = [box((-0.5, -0.5, 0.0), (0.5, 0.5, 1.0), at.BODY)]
+    pole = [tube((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), ((0.5, 0.5), (0.35, 0.35)), at.METAL, 8)]
+    return {
+        at.BOX: (whole, (1.0, 1.0, 1.0)),
+        at.CAR: (vehicles.car(), (4.6, 1.9, 1.55)),
+        at.VAN: (vehicles.van(), (5.4, 2.0, 2.0)),
+        at.TRUCK: (vehicles.truck(), (8.0, 2.5, 3.2)),
+        at.BUS: (vehicles.bus(), (12.0, 2.5, 3.2)),
+        at.PEDESTRIAN: (people.person(), (0.6, 0.6, 1.75)),
+        at.CYCLIST: (people.cyclist(), (1.8, 0.6, 1.75)),
+        at.CONE: (things.cone(), (0.4, 0.4, 0.8)),
+        at.BARRIER: (things.barrier(), (2.0, 0.5, 1.0)),
+        at.LIGHT_HEAD: (things.light_head(), (0.35, 0.35, 1.0)),
+        at.POLE: (pole, (0.2, 0.2, 6.0)),
+        at.TREE: (things.tree(), (5.0, 5.0, 8.0)),
+        at.CONIFER: (things.conifer(), (4.0, 4.0, 9.0)),
+        at.BUILDING: (things.building(), (15.0, 15.0, 12.0)),
+        at.SIGN: (whole, (1.0, 1.0, 1.0)),
+        at.DECK: (vehicles.interior(), (4.6, 1.9, 1.55)),
+        at.CAR_FAR: (vehicles.far_car(), (4.6, 1.9, 1.55)),
+        at.TRUCK_FAR: (vehicles.far_truck(), (8.0, 2.5, 3.2)),
+        at.PERSON_FAR: (people.far_person(), (0.6, 0.6, 1.75)),
+        at.TREE_FAR: (things.far_tree(), (5.0, 5.0, 8.0)),
+        at.BLOCK: ([things.open_box(at.BODY)], (1.0, 1.0, 1.0)),
+        at.TREE_TINY: ([ball((0.0, 0.0, 0.62), (0.45, 0.45, 0.42), at.BODY, 4, 1)], (5.0, 5.0, 8.0)),
+        at.WALLS: ([things.open_box(at.FACADE)], (15.0, 15.0, 12.0)),
+    }
+
+
+_FAR = {
+    at.CAR: at.CAR_FAR, at.VAN: at.CAR_FAR, at.TRUCK: at.TRUCK_FAR, at.BUS: at.TRUCK_FAR, at.PEDESTRIAN: at.PERSON_FAR,
+    at.CYCLIST: at.PERSON_FAR, at.TREE: at.TREE_FAR, at.CONIFER: at.TREE_FAR, at.CONE: at.CONE,
+}  # fmt: skip
+
+
+_TINY = {
+    at.CAR: at.BLOCK, at.VAN: at.BLOCK, at.TRUCK: at.BLOCK, at.BUS: at.BLOCK, at.PEDESTRIAN: at.BLOCK,
+    at.CYCLIST: at.BLOCK, at.TREE: at.TREE_TINY, at.CONIFER: at.TREE_TINY, at.CONE: at.BLOCK, at.BARRIER: at.BLOCK,
+    at.POLE: at.BLOCK, at.LIGHT_HEAD: at.LIGHT_HEAD, at.BUILDING: at.WALLS,
+}  # fmt: skip
+"""Meshes for tiny pictures, where they differ."""
+
+
+@lru_cache
+def library() -> Meshes:
+    """Return all meshes as kernels take them."""
+    sources = _sources()
+    ranges = np.zeros((len(sources), 6), np.int32)
+    wheels: Float32 = np.zeros((len(sources), 4, 5), np.float32)
+    vertices, parts, corners, materials = [], [], [], []
+    num_vertices = num_triangles = 0
+    for mesh, (shapes, size) in sorted(sources.items()):
+        points, triangles, material, part = joined(shapes)
+        a, b, c = (points[triangles[:, k]] for k in range(3))
+        kept = np.linalg.norm(np.cross((b - a) * size, (c - a) * size), axis=1) > 1e-9
+        vertex, split, vertex_part = with_normals(points, triangles, part, size, _CREASE)
+        ranges[mesh] = (
+            num_vertices, num_vertices + len(vertex), num_triangles, num_triangles + len(split), _FAR.get(mesh, mesh),
+            _TINY.get(mesh, mesh)
+        )  # fmt: skip
+        for wheel in range(4):
+            on_it = vertex[vertex_part == wheel + 1, :3]
+            if len(on_it):
+                low, high = on_it.min(axis=0), on_it.max(axis=0)
+                wheels[mesh, wheel] = *(low + high) / 2, (high[0] - low[0]) / 2, (high[2] - low[2]) / 2
+        vertices.append(vertex)
+        parts.append(vertex_part)
+        corners.append(split + num_vertices)
+        materials.append(material[kept])
+        num_vertices, num_triangles = num_vertices + len(vertex), num_triangles + len(split)
+    colors = [MATERIAL_COLORS[material] for material in sorted(MATERIAL_COLORS)]
+    return Meshes(
+        ranges, np.concatenate(vertices).astype(np.float32), np.concatenate(parts),
+        np.concatenate(corners).astype(np.int32), np.concatenate(materials), wheels,
+        np.array([*colors, *PAINTS], np.float32),
+    )  # fmt: skip

@@ -1,0 +1,62 @@
+"""Memory that arrays use again: never while another array, view or tensor refers to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scenarionet_data.arrays.memory import Memory
+
+LARGE = 5000
+
+
+@given(sizes=st.lists(st.tuples(st.integers(1, 3 * LARGE), st.booleans()), max_size=30))
+def test_arrays_in_use_keep_their_values(sizes):
+    memory = Memory(limit=2**19)
+    in_use = []
+    for number, (size, is_dropped) in enumerate(sizes):
+        array = memory.empty(size, np.int32)
+        array[:] = number
+        in_use.append((number, array[size // 2 :].reshape(1, -1)))
+        if is_dropped:
+            in_use.pop(len(in_use) // 2)
+        del array
+        assert all((values == label).all() for label, values in in_use)
+        assert memory.num_bytes <= 2**19
+
+
+def test_memory_is_used_again():
+    memory = Memory()
+    first = memory.empty((2, LARGE), np.float64)
+    place = first.ctypes.data
+    assert memory.empty((2, LARGE), np.float64).ctypes.data != place
+    held = first.view(np.uint8)[:, ::3]
+    del first
+    assert memory.empty((2, LARGE), np.float64).ctypes.data != place
+    del held
+    before = memory.num_bytes
+    again = {memory.empty((2, LARGE), np.float64).ctypes.data for _ in range(9)}
+    assert place in again and memory.num_bytes == before
+
+
+@pytest.mark.parametrize("shape", [(), 0, 3, (3, 0), (LARGE, 4)])
+def test_zeros_are_zeros(shape):
+    memory = Memory()
+    used = memory.empty(shape, np.float32)
+    used[...] = 7
+    del used
+    found = memory.zeros(shape, np.float32)
+    assert found.shape == np.zeros(shape).shape and found.dtype == np.float32 and not found.any()
+
+
+def test_blocks_of_other_sizes_make_room():
+    memory = Memory(limit=2**16)
+    for size in (2**14, 2**15, 2**16, 2**14):
+        zeros = memory.zeros(size, np.uint8)
+        assert memory.num_bytes <= 2**16 and not zeros.any()
+        del zeros
+    assert memory.num_bytes == 2**14
+    held = [memory.empty(2**14, np.uint8) for _ in range(9)]
+    assert memory.num_bytes == 2**16 and len({array.ctypes.data for array in held}) == 9
