@@ -113,7 +113,7 @@ class BulletSession:
     # --- one step -------------------------------------------------------------------------------------
 
     def _place(self, rows: Int32, num_agents: int, size: Float64, motion: Float64) -> list[int]:
-        """Return the bodies of objects, agents first, set to their poses and velocities."""
+        """Return the bodies of objects, agents first, set to their poses; those of others to their velocities, too."""
         keys: list[list[Key]] = [[] for _ in self._worlds]
         for number, (world, row) in enumerate(rows.tolist()):
             keys[world].append((row, number < num_agents))
@@ -122,13 +122,16 @@ class BulletSession:
             for world, (bodies, wanted) in enumerate(zip(self._worlds, keys, strict=True))
         ]
         placed = []
-        for world, (x, y, heading, *velocity, turn) in zip(rows[:, 0].tolist(), motion.tolist(), strict=True):
+        for number, (world, (x, y, heading, *velocity, turn)) in enumerate(
+            zip(rows[:, 0].tolist(), motion.tolist(), strict=True)
+        ):
             body = next(gathered[world])
             place, half = (x, y, self._worlds[world].height), 0.5 * heading
             self._bullet.resetBasePositionAndOrientation(
                 body, place, (0.0, 0.0, math.sin(half), math.cos(half)), self._client
             )
-            self._bullet.resetBaseVelocity(body, (*velocity, 0.0), (0.0, 0.0, turn), self._client)
+            if number >= num_agents:
+                self._bullet.resetBaseVelocity(body, (*velocity, 0.0), (0.0, 0.0, turn), self._client)
             placed.append(body)
         return placed
 

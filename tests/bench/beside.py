@@ -10,7 +10,7 @@ import os
 import statistics
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -97,8 +97,20 @@ def _command(lake: Path, threads: int) -> list[str]:
 
 
 def _python(sources: Path, *arguments: str) -> str:
-    command = [sys.executable, *arguments]
-    return subprocess.run(command, env=_environment(sources), capture_output=True, text=True, check=True).stdout
+    # -P: the current folder, which Python would search first, has this version.
+    return _output([sys.executable, "-P", *arguments], _environment(sources))
+
+
+def _output(command: list[str], environment: Mapping[str, str] | None = None) -> str:
+    """Return what a program prints.
+
+    Raises:
+        RuntimeError: It fails, with the end of its errors.
+    """
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)} failed: {done.stderr[-2000:]}")
+    return done.stdout
 
 
 def _environment(sources: Path) -> dict[str, str]:
@@ -111,7 +123,7 @@ def _metadrive(database: Path) -> dict[str, float]:
     if not python.exists():
         return {}
     command = [str(python), str(_ROOT / "tests" / "metadrive" / "speed.py"), str(database)]
-    found = _parsed(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    found = _parsed(_output(command))
     names = {"replay": "replay", "IDM": "reactive", "several agents": "several agents"}
     rates = {ours: found[theirs]["steps"] / found[theirs]["stepping"] for ours, theirs in names.items()}
     return rates | {"one world": rates["replay"], "agents": found["several agents"]["agents"]}
@@ -127,5 +139,5 @@ def _median(runs: list[dict[str, float]], name: str) -> float:
     return statistics.median(run[name] for run in runs)
 
 
-def _ratio(runs: list[dict[str, float]], others: list[Mapping[str, float]], name: str) -> float:
+def _ratio(runs: Sequence[Mapping[str, float]], others: Sequence[Mapping[str, float]], name: str) -> float:
     return statistics.median(run[name] / other[name] for run, other in zip(runs, others, strict=True))
