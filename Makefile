@@ -79,8 +79,8 @@ test-ducklake: install .ducklake/.installed  ## Publish a lake as DuckLake, by a
 test-metadrive: install .venv-metadrive/.installed  ## Replay exported pickles in MetaDrive (Python 3.11).
 	$(BIN)/python -m pytest -m metadrive tests/metadrive $(ARGS)
 
-test-learn: install .venv-learn/.installed  ## Run the tests that need torch (TORCH=torch==2.13.0 selects a release).
-	.venv-learn/bin/python -m pytest -m learn $(ARGS)
+test-learn: install .venv-learn/.installed  ## Run the tests that need torch (TORCH=torch==2.13.0 selects a release; ARGS="-m 'learn and long'" the long ones).
+	.venv-learn/bin/python -m pytest -m 'learn and not long' $(ARGS)
 
 .venv-learn/.installed: tests/learn/make_environment.sh
 	TORCH='$(TORCH)' sh $< $(PYTHON)
@@ -147,8 +147,8 @@ docs-site: install .venv/.installed-docs  ## Build the documentation site into s
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 	@touch $@
 
-notebooks: install  ## Run the notebooks on generated scenarios and write their pages to docs/notebooks.
-	$(BIN)/python -m scenarionet_pipelines.notebooks $(ARGS)
+notebooks: install .venv-learn/.installed  ## Run the notebooks on generated scenarios and write their pages to docs/notebooks; one needs torch.
+	.venv-learn/bin/python -m scenarionet_pipelines.notebooks $(ARGS)
 
 build: install  ## Build the wheel and the source distribution in dist/.
 	$(BIN)/python -m build --no-isolation

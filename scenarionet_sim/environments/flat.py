@@ -253,7 +253,9 @@ class FlatEnv:
         """Begin episodes in some slots."""
         core.begin(slots.tolist(), worlds)
         self._begin_rows(slots)
-        self._seat(core, np.flatnonzero(np.isin(core.agents[:, 0], slots)))
+        is_begun = np.zeros(self.num_worlds, np.bool_)
+        is_begun[slots] = True
+        self._seat(core, np.flatnonzero(is_begun[core.agents[:, 0]]))
 
     def _advance(self, core: BatchedEnvironment, actions: npt.ArrayLike) -> Int32:
         """Drive for a timestep; return the row of each agent, or -1."""
@@ -275,8 +277,10 @@ class FlatEnv:
         left = np.bincount(core.agents[:, 0], minlength=self.num_worlds)
         np.subtract.at(left, worlds, 1)
         over = np.flatnonzero((left == 0) & ~core.simulation.are_agents_due()) if len(ended) else ended
-        if len(stay := np.flatnonzero(~np.isin(worlds, over))):
-            core.retire(ended[stay])
+        is_over = np.zeros(self.num_worlds, np.bool_)
+        is_over[over] = True
+        if len(stay := ended[~is_over[worlds]]):
+            core.retire(stay)
         return over
 
     def _begin_next(self, core: BatchedEnvironment, slots: IntP) -> list[dict[str, Any]]:

@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 from scenarionet_sim.learning.config import CopoConfig
+from scenarionet_sim.learning.descent import Descent
 from scenarionet_sim.learning.networks import (
     StochasticPolicy,
     network_tensors,
@@ -102,7 +103,7 @@ class CopoLearner(PpoLearner):
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed + 1)
             self.social_critic = perceptron([env.observations.shape[1], *config.hidden, 2])
-        self._social_adam = torch.optim.Adam(self.social_critic.parameters(), config.rate, eps=1e-5, fused=True)
+        self._social_descent = Descent(self.social_critic.parameters(), config.rate, config.longest_gradient)
         self.angle = AngleDistribution(config.angle_spread)
         self._angle_adam = torch.optim.Adam(self.angle.parameters(), config.angle_rate)
         self._social_generator = torch.Generator().manual_seed(seed + 1)  # PPO's numbers stay as they are
@@ -113,7 +114,7 @@ class CopoLearner(PpoLearner):
     def tensors(self) -> dict[str, Tensor]:
         """Return everything that the next rounds depend on, except the environment."""
         found = super().tensors() | network_tensors({"social_critic": self.social_critic, "angle": self.angle})
-        found |= optimizer_tensors(self._social_adam, "social_adam")
+        found |= self._social_descent.tensors("social_adam")
         found |= optimizer_tensors(self._angle_adam, "angle_adam")
         angles = {
             "angles": torch.from_numpy(self._angles.copy()),
@@ -125,7 +126,7 @@ class CopoLearner(PpoLearner):
         """Continue from :meth:`tensors`."""
         super().restore(tensors)
         restore_networks({"social_critic": self.social_critic, "angle": self.angle}, tensors)
-        restore_optimizer(self._social_adam, "social_adam", tensors)
+        self._social_descent.restore("social_adam", tensors)
         restore_optimizer(self._angle_adam, "angle_adam", tensors)
         self._angles[:], self._was_alive[:] = tensors["angles"].numpy(), tensors["was_alive"].numpy()
         self._social_generator.set_state(tensors["social_generator"])
@@ -177,10 +178,7 @@ class CopoLearner(PpoLearner):
         for _ in range(self.config.epochs):
             for rows in torch.randperm(len(returns), generator=self._social_generator).split(self.config.minibatch):
                 loss = (self.social_critic(observations[rows]) - returns[rows]).square().mean(dim=0).sum()
-                self._social_adam.zero_grad()
-                loss.backward()
-                nn.utils.clip_grad_norm_(self.social_critic.parameters(), self.config.longest_gradient)
-                self._social_adam.step()
+                self._social_descent.step(loss)
         return float(loss.detach())
 
     def _learn_angle(

@@ -13,6 +13,13 @@ NUM_CONTROLS = 2
 """Steering and throttle."""
 
 
+class _Tanh(nn.Module):
+    """Hyperbolic tangent in place of its argument, whose values the dense layer before does not need."""
+
+    def forward(self, values: Tensor) -> Tensor:
+        return values.tanh_()
+
+
 def perceptron(sizes: Sequence[int], last: float = 1.0) -> nn.Sequential:
     """Return dense layers with tanh between them, with orthogonal weights.
 
@@ -25,7 +32,7 @@ def perceptron(sizes: Sequence[int], last: float = 1.0) -> nn.Sequential:
         layer = nn.Linear(inputs, outputs)
         nn.init.orthogonal_(layer.weight, last if len(layers) == 2 * (len(sizes) - 2) else math.sqrt(2.0))
         nn.init.zeros_(layer.bias)
-        layers += [layer, nn.Tanh()]
+        layers += [layer, _Tanh()]
     return nn.Sequential(*layers[:-1])
 
 

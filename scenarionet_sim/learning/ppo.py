@@ -11,14 +11,13 @@ from torch import Tensor, nn
 
 from scenarionet_data.arrays.dtypes import Bool, Float32
 from scenarionet_sim.learning.config import PpoConfig
+from scenarionet_sim.learning.descent import Descent
 from scenarionet_sim.learning.networks import (
     StochasticPolicy,
     make_policy,
     network_tensors,
-    optimizer_tensors,
     perceptron,
     restore_networks,
-    restore_optimizer,
 )
 from scenarionet_sim.learning.rollout import RolloutBuffer, advantages
 from scenarionet_sim.learning.rows import AgentRows, Clock, Outcomes
@@ -45,7 +44,7 @@ class Batch(NamedTuple):
 
     def take(self, rows: Tensor) -> Batch:
         """Return some rows."""
-        return Batch(*(values[rows] for values in self))
+        return Batch(*(values.index_select(0, rows) for values in self))
 
 
 def surrogate(ratio: Tensor, advantage: Tensor, clip: float) -> Tensor:
@@ -107,8 +106,8 @@ class PpoLearner:
             torch.manual_seed(seed)
             self.policy = make_policy(width, config.hidden, config.bins, config.spread)
             self.critic = perceptron([width, *config.hidden, 1])
-        self._parameters = [*self.policy.parameters(), *self.critic.parameters()]
-        self._adam = torch.optim.Adam(self._parameters, config.rate, eps=1e-5, fused=True)
+        parameters = [*self.policy.parameters(), *self.critic.parameters()]
+        self._descent = Descent(parameters, config.rate, config.longest_gradient)
         self._generator = torch.Generator().manual_seed(seed)
         self._rollout = RolloutBuffer.empty(config.horizon, env.num_agents, width, self.kinds)
         self.outcomes, self.clock = Outcomes(env.num_agents), Clock()
@@ -137,12 +136,12 @@ class PpoLearner:
         found = network_tensors({"policy": self.policy, "critic": self.critic})
         found["generator"] = self._generator.get_state()
         found["returns"] = torch.from_numpy(self.outcomes.returns.copy())
-        return found | optimizer_tensors(self._adam, "adam")
+        return found | self._descent.tensors("adam")
 
     def restore(self, tensors: Mapping[str, Tensor]) -> None:
         """Continue from :meth:`tensors`."""
         restore_networks({"policy": self.policy, "critic": self.critic}, tensors)
-        restore_optimizer(self._adam, "adam", tensors)
+        self._descent.restore("adam", tensors)
         self._generator.set_state(tensors["generator"])
         self.outcomes.returns[:] = tensors["returns"].numpy()
 
@@ -152,15 +151,18 @@ class PpoLearner:
         """Drive for a round."""
         env, rollout = self._env, self._rollout
         rollout.begin()
+        distributions: list[Tensor] = []
+        chosen: list[Tensor] = []
         for step in range(self.config.horizon):  # sequential by nature
-            with self.clock("inference"), torch.no_grad():
+            with self.clock("inference"), torch.inference_mode():
                 seen = rollout.observations[step].copy_(torch.from_numpy(env.observations))
                 alive = rollout.alive[step] = env.masks
                 rows = torch.from_numpy(np.flatnonzero(alive))
-                given = self.policy(seen[rows])
+                given = self.policy(seen.index_select(0, rows))
                 actions = self.policy.draw(given, self._generator)
                 rollout.actions[step, rows] = actions
-                rollout.log_probabilities[step, rows] = self.policy.log_probability(given, actions)
+                distributions.append(given)
+                chosen.append(actions)
                 controls = self.policy.controls(rollout.actions[step]).numpy()
             with self.clock("environment"):
                 self._before_step()
@@ -169,6 +171,9 @@ class PpoLearner:
                 rollout.rewards[step] = self.config.reward_scale * self._rewards(rollout.alive[step])
                 rollout.end_step(step, env)
         rollout.observations[-1] = torch.from_numpy(env.observations)
+        with self.clock("inference"), torch.inference_mode():
+            found = self.policy.log_probability(torch.cat(distributions), torch.cat(chosen))
+            rollout.log_probabilities[torch.from_numpy(rollout.alive)] = found
         return rollout
 
     def _before_step(self) -> None:
@@ -198,7 +203,8 @@ class PpoLearner:
         values = np.zeros((*alive.shape, len(gammas)), np.float32)
         last_values = np.zeros_like(values[:-1])
         with torch.no_grad():
-            values[alive] = critic(rollout.observations[torch.from_numpy(alive)]).numpy()
+            here = torch.from_numpy(np.flatnonzero(alive))
+            values[alive] = critic(rollout.observations.flatten(0, 1).index_select(0, here)).numpy()
             if rollout.last:
                 found = critic(torch.cat([seen for _, _, seen in rollout.last])).numpy()
                 late = np.concatenate(rollout.is_late)
@@ -217,9 +223,9 @@ class PpoLearner:
         """Return all steps of agents, with the advantages (N,) that the policy follows."""
         rows = rollout.rows()
         return Batch(
-            rollout.observations[:-1].flatten(0, 1)[rows],
-            rollout.actions.flatten(0, 1)[rows],
-            rollout.log_probabilities.flatten()[rows],
+            rollout.observations.flatten(0, 1).index_select(0, rows),
+            rollout.actions.flatten(0, 1).index_select(0, rows),
+            rollout.log_probabilities.flatten().index_select(0, rows),
             standardized(estimates),
             returns,
             values,
@@ -227,16 +233,11 @@ class PpoLearner:
 
     def _learn(self, batch: Batch) -> dict[str, float]:
         """Descend along the loss of minibatches; return means of its parts."""
-        totals: dict[str, Tensor] = {}
-        count = 0
+        seen: list[dict[str, Tensor]] = []
         for _ in range(self.config.epochs):
             order = torch.randperm(len(batch.advantages), generator=self._generator)
             for rows in order.split(self.config.minibatch):
                 loss, parts = ppo_loss(self.policy, self.critic, batch.take(rows), self.config)
-                self._adam.zero_grad()
-                loss.backward()
-                nn.utils.clip_grad_norm_(self._parameters, self.config.longest_gradient)
-                self._adam.step()
-                totals = {name: totals.get(name, torch.zeros(())) + value.detach() for name, value in parts.items()}
-                count += 1
-        return {name: float(value) / count for name, value in totals.items()}
+                self._descent.step(loss)
+                seen.append({name: value.detach() for name, value in parts.items()})
+        return {name: float(torch.stack([parts[name] for parts in seen]).mean()) for name in seen[0]}

@@ -31,8 +31,8 @@ REAL = {
 
 def test_all_notebooks_are_known():
     assert names() == [
-        "closed_loop", "cross_dataset", "events", "filters_and_splits", "forecasting", "overview", "quality",
-        "three_engines", "your_own_dataset",
+        "closed_loop", "cross_dataset", "events", "filters_and_splits", "forecasting", "learning", "overview",
+        "quality", "three_engines", "your_own_dataset",
     ]  # fmt: skip
 
 
@@ -90,7 +90,9 @@ def _html(notebook):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.learn] if name == "learning" else []) for name in names()]
+)
 def test_notebooks_run_on_generated_scenarios(name, generated, tmp_path):
     ran = execute(name, generated)
     assert all(cell.execution_count for cell in ran.cells if cell.cell_type == "code")
@@ -115,7 +117,7 @@ def recorded(tmp_path_factory):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [name for name in names() if name != "your_own_dataset"])
+@pytest.mark.parametrize("name", [name for name in names() if name not in ("learning", "your_own_dataset")])
 def test_notebooks_run_on_recordings(name, recorded):
     ran = execute(name, recorded)
     assert all(cell.execution_count for cell in ran.cells if cell.cell_type == "code")

@@ -58,6 +58,23 @@ class Claim:
 
 
 @dataclass(frozen=True)
+class PublishedFigure:
+    """A number of the paper, shown beside ours.
+
+    Attributes:
+        arm, test, metric: Of our table.
+        value: The paper's.
+        place: Where it is in the paper.
+    """
+
+    arm: str
+    test: str
+    metric: str
+    value: float
+    place: str
+
+
+@dataclass(frozen=True)
 class Comparison:
     """An experiment: its configuration is fixed before the first run.
 
@@ -70,6 +87,8 @@ class Comparison:
         metrics: Columns of the table.
         sources: Databases whose statistics are shown.
         paper: How the paper did it, and what is known of its results.
+        published: Results of the paper.
+        published_sources: Statistics of the paper's scenarios by source, in the columns of ours.
     """
 
     name: str
@@ -81,6 +100,8 @@ class Comparison:
     metrics: tuple[str, ...] = ("success", "out_of_road", "timeout", "route_completion", "cost", "speed")
     sources: Mapping[str, str] = field(default_factory=dict)
     paper: str = ""
+    published: tuple[PublishedFigure, ...] = ()
+    published_sources: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def run_name(self, arm: TrainingArm, seed: int) -> str:
         """Return the name of a run in the lake."""

@@ -49,6 +49,7 @@ def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: s
         *_settings(comparison, commit),
         *_sources(lake, comparison),
         *_verdicts(found, comparison),
+        *_published(found, comparison),
     ]
     for test, title in comparison.tests.items():
         picture = f"{test}.svg"
@@ -78,8 +79,11 @@ def _settings(comparison: Comparison, commit: str) -> list[str]:
 
 
 def _sources(lake: Lake, comparison: Comparison) -> list[str]:
-    """Return what the scenarios are like."""
-    return ["## Scenarios", _markdown(source_statistics(lake, comparison.sources))] if comparison.sources else []
+    """Return what the scenarios are like, beside those of the paper."""
+    rows = source_statistics(lake, comparison.sources)
+    for source, known in comparison.published_sources.items():
+        rows.append({name: known.get(name, "") for name in rows[0]} | {"source": f"the paper: {source}"})
+    return ["## Scenarios", _markdown(rows)] if rows else []
 
 
 def _verdicts(found: ComparisonResult, comparison: Comparison) -> list[str]:
@@ -94,6 +98,16 @@ def _verdicts(found: ComparisonResult, comparison: Comparison) -> list[str]:
         f"mean over the last quarter of the checkpoints differs from the quarter before by more than {FLAT}."
     )
     return ["## Claims of the paper", how, _markdown(rows)]
+
+
+def _published(found: ComparisonResult, comparison: Comparison) -> list[str]:
+    """Return results of the paper beside ours."""
+    rows = [
+        {"driver": each.arm, "figure": each.metric, "in": each.place, "the paper": f"{each.value:.3f}",
+         f"here, on the {comparison.tests[each.test]}": str(table(found, comparison, each.test)[each.arm][each.metric])}
+        for each in comparison.published
+    ]  # fmt: skip
+    return ["## Beside the paper's results", _markdown(rows)] if rows else []
 
 
 def _table(found: ComparisonResult, comparison: Comparison, test: str) -> str:

@@ -13,7 +13,14 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.learning.config import make_learner_config
-from scenarionet_sim.learning.experiments.comparison import Claim, Comparison, TrainingArm, judge, read_comparison
+from scenarionet_sim.learning.experiments.comparison import (
+    Claim,
+    Comparison,
+    PublishedFigure,
+    TrainingArm,
+    judge,
+    read_comparison,
+)
 from scenarionet_sim.learning.experiments.cross_dataset import cross_dataset
 from scenarionet_sim.learning.experiments.multi_agent import multi_agent
 from scenarionet_sim.learning.experiments.page import write_page
@@ -55,6 +62,8 @@ def test_experiments_are_as_the_paper(size):
         names = {arm.name for arm in comparison.arms}
         assert {name for claim in comparison.claims for name in (claim.better, claim.worse)} <= names
         assert len(comparison.metrics) == 6
+        for each in comparison.published:
+            assert each.arm in names and each.test in comparison.tests and each.metric in comparison.metrics
         runs = [comparison.run_name(arm, seed) for arm in comparison.arms for seed in comparison.seeds]
         assert len(set(runs)) == len(runs) and all(evaluation_runs._NAME.fullmatch(run) for run in runs)
     if size == "small":  # a stand-in is never called recorded
@@ -70,7 +79,11 @@ def finished(drives, tmp_path):
     lake.filter("true", name="val")
     arms = tuple(TrainingArm(name, "ppo", config, "val", "val") for name in ("good", "bad"))
     claims = Claim("Good is better", "good", "bad", "test"), Claim("Bad is better", "bad", "good", "test")
-    made = Comparison("made", "small", arms, (0, 1, 2), {"test": "the test"}, claims, sources={"all": "val"})
+    made = Comparison(
+        "made", "small", arms, (0, 1, 2), {"test": "the test"}, claims, sources={"all": "val"},
+        published=(PublishedFigure("good", "test", "success", 0.5, "Table 9"),),
+        published_sources={"PG": {"distance": 226.0}},
+    )  # fmt: skip
     files = open_files(lake.root)
     for arm, level in (("good", 0.9), ("bad", 0.5)):
         for seed in made.seeds:
@@ -101,6 +114,8 @@ def test_the_page_has_tables_verdicts_and_the_commit(finished, tmp_path):
     text = write_page(lake, made, tmp_path / "out", "abc1234").read_text("utf-8")
     assert "commit `abc1234`" in text and "| Good is better | **supported** |" in text
     assert "| good | 0.910 [0.900, 0.920] |" in text and "| all | 6 |" in text
+    assert "| good | success | Table 9 | 0.500 | 0.910 [0.900, 0.920] |" in text
+    assert "| the paper: PG |  |  |  | 226 |" in text
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "page.md", "test.svg", "curves.parquet", "chosen.parquet",
     }  # fmt: skip

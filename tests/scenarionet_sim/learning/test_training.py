@@ -153,6 +153,18 @@ def test_a_lake_that_grows_changes_nothing(lake):
     np.testing.assert_array_equal(whole.arrays["policy.body.0.weight"], parts.arrays["policy.body.0.weight"])
 
 
+def test_files_that_vanish_end_the_run_with_a_sentence(lake):
+    """What was learned before stays."""
+    config = tiny("ppo")
+    with pytest.raises(Killed):
+        train(lake, algorithm="ppo", config=config, name="parts", on_round=kill_after(5))
+    for file in (lake.root / "tracks").rglob("*.parquet"):
+        file.unlink()
+    with pytest.raises(LakeError, match="No such file or directory; `scenarionet check` lists the affected scenarios"):
+        train(lake, algorithm="ppo", config=config, name="parts")
+    assert checkpoints.numbers(open_files(lake.root), "parts") == [1]
+
+
 def test_scenarios_of_several_timesteps_are_resampled(tmp_path):
     from tests.fixtures.drives import make_drive
     from tests.fixtures.lakes import write_lake
