@@ -11,12 +11,14 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
+from scenarionet_sim.agents import among
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, StepResult
 from scenarionet_sim.kernels.step import OBSERVE, SCORE
+from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External
-from scenarionet_sim.simulation import Observer, Simulation, among
+from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.task.task import ARRIVED, DRIVING, OFF_ROUTE, TIMED_OUT, task_parameters
 from scenarionet_sim.worlds.world import World
 
@@ -192,10 +194,9 @@ class _Scorer(Observer):
         self.observed, sensing = observation.allocate(0)
         super().__init__(task, Observer.nothing().result, sensing, SCORE | OBSERVE)
 
-    def resize(self, simulation: Simulation) -> None:
-        """Allocate results for the current agents, all zero; totals of objects are kept."""
-        count, (num_worlds, num_objects) = len(simulation.agents), simulation.driver.shape
+    def resize(self, num_agents: int, num_worlds: int, num_objects: int) -> None:
+        """Allocate results for other agents, all zero; totals of objects are kept."""
         totals, old = np.zeros((num_worlds, num_objects, NUM_TOTALS)), self.result.totals
         totals[: old.shape[0], : old.shape[1]] = old
-        self.result = StepResult(np.zeros((count, len(NUMBERS))), np.zeros(count, np.uint8), totals)
-        self.observed, self.sensing = self._observation.allocate(count)
+        self.result = StepResult(np.zeros((num_agents, len(NUMBERS))), np.zeros(num_agents, np.uint8), totals)
+        self.observed, self.sensing = self._observation.allocate(num_agents)

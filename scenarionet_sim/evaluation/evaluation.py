@@ -8,37 +8,32 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 
 from scenarionet_data import Database, Lake, ScenarioLoader, version
-from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.evaluation.drivers import MANUAL, REACTIVE, find_backend, resolve_drivers
-from scenarionet_sim.evaluation.episode import EPISODES, EpisodeSpan
+from scenarionet_sim.evaluation.episode import EPISODES
+from scenarionet_sim.evaluation.loading import loaded_ahead
 from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
 from scenarionet_sim.evaluation.rollout_batch import SLOTS, RolloutBatch, RolloutJob
 from scenarionet_sim.evaluation.rollout_table import concat_rollouts, rollout_rows
 from scenarionet_sim.learning.driver import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.scenarios.selection import database_reference
-from scenarionet_sim.worlds.world import World
 
 PART_SIZE = 32
 """Rollouts per part: the most work that a killed worker loses."""
-
-_AHEAD = 4
-"""Scenarios to load ahead."""
 
 ScenarioEnd = tuple[str, str | None, str | None]
 """Scenario id, how the episode ended, and the error if it could not be simulated."""
@@ -356,42 +351,14 @@ def _rollout_jobs(job: _EvaluationJob, fail: Callable[[int, Exception], None]) -
     """Yield the rollouts of a part; report those whose scenario cannot be loaded."""
     evaluation, span = job.evaluation, EPISODES[job.evaluation.episode]
     first, last = job.part.first // evaluation.rollouts, (job.part.end - 1) // evaluation.rollouts
-    for index, loaded in _loaded_ahead(_loader(evaluation), range(first, last + 1), span):
+    for index, loaded in loaded_ahead(_loader(evaluation), range(first, last + 1), span):
         begin = index * evaluation.rollouts
         items = range(max(begin, job.part.first), min(begin + evaluation.rollouts, job.part.end))
-        try:
-            world, start = loaded.result()
-        except (MemoryError, MissingDependency):
-            raise
-        except Exception as error:  # one scenario must not end the run
+        if isinstance(loaded, Exception):
             for item in items:
-                fail(item, error)
+                fail(item, loaded)
             continue
+        world, start = loaded
         num_steps = span.num_steps(world, start)
         for item in items:
             yield RolloutJob(item, world, (evaluation.seed, index, item - begin), start, num_steps, span.waits)
-
-
-def _loaded_ahead(
-    loader: ScenarioLoader, indices: range, span: EpisodeSpan
-) -> Iterator[tuple[int, Future[tuple[World, int]]]]:
-    """Yield scenarios and where they begin, which a thread loads while those before them are simulated."""
-    loading: deque[Future[tuple[World, int]]] = deque()
-    for index in indices:
-        for ahead in range(index + len(loading), min(index + _AHEAD + 1, indices.stop)):
-            loading.append(_thread().submit(_world_and_start, loader, ahead, span))
-        yield index, loading.popleft()
-
-
-@cache
-def _thread() -> ThreadPoolExecutor:
-    """The thread that loads; one for all parts, as a loader opens files for each thread."""
-    return ThreadPoolExecutor(1, thread_name_prefix="scenarios")
-
-
-@lru_cache(maxsize=1)
-def _world_and_start(loader: ScenarioLoader, index: int, span: EpisodeSpan) -> tuple[World, int]:
-    """Load a scenario, and find the timestep at which it begins; kept, as the next part may begin with it."""
-    scenario = loader[index]
-    world = World.from_scenario(scenario)
-    return world, span.start(scenario, world)

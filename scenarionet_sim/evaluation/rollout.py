@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, IntP
 from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
 from scenarionet_sim.kernels.log import HEADING, VX, VY
+from scenarionet_sim.kernels.recording import EpisodeArrays, record_moments
 from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.task.task import DRIVING
 from scenarionet_sim.worlds.world import World
@@ -16,7 +17,7 @@ from scenarionet_sim.worlds.world import World
 _ENDS = {code: name for name, code in ENDS.items()}
 _COMPLETION = NUMBERS.index("route_completion")
 _MOMENTS = 256
-"""Moments that a recorder has room for at first."""
+"""Moments of an episode that a recorder has room for at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,82 +70,92 @@ class Rollout:
 
 
 class RolloutRecorder:
-    """Records the episode of a slot.
+    """Records the episodes in the slots of an environment with one agent per world.
 
     Args:
-        world: The scenario.
-        slot: The slot that plays it.
-        core: Environment in which the episode has just begun.
-        num_scored: Steps that metrics look at; None for all until the ego's last recorded state.
-
-    Attributes:
-        num_scored: As above.
-        num_steps: Number of recorded steps.
-        is_decided: Whether the outcome is known.
+        core: The environment.
     """
 
-    def __init__(self, world: World, slot: int, core: BatchedEnvironment, num_scored: int | None = None) -> None:
-        self._world, self._slot = world, slot
-        self._start = int(core.simulation.state.timestep[slot])
-        last = int(np.flatnonzero(world.log_valid[:, world.ego])[-1])
-        self.num_scored = last - self._start if num_scored is None else num_scored
-        self.num_steps = -1
-        self._status, self._end_step, self._completion = DRIVING, 0, 0.0
-        count = world.num_objects
-        self._motion, self._arc = np.empty((_MOMENTS, count, 7)), np.empty(_MOMENTS)
-        self._present, self._contacts = np.empty((2, _MOMENTS, count), np.bool_)
+    def __init__(self, core: BatchedEnvironment) -> None:
+        self._core = core
+        self._worlds = list(core.simulation.batch.worlds)
+        count, objects = len(self._worlds), core.simulation.batch.max_objects
+        self._start, self._num_scored, last, end_step = np.zeros((4, count), np.int64)
+        present, contacts = np.empty((2, count, _MOMENTS, objects), np.bool_)
+        self._episodes = EpisodeArrays(
+            np.empty((count, _MOMENTS, objects, 7)), present, contacts, np.empty((count, _MOMENTS)), last, end_step,
+            np.zeros(count, np.uint8), np.zeros(count),
+        )  # fmt: skip
 
-    @property
-    def is_decided(self) -> bool:
-        """Whether the outcome is known."""
-        return self._status != DRIVING
-
-    def add(self, core: BatchedEnvironment, agent: int) -> None:
-        """Record the current moment.
+    def begin(self, slot: int, world: World, num_scored: int | None = None) -> None:
+        """Record the first moment of an episode that has just begun.
 
         Args:
-            core: The environment.
-            agent: Index of the evaluated vehicle into ``core.agents``.
+            slot: The slot.
+            world: What it plays.
+            num_scored: Steps that metrics look at; None for all until the ego's last recorded state.
         """
-        self.num_steps += 1
-        moment, slot = self.num_steps, self._slot
-        if moment == len(self._arc):
-            self._grow()
-        simulation, count = core.simulation, self._motion.shape[1]
-        state, row = simulation.state, int(core.agents[agent, 1])
-        self._motion[moment], self._present[moment] = state.motion[slot, :count], state.present[slot, :count]
-        self._contacts[moment] = simulation.contacts[agent, :count]
-        self._arc[moment] = simulation.route[slot, row, 0]
-        self._completion = float(core.numbers[agent, _COMPLETION])
-        if moment and not self.is_decided:
-            self._status, self._end_step = int(core.status[agent]), moment
+        self._worlds[slot], self._start[slot] = world, self._core.simulation.state.timestep[slot]
+        last = int(np.flatnonzero(world.log_valid[:, world.ego])[-1])
+        self._num_scored[slot] = last - self._start[slot] if num_scored is None else num_scored
+        self._episodes.last[slot], self._episodes.status[slot] = -1, DRIVING
+        self.add(np.array([slot]))
 
-    def rollout(self) -> Rollout:
-        """Return the episode as recorded so far."""
-        so_far = slice(self.num_steps + 1)
-        motion, arc = self._motion[so_far], self._arc[so_far]
+    def add(self, slots: IntP) -> None:
+        """Record the current moment of some slots (K,), in order."""
+        core, simulation = self._core, self._core.simulation
+        self._make_room(int(self._episodes.last[slots].max()) + 2)
+        record_moments(
+            slots, np.searchsorted(core.agents[:, 0], slots), core.agents, simulation.batch.place,
+            simulation.state.moment, simulation.route, core.contacts, core.numbers[:, _COMPLETION], core.status,
+            self._episodes,
+        )  # fmt: skip
+
+    def is_over(self, slots: IntP, waits: Bool) -> Bool:
+        """Return which of some slots (K,) have all steps that are scored, and their outcome if they wait for it."""
+        is_decided = self._episodes.status[slots] != DRIVING
+        is_over: Bool = (self._episodes.last[slots] >= self._num_scored[slots]) & (is_decided | ~waits)
+        return is_over
+
+    def rollout(self, slot: int) -> Rollout:
+        """Return the episode of a slot as recorded so far."""
+        world, episodes, status = self._worlds[slot], self._episodes, int(self._episodes.status[slot])
+        part = np.s_[slot, : episodes.last[slot] + 1, : world.num_objects]
+        motion, arc = episodes.motion[part], episodes.arc[part[:2]]
         return Rollout(
-            scenario_id=self._world.scenario_id,
-            start=self._start,
-            dt=self._world.dt,
-            agent=self._world.ego,
-            end=_ENDS.get(self._status, "unfinished"),
-            end_step=self._end_step if self.is_decided else None,
-            num_scored=self.num_scored,
-            completion=self._completion,
+            scenario_id=world.scenario_id,
+            start=int(self._start[slot]),
+            dt=world.dt,
+            agent=world.ego,
+            end=_ENDS.get(status, "unfinished"),
+            end_step=None if status == DRIVING else int(episodes.end_step[slot]),
+            num_scored=int(self._num_scored[slot]),
+            completion=float(episodes.completion[slot]),
             progress=arc - arc[0],
             position=motion[..., :2].copy(),
             heading=motion[..., HEADING].copy(),
             velocity=motion[..., VX : VY + 1].copy(),
-            present=self._present[so_far],
-            contacts=self._contacts[so_far],
+            present=episodes.present[part].copy(),
+            contacts=episodes.contacts[part].copy(),
         )
 
-    def _grow(self) -> None:
-        """Make room for twice as many moments."""
+    def _make_room(self, num_moments: int) -> None:
+        """Make room for twice as many moments, and for the largest world."""
+        episodes = self._episodes
+        count, moments, objects = episodes.present.shape
+        wanted = 2 * moments if num_moments > moments else moments, self._core.simulation.batch.max_objects
+        if wanted == (moments, objects):
+            return
+        used = np.s_[:, : min(int(episodes.last.max()) + 1, moments), :objects]
 
-        def doubled(values: Array) -> Array:
-            return np.concatenate([values, np.empty_like(values)])
+        def larger(values: Array) -> Array:  # pages that were never written to take no memory
+            grown = np.empty((count, *wanted[: values.ndim - 1], *values.shape[3:]), values.dtype)
+            grown[used[: values.ndim]] = values[used[: values.ndim]]
+            return grown
 
-        self._motion, self._arc = doubled(self._motion), doubled(self._arc)
-        self._present, self._contacts = doubled(self._present), doubled(self._contacts)
+        self._episodes = episodes._replace(
+            motion=larger(episodes.motion),
+            present=larger(episodes.present),
+            contacts=larger(episodes.contacts),
+            arc=larger(episodes.arc),
+        )

@@ -55,12 +55,6 @@ class _Slot:
     job: RolloutJob
     rng: np.random.Generator
     driver: Driver | None
-    recorder: RolloutRecorder
-
-    @property
-    def is_over(self) -> bool:
-        recorder = self.recorder
-        return recorder.num_steps >= recorder.num_scored and (recorder.is_decided or not self.job.waits)
 
 
 class RolloutBatch:
@@ -101,27 +95,28 @@ class RolloutBatch:
         config = EnvConfig(Scenarios("."), self._drivers.policies, self._backend, cache_size=1)
         core = BatchedEnvironment(config, Observation(sensors, "flat"), [job.world for job in playing.values()])
         core.is_observing = self._drivers.driver is not None
+        recorder = RolloutRecorder(core)
         try:
-            seats = {slot: self._begin(core, slot, job) for slot, job in playing.items()}
+            seats = {slot: self._begin(core, recorder, slot, job) for slot, job in playing.items()}
             while seats:
-                over = [slot for slot, seat in seats.items() if seat.is_over]
-                for slot in over:
-                    yield playing.pop(slot), seats.pop(slot).recorder.rollout()
+                slots = np.array(list(seats))
+                is_over = recorder.is_over(slots, np.array([seat.job.waits for seat in seats.values()]))
+                for slot in slots[is_over].tolist():
+                    yield playing.pop(slot), recorder.rollout(slot)
+                    del seats[slot]
                     job = next(waiting, None)
                     if job is not None:
                         playing[slot] = job
-                        seats[slot] = self._begin(core, slot, job)
+                        seats[slot] = self._begin(core, recorder, slot, job)
                     elif seats:
                         core.simulation.rest(slot)
-                if not over:
+                if not is_over.any():
                     core.step(self._actions(core, seats))
-                    agents = _agents_by_slot(core)
-                    for slot, seat in seats.items():
-                        seat.recorder.add(core, agents[slot])
+                    recorder.add(slots)
         finally:
             core.close()
 
-    def _begin(self, core: BatchedEnvironment, slot: int, job: RolloutJob) -> _Slot:
+    def _begin(self, core: BatchedEnvironment, recorder: RolloutRecorder, slot: int, job: RolloutJob) -> _Slot:
         """Begin the episode of a job in a slot."""
         rng, driver = np.random.default_rng(job.seed), self._driver_of(slot)
         core.simulation.policies = tuple(policy.sampled(rng) for policy in self._drivers.policies)
@@ -130,9 +125,8 @@ class RolloutBatch:
             driver.reset()
         if driver is not None and hasattr(driver, "seed"):
             driver.seed(rng)
-        recorder = RolloutRecorder(job.world, slot, core, job.num_steps)
-        recorder.add(core, _agents_by_slot(core)[slot])
-        return _Slot(job, rng, driver, recorder)
+        recorder.begin(slot, job.world, job.num_steps)
+        return _Slot(job, rng, driver)
 
     def _driver_of(self, slot: int) -> Driver | None:
         """Return the driver of a slot: its own, unless one drives batches, as drivers may remember their episode."""

@@ -59,12 +59,14 @@ def measure_comfort(acceleration: Float64, heading: Float64, dt: float) -> Comfo
         heading: (T,) [rad], wrapped or not.
         dt: [s].
     """
-    lon, lat, size = (_smooth(a, dt) for a in (*acceleration.T, np.hypot(*acceleration.T)))
-    jerk, lon_jerk = (np.round(savitzky_golay(a, 15, 2, dt, derivative=1), _DECIMALS) for a in (size, lon))
+    series = np.array([*acceleration.T, np.hypot(*acceleration.T)])
+    smooth = np.round(savitzky_golay(series, 8, 2, dt), _DECIMALS)
+    lon, lat, _ = smooth
+    lon_jerk, _, jerk = np.round(savitzky_golay(smooth, 15, 2, dt, derivative=1), _DECIMALS)
     turn = np.unwrap(heading)
     yaw_rate = np.round(savitzky_golay(turn, 5, 2, dt, derivative=1), _DECIMALS)
     yaw_acceleration = np.round(savitzky_golay(turn, 5, 3, dt, derivative=2), _DECIMALS)
-    largest = (float(np.abs(series).max()) for series in (lat, jerk, lon_jerk, yaw_rate, yaw_acceleration))
+    largest = np.abs([lat, jerk, lon_jerk, yaw_rate, yaw_acceleration]).max(axis=1).tolist()
     return Comfort(float(lon.min()), float(lon.max()), *largest)
 
 
@@ -81,8 +83,3 @@ def body_acceleration(velocity: Float64, heading: Float64, dt: float) -> Float64
     change = np.gradient(velocity.astype(np.float64), dt, axis=0)
     cos, sin = np.cos(heading), np.sin(heading)
     return np.column_stack((cos * change[:, 0] + sin * change[:, 1], cos * change[:, 1] - sin * change[:, 0]))
-
-
-def _smooth(series: Float64, dt: float) -> Float64:
-    smooth: Float64 = np.round(savitzky_golay(series, 8, 2, dt), _DECIMALS)
-    return smooth

@@ -28,7 +28,8 @@ def measure(rollout: Rollout, world: World) -> dict[str, Any]:
     row = _outcome(rollout) | _collisions(rollout, world) | _beside_the_log(scored, world)
     if _is_whole(scored):
         recorded = EgoDrive.recorded(world, rollout.agent, rollout.start, rollout.num_scored)
-        row |= measure_nuplan(scored, recorded, world) | measure_waymax(scored, recorded, world)
+        drive = EgoDrive.of(scored, world)
+        row |= measure_nuplan(scored, drive, recorded, world) | measure_waymax(scored, drive, recorded, world)
         row |= {"red_light_violations": _red_lights(scored, world)}
     return {name: _plain(value) for name, value in row.items()}
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
-import shapely
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, IntP
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32, IntP
 from scenarionet_data.scenario.lane_polygons import HALF_WIDTH
 from scenarionet_sim.roads.roads import Roads
 
@@ -37,35 +35,58 @@ def is_off_road(corners: Float64, roads: Roads) -> Bool:
 
 
 def _is_near_road(points: Float64, rest: IntP, roads: Roads) -> Bool:
-    """Return which of the points (Q, 2) [m] in the rows ``rest`` are within the tolerance of the road."""
-    near_rows = _near(roads, points)
-    polygons = [shapely.Polygon(roads.polygons[row]) for row in np.intersect1d(near_rows, _near(roads, points[rest]))]
-    beyond = [shapely.LineString(line).buffer(HALF_WIDTH, cap_style="flat") for line in _beyond(roads, near_rows)]
-    near, _ = shapely.STRtree([*polygons, *beyond]).query(
-        shapely.points(points[rest]), predicate="dwithin", distance=OFF_ROAD_TOLERANCE
-    )
-    return np.isin(np.arange(len(rest)), near)
+    """Return which of the points (Q, 2) [m] in the rows ``rest``, all off the road, are within the tolerance of it."""
+    outlines, asked = roads.polygons, points[rest]
+    bounds = outlines.bounds()
+    near: Bool = np.zeros(len(rest), np.bool_)
+    rows = np.flatnonzero(roads.is_road & _is_beside(bounds, asked))
+    _mark_near(asked, outlines.values, outlines.offsets, rows, OFF_ROAD_TOLERANCE**2, near)
+    start, direction = _beyond(roads, np.flatnonzero(roads.is_road & _is_beside(bounds, points)))
+    away = asked[:, None] - start
+    along = away[..., 0] * direction[:, 0] + away[..., 1] * direction[:, 1]
+    across = away[..., 1] * direction[:, 0] - away[..., 0] * direction[:, 1]
+    before = np.maximum(np.maximum(-along, along - _BEYOND_THE_MAP), 0.0)
+    beside = np.maximum(np.abs(across) - HALF_WIDTH, 0.0)
+    near |= (before**2 + beside**2 <= OFF_ROAD_TOLERANCE**2).any(axis=1)
+    return near
 
 
-def _near(roads: Roads, points: Float64) -> IntP:
-    """Rows of the drivable polygons around points (Q, 2) [m]."""
-    lower, upper = roads.polygons.bounds()
-    is_near = (lower <= points.max(axis=0) + OFF_ROAD_TOLERANCE) & (upper >= points.min(axis=0) - OFF_ROAD_TOLERANCE)
-    return np.flatnonzero(roads.is_road & is_near.all(axis=1))
+@kernel(allocates=False)
+def _mark_near(points: Float64, outlines: Float32, offsets: Int32, rows: IntP, square: float, near: Bool) -> None:
+    """Mark the points (Q, 2) whose squared distance from the outline of one of some polygons is at most ``square``."""
+    for q in range(len(points)):
+        for row in rows:
+            last = offsets[row + 1] - 1
+            for n in range(offsets[row], offsets[row + 1]):
+                x, y = points[q, 0] - outlines[last, 0], points[q, 1] - outlines[last, 1]
+                dx, dy = outlines[n, 0] - np.float64(outlines[last, 0]), outlines[n, 1] - np.float64(outlines[last, 1])
+                share = min(max((x * dx + y * dy) / max(dx * dx + dy * dy, 1e-12), 0.0), 1.0)
+                x, y, last = x - share * dx, y - share * dy, n
+                if x * x + y * y <= square:
+                    near[q] = True
+                    break
+            if near[q]:
+                break
 
 
-def _beyond(roads: Roads, rows: IntP) -> Iterator[Float64]:
-    """Lines (2, 2) from the ends of lanes at which the map ends, out of some lanes [m]."""
+def _is_beside(bounds: tuple[Array, Array], points: Float64) -> Bool:
+    """Return which boxes, lower and upper corners (B, 2), are within the tolerance of the box around points (Q, 2)."""
+    lower, upper = bounds
+    beside = (lower <= points.max(axis=0) + OFF_ROAD_TOLERANCE) & (upper >= points.min(axis=0) - OFF_ROAD_TOLERANCE)
+    found: Bool = beside.all(axis=1)
+    return found
+
+
+def _beyond(roads: Roads, rows: IntP) -> tuple[Float64, Float64]:
+    """Return ends (E, 2) [m] at which the map ends, and directions (E, 2) out of the lanes among some polygons."""
     lanes = rows[rows < roads.num_lanes]
     lanes = lanes[roads.lanes.lengths[lanes] > 1]
-    is_entered = np.isin(np.arange(roads.num_lanes), roads.successors.values)
-    for lane in lanes.tolist():
-        line = roads.lanes[lane].astype(np.float64)
-        ends = [(line[-1], line[-2])] if not roads.successors.lengths[lane] else []
-        ends += [] if is_entered[lane] else [(line[0], line[1])]
-        for end, inner in ends:
-            away = end - inner
-            yield np.array([end, end + _BEYOND_THE_MAP / max(float(np.hypot(*away)), 1e-9) * away])
+    is_entered = np.isin(lanes, roads.successors.values)
+    starts = roads.lanes.offsets[lanes[~is_entered]]
+    stops = roads.lanes.offsets[lanes[roads.successors.lengths[lanes] == 0] + 1] - 1
+    end = roads.lanes.values[np.concatenate([starts, stops])].astype(np.float64)
+    away = end - roads.lanes.values[np.concatenate([starts + 1, stops - 1])]
+    return end, away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
 
 
 def runs_red_light(position: Float64, stop: Float64, direction: Float64, is_red: Bool) -> Bool:

@@ -8,11 +8,11 @@ sample.
 
 from __future__ import annotations
 
-import math
 from functools import cache
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float64
 
 
@@ -20,33 +20,78 @@ def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivati
     """Return the smoothed series or a derivative of it.
 
     Args:
-        values: (T,).
+        values: (..., T).
         window: Window length [samples], at most T.
         order: Order of the polynomials.
         dt: Sampling interval [s].
         derivative: Order of the derivative; 0 for the series itself.
 
     Returns:
-        (T,); NaN if there are at most ``order`` samples.
+        (..., T); NaN if there are at most ``order`` samples.
 
     Example:
         >>> savitzky_golay(np.array([0.0, 1.0, 4.0, 9.0, 16.0]), 5, 2, dt=1.0, derivative=1).round(6).tolist()
         [0.0, 2.0, 4.0, 6.0, 8.0]
     """
-    count, window = len(values), min(window, len(values))
+    count = values.shape[-1]
+    window = min(window, count)
     if window <= order:
-        return np.full(count, np.nan)
-    half, middle = window // 2, (window - 1) / 2
-    fit = _fit(window, order)
-    scale = math.factorial(derivative) / dt**derivative
-    starts = np.arange(count - window + 1)
-    polynomials = np.lib.stride_tricks.sliding_window_view(values, window) @ fit.T
-    smooth = np.empty(count)
-    smooth[starts + math.floor(middle)] = polynomials[:, derivative] * scale
-    ends = np.arange(half, dtype=np.float64) - middle
-    smooth[:half] = _evaluate(polynomials[0], ends, derivative) / dt**derivative
-    smooth[count - half :] = _evaluate(polynomials[-1], ends + (window - half), derivative) / dt**derivative
-    return smooth
+        return np.full(values.shape, np.nan)
+    series = np.ascontiguousarray(values, np.float64).reshape(-1, count)
+    smooth = np.empty_like(series)
+    _fit_windows(series, _fit(window, order), derivative, dt**derivative, smooth, np.empty(order + 1))
+    return smooth.reshape(values.shape)
+
+
+@kernel(allocates=False)
+def _fit_windows(
+    series: Float64, fit: Float64, derivative: int, unit: float, smooth: Float64, polynomial: Float64
+) -> None:
+    """Write a derivative (S, T) of the polynomials through the windows of some series (S, T).
+
+    Args:
+        series: (S, T).
+        fit: See :func:`_fit`.
+        derivative: Order of the derivative.
+        unit: Sampling interval to the power of that order.
+        smooth: (S, T) output.
+        polynomial: (C,) memory.
+    """
+    window, count = fit.shape[1], series.shape[1]
+    half, middle = window // 2, 0.5 * (window - 1)
+    scale = 1.0
+    for power in range(2, derivative + 1):
+        scale *= power
+    for s in range(len(series)):
+        for start in range(count - window + 1):
+            smooth[s, start + int(middle)] = _coefficient(series, s, start, fit, derivative) * (scale / unit)
+        for side in range(2):
+            start, at, first = (0, -middle, 0) if side == 0 else (count - window, window - half - middle, count - half)
+            for power in range(len(fit)):
+                polynomial[power] = _coefficient(series, s, start, fit, power)
+            for n in range(half):
+                smooth[s, first + n] = _evaluate(polynomial, at + n, derivative) / unit
+
+
+@device_function
+def _coefficient(series: Float64, s: int, start: int, fit: Float64, power: int) -> float:
+    """Return a coefficient of the polynomial through a window."""
+    total = 0.0
+    for n in range(fit.shape[1]):
+        total += series[s, start + n] * fit[power, n]
+    return total
+
+
+@device_function
+def _evaluate(polynomial: Float64, at: float, derivative: int) -> float:
+    """Return the value of a derivative of a polynomial, whose coefficients rise in degree, by Horner's rule."""
+    value = 0.0
+    for power in range(len(polynomial) - 1, derivative - 1, -1):
+        factor = polynomial[power]
+        for degree in range(power, power - derivative, -1):
+            factor *= degree
+        value = factor + value * at
+    return value
 
 
 @cache
@@ -54,14 +99,3 @@ def _fit(window: int, order: int) -> Float64:
     """Matrix (order + 1, window) from the samples of a window to the coefficients of their polynomial."""
     fit: Float64 = np.linalg.pinv(np.vander(np.arange(window) - (window - 1) / 2, order + 1, increasing=True))
     return fit
-
-
-def _evaluate(polynomial: Float64, at: Float64, derivative: int) -> Float64:
-    """Values of a derivative of a polynomial, whose coefficients rise in degree, by Horner's rule."""
-    coefficients = polynomial.tolist()
-    for _ in range(derivative):
-        coefficients = [power * factor for power, factor in enumerate(coefficients)][1:]
-    found = np.full(len(at), coefficients[-1])
-    for factor in reversed(coefficients[:-1]):
-        found = factor + found * at
-    return found

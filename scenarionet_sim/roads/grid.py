@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 
 CELL = 10.0
@@ -64,17 +65,30 @@ class Grid:
         shape = np.floor((end - origin) / size).astype(np.int32) + 1
         first, last = _cells(lower, origin, size, shape), _cells(upper, origin, size, shape)
         last[~exists] = first[~exists] - 1
-        # All pairs of a box and a cell that it touches, box by box.
-        extent = last - first + 1
-        counts = extent[:, 0] * extent[:, 1]
-        box = np.repeat(np.arange(len(counts)), counts)
-        number = np.arange(len(box)) - np.repeat(np.cumsum(counts) - counts, counts)
-        row, column = np.divmod(number, extent[box, 0]) if len(box) else (number, number)
-        cell = (first[box, 1] + row) * shape[0] + first[box, 0] + column
         start = np.zeros(int(shape.prod()) + 1, np.int32)
-        np.cumsum(np.bincount(cell, minlength=len(start) - 1), out=start[1:])
-        items = box[np.argsort(cell, kind="stable")].astype(np.int32)
+        items = np.empty(int((last - first + 1).prod(axis=1).sum()), np.int32)
+        _fill_cells(first, last, int(shape[0]), start, items)
         return cls(np.array([*origin, size, *shape], np.float64), start, items)
+
+
+@kernel(allocates=False)
+def _fill_cells(first: Int32, last: Int32, columns: int, start: Int32, items: Int32) -> None:
+    """Sort boxes into cells, given the first and last column and row (B, 2) that each touches; see ``Grid``."""
+    for b in range(len(first)):
+        for row in range(first[b, 1], last[b, 1] + 1):
+            for column in range(first[b, 0], last[b, 0] + 1):
+                start[row * columns + column + 1] += 1
+    for cell in range(1, len(start)):
+        start[cell] += start[cell - 1]
+    for b in range(len(first) - 1, -1, -1):  # backwards: the boxes of a cell end where those of the next begin
+        for row in range(first[b, 1], last[b, 1] + 1):
+            for column in range(first[b, 0], last[b, 0] + 1):
+                start[row * columns + column + 1] -= 1
+                items[start[row * columns + column + 1]] = b
+    total = len(items)
+    for cell in range(len(start) - 1):
+        start[cell] = start[cell + 1]
+    start[len(start) - 1] = total
 
 
 def _cells(points: Float32, origin: Float32, size: float, shape: Int32) -> Int32:

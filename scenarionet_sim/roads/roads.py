@@ -6,6 +6,7 @@ Heights are dropped: sensors and rules work in the plane.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,7 @@ from scenarionet_data.scenario.vocabulary import (
     is_road_edge,
     is_road_line,
 )
-from scenarionet_sim.kernels.containment import find_polygon, find_polygons
+from scenarionet_sim.kernels.containment import find_polygon, find_polygons, find_stays, strips_of
 from scenarionet_sim.kernels.lanes import find_lanes
 from scenarionet_sim.roads.grid import Grid
 
@@ -100,6 +101,10 @@ class Roads:
             polygon_grid=Grid.over(*polygons.bounds()),
         )
 
+    @cached_property
+    def _strips(self) -> Float32:
+        return strips_of(self.polygons.values)
+
     def is_on_road(self, points: npt.ArrayLike) -> Bool:
         """Return whether points (..., 2) [m] are on a lane or another drivable area."""
         return self.is_in(points, self.is_road)
@@ -135,8 +140,29 @@ class Roads:
         flat = np.ascontiguousarray(where.reshape(-1, 2))
         inside = np.zeros((len(flat), self.num_lanes), np.bool_)
         grid, outlines = self.polygon_grid, self.polygons
-        find_polygons(flat, outlines.values, outlines.offsets, grid.frame, grid.cell_start, grid.cell_items, inside)
+        cells = grid.frame, grid.cell_start, grid.cell_items
+        find_polygons(flat, outlines.values, self._strips, outlines.offsets, *cells, inside)
         return inside.reshape(*where.shape[:-1], self.num_lanes)
+
+    def stays_in_lanes(self, points: Float64) -> tuple[Int32, Ragged]:
+        """Return when points that move together change lanes.
+
+        Args:
+            points: (T, K, 2) [m].
+
+        Returns:
+            (S,) the first moment of each stay, and S * K lists of the lanes (int32) around each point.
+        """
+        grid, outlines = self.polygon_grid, self.polygons
+        moments, count = points.shape[:2]
+        first, starts = np.empty(moments, np.int32), np.zeros(moments * count + 1, np.int32)
+        around = np.empty(moments * count * int(np.diff(grid.cell_start).max(initial=0)), np.int32)
+        stays = find_stays(
+            np.ascontiguousarray(points), outlines.values, self._strips, outlines.offsets, grid.frame,
+            grid.cell_start, grid.cell_items, self.num_lanes, first, starts, around,
+        )  # fmt: skip
+        offsets = starts[: stays * count + 1]
+        return first[:stays], Ragged(offsets, around[: offsets[-1]])
 
     def _find(self, points: npt.ArrayLike, is_selected: Bool) -> Int32:
         where = np.asarray(points, dtype=np.float64)
@@ -144,7 +170,7 @@ class Roads:
         found = np.empty(len(flat), np.int32)
         grid, outlines = self.polygon_grid, self.polygons
         cells = grid.frame, grid.cell_start, grid.cell_items
-        find_polygon(flat, outlines.values, outlines.offsets, is_selected, *cells, found)
+        find_polygon(flat, outlines.values, self._strips, outlines.offsets, is_selected, *cells, found)
         return found.reshape(where.shape[:-1])
 
 

@@ -132,6 +132,13 @@ class State:
         other = State.empty(*self.present.shape)
         return replace(other, size=self.size, object_type=self.object_type, history=self.history)
 
+    def twin_resized(self, larger: State) -> State:
+        """Return a copy of this twin of a state as the twin of a larger copy of that state."""
+        twin, here = larger.twin(), np.s_[:, : self.present.shape[1]]
+        twin.motion[here], twin.route[here], twin.present[here] = self.motion, self.route, self.present
+        twin.timestep[:] = self.timestep
+        return twin
+
     def resized(self, num_objects: int) -> State:
         """Return a copy with room for more objects; its history is shared with no other state."""
         larger = State.empty(len(self.timestep), num_objects)

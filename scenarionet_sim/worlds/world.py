@@ -166,5 +166,5 @@ def _ground_level(log: Float32, tracks: Tracks) -> float:
 
 
 def _extents(log: Float32) -> Float32:
-    where = log[log[..., VALID] != 0][:, :2]
+    where = log[..., :2][log[..., VALID] != 0]
     return np.concatenate([where.min(axis=0), where.max(axis=0)])

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from scenarionet_data.export import export_database
 from tests.bench.measure import Figure
 
 EARLIER = "6bd6a3f"
@@ -22,7 +23,7 @@ EARLIER = "6bd6a3f"
 
 _REPETITIONS = 3
 _ROOT = Path(__file__).parents[2]
-_WANTED = {"replay": ">= 700", "IDM": ">= 450", "one world": ">= 250", "several agents": ""}
+_WANTED = {"replay": ">= 700", "IDM": ">= 450", "one world": ">= 250", "several agents": ">= 50"}
 _CONVERT = "import sys; from scenarionet_data.conversion import convert; convert(*sys.argv[1:])"
 _RAYS, _BOUNDARY_RAYS, _SEGMENTS = 120, 12, 15
 """Rays, and segments of lines that a boundary ray passes on average."""
@@ -36,17 +37,19 @@ def figures(lake: Path, recordings: Path, objects: float) -> Iterator[Figure]:
 
     Args:
         lake: Lake of the recordings.
-        recordings: Folder of recordings, with the pickles that MetaDrive reads.
+        recordings: Folder of recordings, with the pickles that the earlier version converts.
         objects: Mean number of objects of a world, for the estimate.
     """
     ours, earlier, metadrive = [], [], []
     with _earlier_version(lake.parent) as sources:
         old_lake = lake.parent / "earlier_lake"
         _python(sources, "-c", _CONVERT, "scenarionet", str(recordings / "scenarionet"), str(old_lake))
+        pickles = lake.parent / "pickles"
+        export_database(lake, None, pickles, original=False)
         for _ in range(_REPETITIONS):
             ours.append(_rates(_ROOT, lake))
             earlier.append(_rates(sources, old_lake))
-            metadrive.append(_metadrive(recordings))
+            metadrive.append(_metadrive(pickles))
     tests = _RAYS * objects + _BOUNDARY_RAYS * _SEGMENTS
     estimate = f"{tests:,.0f} tests of a ray at 1 ns each: {1 / (tests * _TEST):,.0f}/s"
     for name, wanted in _WANTED.items():
@@ -55,7 +58,8 @@ def figures(lake: Path, recordings: Path, objects: float) -> Iterator[Figure]:
         yield Figure(f"sim: {title}", _median(ours, name), unit, reference=estimate)
         yield Figure(f"sim: {name}, times commit {EARLIER}", _ratio(ours, earlier, name), "")
         if name in metadrive[0]:
-            yield Figure(f"sim: {name}, MetaDrive 0.4.3, resets not counted", _median(metadrive, name), unit)
+            agents = f" of {metadrive[0]['agents']:.0f}" if name == "several agents" else ""
+            yield Figure(f"sim: {name}{agents}, MetaDrive 0.4.3, resets not counted", _median(metadrive, name), unit)
             yield Figure(f"sim: {name}, times MetaDrive", _ratio(ours, metadrive, name), "", wanted)
     yield from _two_cores(lake)
 
@@ -101,17 +105,16 @@ def _environment(sources: Path) -> dict[str, str]:
     return os.environ | {"PYTHONPATH": str(sources)}
 
 
-def _metadrive(recordings: Path) -> dict[str, float]:
-    """MetaDrive's steps per second by traffic, if its environment is there."""
+def _metadrive(database: Path) -> dict[str, float]:
+    """MetaDrive's steps per second by traffic on a database of pickles, if its environment is there."""
     python = _ROOT / ".venv-metadrive" / "bin" / "python"
     if not python.exists():
         return {}
-    databases = sorted(str(path.parent) for path in (recordings / "scenarionet").glob("*/dataset_mapping.pkl"))
-    command = [str(python), str(_ROOT / "tests" / "metadrive" / "speed.py"), *databases]
+    command = [str(python), str(_ROOT / "tests" / "metadrive" / "speed.py"), str(database)]
     found = _parsed(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
-    names = {"replay": "replay", "IDM": "reactive"}
+    names = {"replay": "replay", "IDM": "reactive", "several agents": "several agents"}
     rates = {ours: found[theirs]["steps"] / found[theirs]["stepping"] for ours, theirs in names.items()}
-    return rates | {"one world": rates["replay"]}
+    return rates | {"one world": rates["replay"], "agents": found["several agents"]["agents"]}
 
 
 def _parsed(printed: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import shlex
 import shutil
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -72,6 +73,21 @@ def test_errors_after_a_signal_are_its_consequence(monkeypatch):
     monkeypatch.setattr(verb("check"), "callback", lose_workers)
     result = run("check", "lake")
     assert (result.exit_code, result.stderr) == (143, "terminated: stopped before the end\n")
+
+
+@pytest.mark.parametrize(
+    "moment", ["os.kill(os.getpid(), signal.SIGTERM); cli.main()", "cli.Verbs.make_context = end; cli.main()"]
+)
+def test_sigterm_before_a_verb_runs_ends_the_process(moment):
+    code = (
+        "import os, signal, sys\n"
+        "from scenarionet_pipelines import cli\n"
+        "from scenarionet_pipelines.cli import interrupt\n"
+        "def end(*_, **__): os.kill(os.getpid(), signal.SIGTERM)\n"
+        f"sys.argv[1:] = ['filters']\ninterrupt.handle_signals()\n{moment}"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (143, "", "terminated: stopped before the end\n")
 
 
 def test_sigterm_ends_a_query_that_duckdb_cannot_interrupt(lake):

@@ -20,7 +20,7 @@ from scenarionet_data.errors import (
 )
 from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.deprecated import current_spelling
-from scenarionet_pipelines.cli.interrupt import Interrupted, received
+from scenarionet_pipelines.cli.interrupt import Interrupted, interruptible, received
 
 _USAGE_ERRORS = (QueryError, SourceNotFound, DatabaseNotFound, UserColumnNotFound)
 """Usage errors (exit code 2); all other errors concern data (exit code 1)."""
@@ -94,7 +94,8 @@ class Verbs(click.Group):
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning  # type: ignore[assignment]  # its other parameters are not needed
             try:
-                return super().invoke(ctx)
+                with interruptible():
+                    return super().invoke(ctx)
             except (Interrupted, click.exceptions.Exit):
                 raise
             except BaseException as error:

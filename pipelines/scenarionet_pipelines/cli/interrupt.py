@@ -13,6 +13,8 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
@@ -34,6 +36,8 @@ class _Received:
     place: tuple[FrameType | None, int] = None, 0
     """Where the main thread was: its frame, and the instruction in it."""
     is_handled = threading.Event()
+    is_explained = False
+    """Whether a KeyboardInterrupt would become a line and an exit code; otherwise a signal ends the process at once."""
 
 
 class Interrupted(click.ClickException):
@@ -54,6 +58,16 @@ def received() -> signal.Signals | None:
     return _Received.number
 
 
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let signals raise KeyboardInterrupt in the block; before and after it there is nothing to keep."""
+    _Received.is_explained = True
+    try:
+        yield
+    finally:
+        _Received.is_explained = False
+
+
 def stop(message: str) -> None:
     """Print that a verb that runs until it is stopped has stopped; Ctrl-C is success.
 
@@ -66,7 +80,7 @@ def stop(message: str) -> None:
 
 
 def handle_signals() -> None:
-    """Make SIGINT and SIGTERM end the process: by KeyboardInterrupt, or at once if it cannot be raised."""
+    """Make SIGINT and SIGTERM end the process: by KeyboardInterrupt where a verb runs, or at once."""
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
@@ -102,6 +116,8 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     _Received.number = signal.Signals(number)
     _Received.place = frame, frame.f_lasti if frame else 0
     _Received.is_handled.set()
+    if not _Received.is_explained:
+        _end(_Received.number)
     _end_workers()
     raise KeyboardInterrupt
 

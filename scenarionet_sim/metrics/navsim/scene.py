@@ -9,7 +9,8 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor, MapFeatureType
 from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
-from scenarionet_sim.metrics.lanes import LaneLinks, driven_route
+from scenarionet_sim.metrics.lane_links import LaneLinks
+from scenarionet_sim.metrics.lanes import driven_route
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.world import World
 

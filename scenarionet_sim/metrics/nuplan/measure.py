@@ -31,15 +31,16 @@ from scenarionet_sim.worlds.paths import SPACING
 from scenarionet_sim.worlds.world import World
 
 
-def measure_nuplan(rollout: Rollout, recorded: EgoDrive, world: World) -> dict[str, Any]:
+def measure_nuplan(rollout: Rollout, drive: EgoDrive, recorded: EgoDrive, world: World) -> dict[str, Any]:
     """Return nuPlan's metrics; None where the map lacks what one needs, or the drive is too short for its filter.
 
     Args:
-        rollout: A drive without gaps.
+        rollout: An episode in which the vehicle is always present.
+        drive: Its drive.
         recorded: The recording of the same vehicle over the same time.
         world: Its scenario.
     """
-    drive, others, roads = EgoDrive.of(rollout, world), SurroundingBoxes.of(rollout, world), world.roads
+    others, roads = SurroundingBoxes.of(rollout, world), world.roads
     lanes = DrivenLanes.of(drive, roads) if roads.num_lanes else None
     is_in_lane = np.ones(len(drive.time), np.bool_) if lanes is None else lanes.is_in_lane
     collisions = find_collisions(drive, others, is_in_lane)

@@ -15,16 +15,16 @@ from scenarionet_sim.metrics.waymax.routes import Routes, off_route, progression
 from scenarionet_sim.worlds.world import World
 
 
-def measure_waymax(rollout: Rollout, recorded: EgoDrive, world: World) -> dict[str, Any]:
+def measure_waymax(rollout: Rollout, drive: EgoDrive, recorded: EgoDrive, world: World) -> dict[str, Any]:
     """Return Waymax's metrics; None where the map lacks what one needs.
 
     Args:
-        rollout: A drive without gaps.
+        rollout: An episode in which the vehicle is always present.
+        drive: Its drive.
         recorded: The recording of the same vehicle over the same time.
         world: Its scenario.
     """
     agent, edges = rollout.agent, RoadEdges.of(world.roads)
-    drive = EgoDrive.of(rollout, world)
     routes, has_lanes = Routes.of(recorded, world.roads), world.roads.num_lanes > 0
     touches = overlaps(
         np.ascontiguousarray(rollout.position),

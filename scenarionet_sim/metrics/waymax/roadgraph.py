@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.waymax.nearest import nearest_rows
 from scenarionet_sim.roads.roads import Roads
@@ -23,6 +24,9 @@ SPACING = 0.5
 
 Z_STRETCH = 2.0
 """Factor on differences of height, so that an edge on another level is far."""
+
+_IS_EDGE: Bool = np.isin(np.arange(256), EDGES)
+"""(256,) whether a code of ``MapFeatureType`` is in EDGES."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,18 +46,16 @@ class RoadEdges:
     @classmethod
     def of(cls, roads: Roads) -> RoadEdges:
         """Points every half metre, as in the owner's data, along the edges of a map; without heights."""
-        kept = np.flatnonzero(np.isin(roads.segment_type, EDGES))
+        kept = np.flatnonzero(_IS_EDGE[roads.segment_type])
         start, end = roads.segments[kept, :2].astype(np.float64), roads.segments[kept, 2:].astype(np.float64)
         edge, step = roads.segment_feature[kept], end - start
         length = np.hypot(*step.T)
         count = np.maximum(np.ceil(length / SPACING), 1.0).astype(np.int64)
         count += np.diff(edge, append=-1) != 0  # the end of an edge is a point, too
-        owner = np.repeat(np.arange(len(kept)), count)
-        place = np.arange(len(owner)) - (np.cumsum(count) - count)[owner]
-        share = np.minimum(place * SPACING / np.maximum(length, 1e-9)[owner], 1.0)
-        position = start[owner] + share[:, None] * step[owner]
-        direction = (step / np.maximum(length, 1e-9)[:, None])[owner]
-        return cls(np.column_stack((position, np.zeros(len(owner)))), direction, edge[owner])
+        total = int(count.sum())
+        edges = cls(np.zeros((total, 3)), np.empty((total, 2)), np.empty(total, np.int32))
+        _sample(start, step, np.maximum(length, 1e-9), edge, count, edges.position, edges.direction, edges.edge)
+        return edges
 
     def signed_distance(self, points: Float64) -> Float64:
         """Distance (Q,) in the plane to the nearest point of an edge [m], positive off the road.
@@ -70,6 +72,23 @@ class RoadEdges:
         sign = np.sign(np.where(is_joined & (side_before < side), side_before, side))
         found: Float64 = np.hypot(*away.T) * sign
         return found
+
+
+@kernel(allocates=False)
+def _sample(
+    start: Float64, step: Float64, length: Float64, edge: Int32, count: Int64, position: Float64, direction: Float64,
+    owner: Int32,
+) -> None:  # fmt: skip
+    """Write ``count`` points along each segment, its direction and its edge."""
+    row = 0
+    for s in range(len(start)):
+        for n in range(count[s]):
+            share = min(n * SPACING / length[s], 1.0)
+            for axis in range(2):
+                position[row, axis] = start[s, axis] + share * step[s, axis]
+                direction[row, axis] = step[s, axis] / length[s]
+            owner[row] = edge[s]
+            row += 1
 
 
 def is_offroad(corners: Float64, edges: RoadEdges) -> Bool:

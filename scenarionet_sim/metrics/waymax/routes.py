@@ -15,7 +15,8 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 from scenarionet_sim.metrics.drive import EgoDrive
-from scenarionet_sim.metrics.lanes import LaneLinks, driven_route
+from scenarionet_sim.metrics.lane_links import LaneLinks
+from scenarionet_sim.metrics.lanes import driven_route
 from scenarionet_sim.metrics.waymax.nearest import nearest_rows
 from scenarionet_sim.roads.roads import Roads
 

@@ -1,0 +1,116 @@
+"""The agents of W worlds: who drives by actions, and what they touch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8, UInt32
+from scenarionet_sim.kernels.episodes import list_agents
+from scenarionet_sim.kernels.step import DrivenArrays
+from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world_batch import WorldBatch
+
+
+class PresentAgents:
+    """The present agents, in the order of their worlds and rows, with room for their actions and contacts.
+
+    Args:
+        is_agent: (256,) policies whose objects are agents.
+        are_egos: The agents are the egos instead, which policies drive; their locations on paths are kept here.
+
+    Attributes:
+        are_egos: As above.
+        rows: (A, 2) int32 world and row of each.
+        actions: (A, 2) float64 of the last step.
+        contacts: (A, N) bool objects that each agent's box overlaps, and ``contacts_before`` in the step before.
+        hits: (A,) uint32 types of those objects: bit k is set for type k.
+        is_due: An agent is absent that may still appear.
+    """
+
+    def __init__(self, is_agent: Bool, *, are_egos: bool) -> None:
+        self._is_agent, self.are_egos = is_agent, are_egos
+        self._own_route, self._own_route_before = np.zeros((2, 0, 0, 2))
+        self.rows: Int32 = np.zeros((0, 2), np.int32)
+        self._first: Int32 = np.zeros(1, np.int32)
+        self.is_due = False
+        self._allocate(self.rows, 0)
+
+    def drives(self, driver: UInt8) -> Bool:
+        """Return the objects (W, N) that are agents, present or not, by the policy of each."""
+        agents: Bool = self._is_agent[driver]
+        return agents
+
+    def route(self, state: State) -> Float64:
+        """Return the location (W, N, 2) of the agents on their paths."""
+        return self._own_route if self.are_egos else state.route
+
+    def begin(self, slots: Int32, batch: WorldBatch) -> None:
+        """Forget where the agents of some slots are on their paths, as episodes begin there."""
+        if self.are_egos:
+            self._own_route = _wider(self._own_route, batch)
+            self._own_route_before = _wider(self._own_route_before, batch)
+            self._own_route[slots] = np.nan
+
+    def update(self, driver: UInt8, present: Bool, batch: WorldBatch) -> bool:
+        """List the present agents; those that were present before keep their actions and contacts.
+
+        Args:
+            driver: (W, N) policy of each object.
+            present: (W, N) present objects.
+            batch: The worlds.
+
+        Returns:
+            Whether room was made for other agents.
+        """
+        rows, first = self._listed(driver, present, batch)
+        if np.array_equal(first, self._first) and self.contacts.shape[1] == batch.max_objects:
+            if not np.array_equal(rows, self.rows):
+                self.rows = rows  # in worlds that begin an episode
+            return False
+        old, contacts, before = self.rows, self.contacts, self.contacts_before
+        hits, actions, width = self.hits, self.actions, self.contacts.shape[1]
+        self._first = first
+        self._allocate(rows, batch.max_objects)
+        kept, place = among(old, rows), among(rows, old)
+        self.contacts[place, :width], self.contacts_before[place, :width] = contacts[kept], before[kept]
+        self.hits[place], self.actions[place] = hits[kept], actions[kept]
+        return True
+
+    def arrays(self, before: State, now: State) -> DrivenArrays:
+        """Return everything as kernels take it."""
+        earlier = self._own_route_before if self.are_egos else before.route
+        routes, contacts = (self.route(now), earlier), (self.contacts, self.contacts_before)
+        return DrivenArrays(self.rows, self._first, self.actions, *routes, *contacts, self.hits)
+
+    def _listed(self, driver: UInt8, present: Bool, batch: WorldBatch) -> tuple[Int32, Int32]:
+        """Return world and row (A, 2) of each agent, and the first agent (W + 1,) of each world."""
+        if self.are_egos:
+            slots = np.arange(len(batch) + 1, dtype=np.int32)
+            return np.stack([slots[:-1], batch.ego.astype(np.int32)], axis=1), slots
+        rows, first = np.empty((driver.size, 2), np.int32), np.empty(len(batch) + 1, np.int32)
+        self.is_due = list_agents(driver, present, self._is_agent, rows, first)
+        return rows[: first[-1]].copy(), first
+
+    def _allocate(self, rows: Int32, num_objects: int) -> None:
+        self.rows, count = rows, len(rows)
+        self.actions: Float64 = np.zeros((count, 2))
+        self.contacts: Bool = np.zeros((count, num_objects), np.bool_)
+        self.contacts_before: Bool = self.contacts.copy()
+        self.hits: UInt32 = np.zeros(count, np.uint32)
+
+
+def _wider(route: Float64, batch: WorldBatch) -> Float64:
+    """Return locations (W, N, 2) with room for the largest world; NaN where they are not known."""
+    if route.shape[1] == batch.max_objects:
+        return route
+    wider = np.full((len(batch), batch.max_objects, 2), np.nan)
+    wider[: len(route), : route.shape[1]] = route
+    return wider
+
+
+def among(rows: Int32, others: Int32) -> Bool:
+    """Return which rows (A, 2) of worlds and objects are among others (B, 2); both are sorted."""
+    keys = np.array([1 << 32, 1])
+    wanted, known = rows @ keys, others @ keys
+    found: Bool = np.append(known, -1)[np.searchsorted(known, wanted)] == wanted
+    return found

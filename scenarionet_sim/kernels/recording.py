@@ -1,0 +1,71 @@
+"""Recording of episodes: the moments of the worlds of W slots, one after another."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64, IntP, UInt8
+from scenarionet_sim.kernels.structures import NUM_OBJECTS, StateArrays
+
+
+class EpisodeArrays(NamedTuple):
+    """Recorded episodes of W slots: up to M moments of up to N objects.
+
+    Attributes:
+        motion: (W, M, N, 7) as in ``StateArrays``.
+        present, contacts: (W, M, N) present objects, and those that the agent touches.
+        arc: (W, M) arc length of the agent on its path [m].
+        last: (W,) the last recorded moment.
+        end_step: (W,) the first moment with a status, or the last one.
+        status: (W,) how the episode ended, 0 until then.
+        completion: (W,) completed share of the agent's route.
+    """
+
+    motion: Float64
+    present: Bool
+    contacts: Bool
+    arc: Float64
+    last: Int64
+    end_step: Int64
+    status: UInt8
+    completion: Float64
+
+
+@kernel(allocates=False)
+def record_moments(
+    slots: IntP,
+    agents: IntP,
+    rows: Int32,
+    place: Int64,
+    now: StateArrays,
+    route: Float64,
+    contacts: Bool,
+    completion: Float64,
+    status: UInt8,
+    episodes: EpisodeArrays,
+) -> None:
+    """Append the current moment of some slots.
+
+    Args:
+        slots, agents: (K,) the slots, and the agent of each.
+        rows: (A, 2) world and row of the agents.
+        place: See ``Recorded``.
+        now: The state.
+        route: (W, N, 2) location of the agents on their paths.
+        contacts: (A, N) objects that they touch.
+        completion, status: (A,) results of the step.
+        episodes: With room for the moment.
+    """
+    for k in range(len(slots)):
+        w, a = slots[k], agents[k]
+        m = episodes.last[w] + 1
+        episodes.last[w] = m
+        for n in range(place[w, NUM_OBJECTS]):
+            for column in range(now.motion.shape[2]):
+                episodes.motion[w, m, n, column] = now.motion[w, n, column]
+            episodes.present[w, m, n], episodes.contacts[w, m, n] = now.present[w, n], contacts[a, n]
+        episodes.arc[w, m] = route[w, rows[a, 1], 0]
+        episodes.completion[w] = completion[a]
+        if m and not episodes.status[w]:
+            episodes.status[w], episodes.end_step[w] = status[a], m
