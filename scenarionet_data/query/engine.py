@@ -105,8 +105,9 @@ class Engine:
         self._connection.close()
 
     def interrupt(self) -> None:
-        """Cancel the running query from another thread; it fails with a QueryError."""
-        self._connection.interrupt()
+        """Cancel the running query, from another thread or a signal handler; it fails with a QueryError."""
+        if hasattr(self, "_connection"):  # not yet, while DuckDB starts
+            self._connection.interrupt()
 
     def select(self, sql: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
         """Run one SELECT and return its rows.

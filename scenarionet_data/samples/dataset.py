@@ -6,6 +6,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -217,7 +218,12 @@ class Samples(Sequence[Sample]):
 
 def _keys(seed: int, epoch: int, numbers: Int64) -> UInt64:
     """(n,) keys of the random numbers of samples: equal for the same seed, epoch and sample only."""
-    first = np.random.SeedSequence([seed, epoch]).generate_state(1, np.uint64)[0]
-    mixed = (numbers.astype(np.uint64) ^ first) * np.uint64(0xFF51AFD7ED558CCD)
+    mixed = (numbers.astype(np.uint64) ^ _key(seed, epoch)) * np.uint64(0xFF51AFD7ED558CCD)
     found: UInt64 = mixed ^ (mixed >> np.uint64(33))
     return found
+
+
+@lru_cache(16)
+def _key(seed: int, epoch: int) -> np.uint64:
+    key: np.uint64 = np.random.SeedSequence([seed, epoch]).generate_state(1, np.uint64)[0]
+    return key

@@ -98,6 +98,8 @@ def _span(features: MapLists, feature: int) -> tuple[int, int, int]:
 @device_function(divides_by_zero=True)
 def _is_near(x: Float32, y: Float32, first: int, end: int, scene: int, centres: Centres, radius: float) -> bool:
     """Whether the bounding box of a line is near the centre of any sample of its scenario."""
+    if _is_within(x[first], y[first], scene, centres, radius):
+        return True
     min_x, max_x, min_y, max_y = x[first], x[first], y[first], y[first]
     for point in range(first + 1, end):
         min_x, max_x = min(min_x, x[point]), max(max_x, x[point])
@@ -244,26 +246,28 @@ def fill_polylines(
                 found[count], distances[count] = piece, nearest
                 count += 1
         order = np.argsort(distances[:count], kind="mergesort")
+        cos, sin = np.cos(pose[sample, 2]), np.sin(pose[sample, 2])
         for place in range(min(count, out.kind.shape[1])):
-            piece = found[order[place]]
-            out.kind[sample, place] = pieces.kind[piece]
-            length = pieces.lengths[piece]
-            out.valid[sample, place, :length] = True
-            _fill_points(pieces.x[piece, :length], pieces.y[piece, :length], pose[sample], out.points[sample, place])
+            _fill_piece(pieces, found[order[place]], pose, cos, sin, sample, place, out)
 
 
 @device_function
-def _fill_points(x: Float32, y: Float32, pose: Float64, points: Float32) -> None:
+def _fill_piece(
+    pieces: MapPieces, piece: int, pose: Float64, cos: float, sin: float, sample: int, place: int, out: PolylineArrays
+) -> None:
     """Fill positions and directions; the last point has the direction of the one before."""
-    cos, sin, mirror = np.cos(pose[2]), np.sin(pose[2]), pose[3]
-    for point in range(len(x)):
-        ahead, aside = x[point] - pose[0], y[point] - pose[1]
+    x, y, mirror, length = pose[sample, 0], pose[sample, 1], pose[sample, 3], pieces.lengths[piece]
+    points, valid = out.points[sample, place], out.valid[sample, place]
+    out.kind[sample, place] = pieces.kind[piece]
+    for point in range(length):
+        ahead, aside = pieces.x[piece, point] - x, pieces.y[piece, point] - y
         points[point, X], points[point, Y] = cos * ahead + sin * aside, mirror * (cos * aside - sin * ahead)
-    for point in range(len(x) - 1):
+        valid[point] = True
+    for point in range(length - 1):
         ahead, aside = points[point + 1, X] - points[point, X], points[point + 1, Y] - points[point, Y]
-        length = np.sqrt(ahead * ahead + aside * aside)
-        if length > 0.0:
-            points[point, DIRECTION_X], points[point, DIRECTION_Y] = ahead / length, aside / length
-    if len(x) > 1:
-        points[len(x) - 1, DIRECTION_X] = points[len(x) - 2, DIRECTION_X]
-        points[len(x) - 1, DIRECTION_Y] = points[len(x) - 2, DIRECTION_Y]
+        step = np.sqrt(ahead * ahead + aside * aside)
+        if step > 0.0:
+            points[point, DIRECTION_X], points[point, DIRECTION_Y] = ahead / step, aside / step
+    if length > 1:
+        points[length - 1, DIRECTION_X] = points[length - 2, DIRECTION_X]
+        points[length - 1, DIRECTION_Y] = points[length - 2, DIRECTION_Y]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -24,6 +26,24 @@ _COUNTS = (200, 400)
 _BATCH = 64
 _LATENCIES = (0.0, 0.01, 0.02, 0.05)
 """Seconds that the server waits before each answer: none, what the quickest stores take, and those farther away."""
+_OF_SAMPLES = 0.02
+"""Seconds for samples of two workers."""
+_WORKER = """
+import sys, time, warnings
+import numpy as np
+from scenarionet_data import Samples, Targets, TimeWindow
+warnings.simplefilter("ignore")
+samples = Samples(sys.argv[1], window=TimeWindow(stride=1.0), targets=Targets("moving"))
+rng = np.random.default_rng(int(sys.argv[2]))
+batches = [rng.integers(0, len(samples), 32) for _ in range(40)]
+for number, batch in enumerate(batches[:-1]):
+    if number == 9:  # footers are known, code is compiled
+        started = time.perf_counter()
+    samples.prefetch(batches[number + 1])
+    samples.batch(batch)
+print(30 * 32 / (time.perf_counter() - started))
+"""
+"""A worker of a loader for training: each batch is requested while the one before is made."""
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
@@ -40,6 +60,8 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
             store.set()
         store.set(latency=_LATENCIES[-1])
         yield from _sql(url, store)
+        store.set(latency=_OF_SAMPLES)
+        yield _samples(url)
 
 
 def _requests(url: str, count: int, store: ObjectStore) -> Iterator[Figure]:
@@ -83,6 +105,14 @@ def _sql(url: str, store: ObjectStore) -> Iterator[Figure]:
     yield Figure(
         f"remote: SQL over a column of every track, {where}", 1e3 * taken, "ms", "", f"{len(store.requests())} requests"
     )
+
+
+def _samples(url: str) -> Figure:
+    """Samples of random scenarios by two workers at once."""
+    command = [sys.executable, "-c", _WORKER, url]
+    running = [subprocess.Popen([*command, str(seed)], stdout=subprocess.PIPE, text=True) for seed in range(2)]
+    rate = sum(float(process.communicate()[0]) for process in running)
+    return Figure(f"remote: samples by two workers, {1e3 * _OF_SAMPLES:.0f} ms away", rate, "samples/s", ">= 500")
 
 
 def _seconds(action: Callable[[], Any]) -> float:

@@ -1,9 +1,14 @@
-"""Samples for forecasting: per second of one core's processor time, maps included."""
+"""Samples for forecasting: per second of one core's processor time, maps included, beside trajdata without maps.
+
+trajdata runs in an environment of its own, which ``tests/trajdata/make_environment.sh`` makes.
+"""
 
 from __future__ import annotations
 
 import gc
+import json
 import statistics
+import subprocess
 import tempfile
 import time
 import warnings
@@ -19,6 +24,15 @@ from tests.bench.measure import Figure, peak_mb
 
 _BATCH, _BATCHES = 32, 60
 _LONG = 100_000
+_ROOT = Path(__file__).parents[2]
+_STATES = """
+SELECT
+    scenario_id, track_id, timestep, object_type::VARCHAR AS object_type,
+    x, y, z, heading, vx, vy, length, width, height
+FROM states JOIN metadata USING (scenario_id)
+WHERE num_map_features > 0
+ORDER BY ALL
+"""
 
 
 def figures(recordings: Path | None) -> Iterator[Figure]:
@@ -45,6 +59,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
 
             rate = _rate(samples, draw)
             yield Figure(f"samples: {targets} targets of a random scenario", rate, "samples/s", wanted)
+        yield from _trajdata(lake, Path(folder), rate)
         before = peak_mb()
         for _ in range(_LONG // _BATCH):
             samples.batch(rng.integers(0, len(samples), _BATCH))
@@ -64,6 +79,24 @@ def _rate(samples: Samples, draw: Callable[[], list[int]]) -> float:
         times.append((time.process_time() - started) / len(chosen))
     gc.enable()
     return 1 / statistics.median(times)
+
+
+def _trajdata(lake: Lake, folder: Path, rate: float) -> Iterator[Figure]:
+    """Samples of trajdata over the same scenarios, and how many times as many are made here with one target each."""
+    python = _ROOT / ".venv-trajdata" / "bin" / "python"
+    if not python.exists():
+        warnings.warn(
+            f"{python} is missing: trajdata is not measured; tests/trajdata/make_environment.sh makes it", stacklevel=2
+        )
+        return
+    lake.sql(_STATES).write_parquet(folder / "states.parquet")
+    script = _ROOT / "tests" / "trajdata" / "speed.py"
+    command = [str(python), str(script), str(folder / "states.parquet"), str(folder / "trajdata")]
+    printed = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+    (found,) = [line.removeprefix("RESULT") for line in printed.splitlines() if line.startswith("RESULT")]
+    peer = json.loads(found)["rate"]
+    yield Figure("samples: trajdata 1.4.0, without a map, from its cache", peer, "samples/s")
+    yield Figure("samples: one target of a random scenario, times trajdata", rate / peer, "", ">= 60")
 
 
 def _lake(root: Path, recordings: Path | None) -> Lake:

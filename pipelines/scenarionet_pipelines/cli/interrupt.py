@@ -3,6 +3,9 @@
 Python runs signal handlers between two bytecodes of the main thread, so a handler alone would wait for a DuckDB query
 or a compilation. A thread that reads Python's wakeup pipe therefore ends the process if the handler does not run, or if
 the call in which it ran does not return: DuckDB notices the signal, but waits for its threads.
+
+Within DuckDB the handler raises nothing, because an exception at the wrong moment aborts the process there. It cancels
+the query instead, and the thread has KeyboardInterrupt raised if the main thread goes on after it.
 """
 
 from __future__ import annotations
@@ -16,14 +19,20 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from scenarionet_data.query.engine import Engine
 
 _PATIENCE = 1.0
 """How long compiled code may keep the handler from running, and repeated signals are taken for one [s]."""
 
 _ENDINGS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+
+_ENGINE = "scenarionet_data.query.engine"
+"""Imported by verbs that ask DuckDB something; the others are quicker without."""
 
 _WAKING = signal.SIGURG
 """Sent to the main thread to wake it. Polars installs its own handler of SIGINT, after which waits are resumed."""
@@ -36,6 +45,8 @@ class _Received:
     place: tuple[FrameType | None, int] = None, 0
     """Where the main thread was: its frame, and the instruction in it."""
     is_handled = threading.Event()
+    is_pending = False
+    """Whether KeyboardInterrupt is still to be raised, after a query."""
     is_explained = False
     """Whether a KeyboardInterrupt would become a line and an exit code; otherwise a signal ends the process at once."""
 
@@ -90,7 +101,7 @@ def handle_signals() -> None:
     # The tracker of multiprocessing's semaphores outlives an ended process and removes them; it need not say so.
     ignored = os.environ.get("PYTHONWARNINGS", "").split(",")
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [*ignored, "ignore:resource_tracker:UserWarning"]))
-    signal.signal(_WAKING, lambda number, frame: None)  # noqa: ARG005
+    signal.signal(_WAKING, _wake)
     for number in _ENDINGS:
         signal.signal(number, _interrupt)
 
@@ -119,7 +130,28 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     if not _Received.is_explained:
         _end(_Received.number)
     _end_workers()
-    raise KeyboardInterrupt
+    if (engine := _engine_in(frame)) is None:
+        raise KeyboardInterrupt
+    _Received.is_pending = True
+    engine.interrupt()
+
+
+def _wake(number: int, frame: FrameType | None) -> None:
+    """Raise the KeyboardInterrupt that a query put off, once the query is over."""
+    del number
+    if _Received.is_pending and _Received.is_explained and _engine_in(frame) is None:
+        _Received.is_pending = False
+        raise KeyboardInterrupt
+
+
+def _engine_in(frame: FrameType | None) -> Engine | None:
+    """Return the engine whose query the main thread waits for, if any."""
+    while frame is not None:
+        if frame.f_globals.get("__name__") == _ENGINE:
+            engine: Engine | None = frame.f_locals.get("self")
+            return engine
+        frame = frame.f_back
+    return None
 
 
 def _guard(pipe: int) -> None:
@@ -131,7 +163,9 @@ def _guard(pipe: int) -> None:
             _end(number)
         signal.pthread_kill(threading.main_thread().ident or 0, _WAKING)
     while True:
-        other = os.read(pipe, 1)[0] if select.select([pipe], [], [], _PATIENCE)[0] else None
+        other = os.read(pipe, 1)[0] if select.select([pipe], [], [], _PATIENCE / 10)[0] else None
+        if _Received.is_pending:
+            signal.pthread_kill(threading.main_thread().ident or 0, _WAKING)
         if other in _ENDINGS:
             number = signal.Signals(other)
         if time.monotonic() - begin > _PATIENCE and (other in _ENDINGS or _is_stuck()):

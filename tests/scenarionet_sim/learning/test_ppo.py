@@ -9,6 +9,7 @@ pytestmark = pytest.mark.learn
 torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
 
 from scenarionet_sim.learning.config import PpoConfig  # noqa: E402
+from scenarionet_sim.learning.descent import Descent  # noqa: E402
 from scenarionet_sim.learning.networks import DiscretePolicy, GaussianPolicy, perceptron  # noqa: E402
 from scenarionet_sim.learning.ppo import Batch, ppo_loss, standardized  # noqa: E402
 from scenarionet_sim.learning.rollout import advantages, neighbour_rewards  # noqa: E402
@@ -92,11 +93,7 @@ def test_the_loss_equals_stable_baselines():
     batch = Batch(seen, actions, logs, standardized(estimates), returns[:, None], returns[:, None])
     loss, _ = ppo_loss(policy, critic, batch, config)
     assert loss.item() == pytest.approx(theirs.logger.name_to_value["train/loss"], abs=1e-5)
-    parameters = [*policy.parameters(), *critic.parameters()]
-    adam = torch.optim.Adam(parameters, 3e-4, eps=1e-5)
-    loss.backward()
-    torch.nn.utils.clip_grad_norm_(parameters, 0.5)
-    adam.step()
+    Descent([*policy.parameters(), *critic.parameters()], 3e-4, 0.5).step(loss)
     torch.testing.assert_close(policy.log_std, theirs.policy.log_std, atol=1e-5, rtol=0.0)
     for mine, body, head in pairs:
         for source, target in zip(mine[::2], [*body[::2], head], strict=True):

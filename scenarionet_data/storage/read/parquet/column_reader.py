@@ -185,11 +185,14 @@ class ColumnReader:
 def _indices(column: _Pages, data: Array) -> tuple[list[str], Array]:
     """The union of all pages' dictionaries, and the index of each value in it."""
     positions: dict[str, int] = {}
+    known: dict[bytes, list[int]] = {}
     codes, values = [], np.empty(column.num_values, np.int32)
     for page in column.pages:
-        words = _words(data[page[kernels.WORDS_START] : page[kernels.WORDS_END]].tobytes())
-        page[kernels.NUM_WORDS] = len(words)
-        codes += [positions.setdefault(word, len(positions)) for word in words]
+        stored = data[page[kernels.WORDS_START] : page[kernels.WORDS_END]].tobytes()
+        if stored not in known:
+            known[stored] = [positions.setdefault(word, len(positions)) for word in _words(stored)]
+        page[kernels.NUM_WORDS] = len(known[stored])
+        codes += known[stored]
     is_complete = kernels.read_indices(data, column.pages, np.array(codes, np.int32), values)
     return list(positions), _complete(column, values, is_complete)
 
