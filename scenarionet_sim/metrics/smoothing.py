@@ -37,49 +37,35 @@ def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivati
     window = min(window, count)
     if window <= order:
         return np.full(values.shape, np.nan)
-    series = np.ascontiguousarray(values, np.float64).reshape(-1, count)
+    series = values.reshape(-1, count)
+    polynomials = np.lib.stride_tricks.sliding_window_view(series, window, axis=-1) @ _fit(window, order).T
     smooth = np.empty_like(series)
-    _fit_windows(series, _fit(window, order), derivative, dt**derivative, smooth, np.empty(order + 1))
+    _evaluate_windows(polynomials, window, derivative, dt**derivative, smooth)
     return smooth.reshape(values.shape)
 
 
 @kernel(allocates=False)
-def _fit_windows(
-    series: Float64, fit: Float64, derivative: int, unit: float, smooth: Float64, polynomial: Float64
-) -> None:
-    """Write a derivative (S, T) of the polynomials through the windows of some series (S, T).
+def _evaluate_windows(polynomials: Float64, window: int, derivative: int, unit: float, smooth: Float64) -> None:
+    """Write a derivative (S, T) of the polynomials through the windows of some series.
 
     Args:
-        series: (S, T).
-        fit: See :func:`_fit`.
+        polynomials: (S, W, C) coefficients, which rise in degree, by window.
+        window: Window length [samples].
         derivative: Order of the derivative.
         unit: Sampling interval to the power of that order.
         smooth: (S, T) output.
-        polynomial: (C,) memory.
     """
-    window, count = fit.shape[1], series.shape[1]
-    half, middle = window // 2, 0.5 * (window - 1)
+    half, middle, last = window // 2, 0.5 * (window - 1), polynomials.shape[1] - 1
     scale = 1.0
     for power in range(2, derivative + 1):
         scale *= power
-    for s in range(len(series)):
-        for start in range(count - window + 1):
-            smooth[s, start + int(middle)] = _coefficient(series, s, start, fit, derivative) * (scale / unit)
-        for side in range(2):
-            start, at, first = (0, -middle, 0) if side == 0 else (count - window, window - half - middle, count - half)
-            for power in range(len(fit)):
-                polynomial[power] = _coefficient(series, s, start, fit, power)
-            for n in range(half):
-                smooth[s, first + n] = _evaluate(polynomial, at + n, derivative) / unit
-
-
-@device_function
-def _coefficient(series: Float64, s: int, start: int, fit: Float64, power: int) -> float:
-    """Return a coefficient of the polynomial through a window."""
-    total = 0.0
-    for n in range(fit.shape[1]):
-        total += series[s, start + n] * fit[power, n]
-    return total
+    for s in range(len(smooth)):
+        for start in range(last + 1):
+            smooth[s, start + int(middle)] = polynomials[s, start, derivative] * (scale / unit)
+        for n in range(half):
+            smooth[s, n] = _evaluate(polynomials[s, 0], n - middle, derivative) / unit
+            end = _evaluate(polynomials[s, last], window - half - middle + n, derivative)
+            smooth[s, smooth.shape[1] - half + n] = end / unit
 
 
 @device_function
