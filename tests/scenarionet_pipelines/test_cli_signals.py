@@ -90,6 +90,25 @@ def test_sigterm_before_a_verb_runs_ends_the_process(moment):
     assert (done.returncode, done.stdout, done.stderr) == (143, "", "terminated: stopped before the end\n")
 
 
+def test_sigterm_during_an_import_ends_the_verb_after_it(lake, tmp_path):
+    """As if the signal came while DuckDB starts, whose binding aborts the process if Python raises."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import importlib.abc, os, signal, sys\n"
+        "class Finder(importlib.abc.MetaPathFinder):\n"
+        "    def find_spec(self, name, path, target=None):\n"
+        "        if name == 'duckdb' and not sys.stdin.closed:\n"
+        "            sys.stdin.close()\n"
+        "            os.kill(os.getpid(), signal.SIGTERM)\n"
+        "            print('not interrupted', file=sys.stderr)\n"
+        "sys.meta_path.insert(0, Finder())\n"
+    )
+    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    running = start("list", lake, env=os.environ | {"PYTHONPATH": paths})
+    output, errors = running.communicate(timeout=HANGS_AFTER)
+    assert (running.returncode, output) == (143, "")
+    assert errors == "not interrupted\nterminated: stopped before the end\n"
+
+
 def test_sigterm_ends_a_query_that_duckdb_cannot_interrupt(lake):
     running = start("filter", lake, "--where", UNENDING, "--name", "x")
     when_handled(running)
@@ -142,7 +161,8 @@ COMMANDS = {
     "mine": "lake hard_braking", "stats": "lake one", "files": "lake tracks", "render": "lake made/v1/1 -o a.png",
     "browse": "lake --port 0", "report": "lake -o report.html", "filter": "lake --name x", "filters": "",
     "split": "lake --fractions a=0.5 b=0.5", "sample": "lake -n 2 --name x", "tag": "lake x --file rows.csv",
-    "merge": "lake one two --name x", "intersect": "lake one two --name x", "subtract": "lake one two --name x",
+    "merge": "lake one two --name x", "intersect": "lake one two --name x",
+    "subtract": "lake one two --name x --allow-empty",
     "diff": "lake one two", "overlap": "lake one two", "lineage": "lake one", "rebuild": "lake one",
     "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
     "submit": "lake rows.csv out.parquet --format argoverse2", "compare-runs": "lake before after",

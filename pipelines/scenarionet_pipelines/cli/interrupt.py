@@ -4,8 +4,9 @@ Python runs signal handlers between two bytecodes of the main thread, so a handl
 or a compilation. A thread that reads Python's wakeup pipe therefore ends the process if the handler does not run, or if
 the call in which it ran does not return: DuckDB notices the signal, but waits for its threads.
 
-Within DuckDB the handler raises nothing, because an exception at the wrong moment aborts the process there. It cancels
-the query instead, and the thread has KeyboardInterrupt raised if the main thread goes on after it.
+Within DuckDB, and while modules are imported, the handler raises nothing, because an exception at the wrong moment
+aborts the process there (DuckDB's binding has calls that must not fail). It cancels the query instead, and the thread
+has KeyboardInterrupt raised if the main thread goes on after it.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class _Received:
     """Where the main thread was: its frame, and the instruction in it."""
     is_handled = threading.Event()
     is_pending = False
-    """Whether KeyboardInterrupt is still to be raised, after a query."""
+    """Whether KeyboardInterrupt is still to be raised, after a query or an import."""
     is_explained = False
     """Whether a KeyboardInterrupt would become a line and an exit code; otherwise a signal ends the process at once."""
 
@@ -130,28 +131,40 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     if not _Received.is_explained:
         _end(_Received.number)
     _end_workers()
-    if (engine := _engine_in(frame)) is None:
+    if not _is_delicate(frame):
         raise KeyboardInterrupt
     _Received.is_pending = True
-    engine.interrupt()
+    if engine := _engine_in(frame):
+        engine.interrupt()
 
 
 def _wake(number: int, frame: FrameType | None) -> None:
-    """Raise the KeyboardInterrupt that a query put off, once the query is over."""
+    """Raise the KeyboardInterrupt that was put off."""
     del number
-    if _Received.is_pending and _Received.is_explained and _engine_in(frame) is None:
+    if _Received.is_pending and _Received.is_explained and not _is_delicate(frame):
         _Received.is_pending = False
         raise KeyboardInterrupt
 
 
+def _is_delicate(frame: FrameType | None) -> bool:
+    """Whether the main thread waits for a query, or imports a module."""
+    names = {caller.f_globals.get("__name__") for caller in _callers(frame)}
+    return not names.isdisjoint({_ENGINE, "importlib._bootstrap"})
+
+
 def _engine_in(frame: FrameType | None) -> Engine | None:
     """Return the engine whose query the main thread waits for, if any."""
-    while frame is not None:
-        if frame.f_globals.get("__name__") == _ENGINE:
-            engine: Engine | None = frame.f_locals.get("self")
+    for caller in _callers(frame):
+        if caller.f_globals.get("__name__") == _ENGINE:
+            engine: Engine | None = caller.f_locals.get("self")
             return engine
-        frame = frame.f_back
     return None
+
+
+def _callers(frame: FrameType | None) -> Iterator[FrameType]:
+    while frame is not None:
+        yield frame
+        frame = frame.f_back
 
 
 def _guard(pipe: int) -> None:
