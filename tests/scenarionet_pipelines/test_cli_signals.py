@@ -13,10 +13,12 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 
-from scenarionet_data import Lake
+from scenarionet_data import Lake, Samples, Targets, TimeWindow
+from scenarionet_data.forecasts import make_predictions, write_predictions
 from scenarionet_pipelines.cli import interrupt
 from scenarionet_sim import evaluate
 from tests.fixtures.waiting import HANGS_AFTER, until
@@ -165,8 +167,8 @@ COMMANDS = {
     "subtract": "lake one two --name x --allow-empty",
     "diff": "lake one two", "overlap": "lake one two", "lineage": "lake one", "rebuild": "lake one",
     "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
-    "submit": "lake rows.csv out.parquet --format argoverse2", "compare-runs": "lake before after",
-    "checkout": "lake one@1", "score": "lake --rollouts rows.csv", "sim": "lake --policy replay --workers 2",
+    "submit": "lake forecast.parquet out.parquet --format argoverse2", "compare-runs": "lake before after",
+    "checkout": "lake one@1", "score": "lake forecast.parquet", "sim": "lake --policy replay --workers 2",
     "record": "lake --workers 1", "train": "ppo lake --size small",
     "experiment": "cross-dataset lake -o out --workers 1",
     "export": "lake one out", "pack": "lake one packed",
@@ -180,6 +182,14 @@ def test_work_of_every_verb_is_known():
     assert COMMANDS.keys() == set(ALL_VERBS)
 
 
+def write_forecast(lake: Path) -> Path:
+    """Write a forecast of one target, 6 s long."""
+    samples = Samples(lake, window=TimeWindow(history=0.2, future=0.2), targets=Targets("ego"))
+    rows = make_predictions([samples.key(0)], np.zeros((1, 1, 60, 2)), np.ones((1, 1)), samples.batch([0])["pose"], 0.1)
+    write_predictions(lake.parent / "forecast.parquet", [rows])
+    return lake.parent / "forecast.parquet"
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", ALL_VERBS)
 def test_sigterm_at_any_time_ends_every_verb(name, lake, tmp_path):
@@ -190,9 +200,11 @@ def test_sigterm_at_any_time_ends_every_verb(name, lake, tmp_path):
     for before_or_after in ("before", "after") if name == "compare-runs" else ():
         evaluate(lake, policy="replay", name=before_or_after)
     ids = opened.sql("SELECT scenario_id FROM metadata")["scenario_id"]
+    forecast = write_forecast(lake)
     for index, delay in enumerate((0.0, 0.2, 0.5, 1.0, 2.0, 4.0)):
         place = Path(shutil.copytree(lake, tmp_path / str(index) / "lake")).parent
         (place / "rows.csv").write_text("scenario_id,mark\n" + "".join(f"{each},1\n" for each in ids))
+        shutil.copy(forecast, place)
         words = COMMANDS[name].replace("made/v1/1", ids[0])
         running = start(name, *shlex.split(words), cwd=place)
         when_handled(running)
