@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -12,7 +13,7 @@ from scenarionet_data.storage.snapshots.commit import commit
 from scenarionet_sim import evaluate
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake, write_shard
-from tests.fixtures.pages import odd_scenarios, serving
+from tests.fixtures.pages import launched, odd_scenarios, serving
 from tests.fixtures.simulations import generated
 
 
@@ -41,3 +42,17 @@ def served(lake: Lake) -> Iterator[str]:
     """Address of a read-only server."""
     with serving(lake) as address:
         yield address
+
+
+@pytest.fixture(scope="module")
+def address(driven: Lake) -> Iterator[str]:
+    """Address of a read-only server of the lake with runs."""
+    with serving(driven) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A browser without a window."""
+    with launched() as found:
+        yield found

@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 
 import pytest
 
-from tests.fixtures.pages import WIDTHS, launched, serving, visiting, wait_until
+from tests.fixtures.pages import WIDTHS, visiting, wait_until
 
 pytestmark = pytest.mark.integration
 
@@ -27,18 +27,6 @@ def axe():
     if found is None or found.origin is None:
         pytest.skip("no axe-core here: pip install axe-playwright-python")
     return Path(found.origin).with_name("axe.min.js").read_text("utf-8")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with launched() as found:
-        yield found
-
-
-@pytest.fixture(scope="module")
-def address(driven):
-    with serving(driven) as found:
-        yield found
 
 
 PAGES = {

@@ -13,18 +13,12 @@ from matplotlib.image import imread
 from scenarionet_data import Lake
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.made import NAME, write_raw
-from tests.fixtures.pages import WIDTHS, check_layout, launched, serving, visiting, wait_until, without_numbers
+from tests.fixtures.pages import WIDTHS, check_layout, serving, visiting, wait_until, without_numbers
 from tests.fixtures.scenarios import make_scenario
 from tests.fixtures.waiting import until
 from tests.scenarionet_pipelines.conftest import run
 
 pytestmark = pytest.mark.integration
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with launched() as found:
-        yield found
 
 
 def ids(page):

@@ -22,7 +22,7 @@ from scenarionet_data.scenario.description import Lights
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from tests.fixtures import datasets
 from tests.fixtures.lakes import write_lake
-from tests.fixtures.pages import launched, serving, visiting
+from tests.fixtures.pages import serving, visiting
 from tests.fixtures.scenarios import make_scenario
 
 pytestmark = pytest.mark.integration
@@ -51,12 +51,6 @@ _ROAD_SHARE = """async ([id, x, y, side, pixels, road, ground]) => {
 }"""
 
 _COLORS = [np.array(to_rgb(color)) * 255 for color in (ROAD, GROUND)]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with launched() as found:
-        yield found
 
 
 def place(scenario):

@@ -9,21 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.fixtures.pages import launched, serving, visiting, wait_until
+from tests.fixtures.pages import visiting, wait_until
 
 pytestmark = pytest.mark.integration
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with launched() as found:
-        yield found
-
-
-@pytest.fixture(scope="module")
-def address(driven):
-    with serving(driven) as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

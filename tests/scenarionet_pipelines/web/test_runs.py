@@ -16,17 +16,10 @@ from scenarionet_pipelines.web.histograms import NUM_BINS, read_histogram
 from scenarionet_pipelines.web.questions import TIMELINE_EVENTS
 from scenarionet_pipelines.web.rows import columns
 from scenarionet_pipelines.web.runs import runs_of
-from tests.fixtures.pages import serving
 from tests.scenarionet_pipelines.web.test_packing import unpack
 from tests.scenarionet_pipelines.web.test_server import request, said
 
 pytestmark = pytest.mark.integration
-
-
-@pytest.fixture(scope="module")
-def address(driven):
-    with serving(driven) as found:
-        yield found
 
 
 def ask(address, what, **parameters):

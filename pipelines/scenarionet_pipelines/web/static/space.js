@@ -1,14 +1,13 @@
 // The player's view in space: the map flat on the ground, objects as shapes; the pointer turns the view around a point.
 
-import { MapHit } from "/static/map_hit.js";
 import { Orbit } from "/static/orbit.js";
 import { Pointers } from "/static/pointers.js";
 import { bytes, groundOf, runMesh } from "/static/space_ground.js";
 import { SpaceObjects } from "/static/space_objects.js";
 import { shapes } from "/static/space_shapes.js";
+import { View } from "/static/view.js";
 import { GroundBuffer, programs, ShapeBuffer } from "/static/webgl.js";
 
-const layerOf = { lane: "roads", area: "roads", line: "lines", stop: "lines", edge: "edges", crosswalk: "crosswalks" };
 const farthest = 4000; // [m] half a side of the ground
 const runWidth = 0.5; // [m]
 
@@ -24,21 +23,14 @@ export function hasSpace() {
   return isAble;
 }
 
-export class Space {
+export class Space extends View {
   constructor(canvas, scene, style, layers, clock, runs) {
-    Object.assign(this, { canvas, scene, style, layers, clock, runs });
+    super(canvas, scene, style, layers, clock, new Orbit());
+    this.runs = runs;
     this.gl = canvas.getContext("webgl2", { stencil: true, antialias: true, alpha: false });
-    this.camera = new Orbit();
     this.objects = new SpaceObjects(scene, style, runs);
-    this.hits = new MapHit(scene);
     this.ground = groundOf(scene, style);
     this.sky = bytes(style.sky).map((value) => value / 255);
-    this.follows = false;
-    this.isStale = true;
-    this.pointer = null;
-    this.onHover = () => {};
-    this.onPick = () => {};
-    this.onMove = () => {};
     this.prepare();
     this.listen();
     this.resize();
@@ -64,35 +56,6 @@ export class Space {
 
   close() {
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
-  }
-
-  resize() {
-    const { width, height } = this.canvas.getBoundingClientRect();
-    const ratio = Math.min(devicePixelRatio || 1, 2);
-    this.canvas.width = Math.max(1, Math.round(width * ratio));
-    this.canvas.height = Math.max(1, Math.round(height * ratio));
-    this.camera.width = Math.max(1, width);
-    this.camera.height = Math.max(1, height);
-    this.isStale = true;
-  }
-
-  fitRoute() {
-    this.camera.fit(this.scene.route());
-    this.moved();
-  }
-
-  fitAll() {
-    this.camera.fit(this.scene.bounds());
-    this.moved();
-  }
-
-  moved() {
-    this.isStale = true;
-    this.onMove();
-  }
-
-  redrawMap() {
-    this.isStale = true;
   }
 
   // Follow the selected object or the ego, or stop.
@@ -160,11 +123,6 @@ export class Space {
     gl.disable(gl.STENCIL_TEST);
   }
 
-  center(moment) {
-    const place = this.scene.place(this.objects.selected >= 0 ? this.objects.selected : this.scene.ego, moment, {});
-    if (place.isThere) [this.camera.x, this.camera.y] = [place.x, place.y];
-  }
-
   // --- pointers ----------------------------------------------------------------------------------
 
   listen() {
@@ -186,19 +144,13 @@ export class Space {
     });
   }
 
-  // Update the tooltip for a pointer position; null hides it.
-  hover(here = this.pointer) {
-    this.pointer = here;
-    this.onHover(here && { ...this.under(here), place: here });
-  }
-
   // Object and map feature at a canvas position, as rows; -1 for none.
   under([px, py]) {
     const ray = this.camera.ray(px, py);
     const object = this.layers.objects ? this.objects.hit(ray, this.scene.at(this.clock.time)) : -1;
     const [x, y] = [0, 1].map((k) => ray.eye[k] - (ray.direction[k] * ray.eye[2]) / ray.direction[2]);
     const isGround = ray.direction[2] < -0.02;
-    const feature = object < 0 && isGround ? this.hits.at(x, y, 0.4, (kind) => this.layers[layerOf[kind]]) : -1;
+    const feature = object < 0 && isGround ? this.featureAt(x, y, 0.4) : -1;
     return { object, feature };
   }
 }

@@ -1,66 +1,30 @@
 // The canvas of the player: paints a scene at a time and moves the camera with pointer and wheel.
 
 import { Camera } from "/static/camera.js";
-import { MapHit } from "/static/map_hit.js";
 import { MapLayer } from "/static/map_layer.js";
 import { ObjectLayer } from "/static/object_layer.js";
 import { Pointers } from "/static/pointers.js";
 import { RunLayer } from "/static/run_layer.js";
+import { View } from "/static/view.js";
 
 const rest = 150; // [ms] without movement after which the camera counts as resting
 const bars = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000]; // [m]
-const layerOf = { lane: "roads", area: "roads", line: "lines", stop: "lines", edge: "edges", crosswalk: "crosswalks" };
 
-export class Stage {
+export class Stage extends View {
   constructor(canvas, scene, style, layers, clock, runs) {
-    Object.assign(this, { canvas, scene, style, layers, clock });
+    super(canvas, scene, style, layers, clock, new Camera());
     this.context = canvas.getContext("2d", { alpha: false });
-    this.camera = new Camera();
     this.map = new MapLayer(scene, style, layers);
     this.objects = new ObjectLayer(scene, style, layers);
     this.runLayer = new RunLayer(scene, runs);
-    this.hits = new MapHit(scene);
-    this.follows = false;
-    this.isStale = true;
-    this.movedAt = -Infinity;
-    this.pointer = null;
-    this.onHover = () => {};
-    this.onPick = () => {};
-    this.onMove = () => {};
     this.listen();
     this.resize();
     this.fitRoute();
   }
 
-  resize() {
-    const { width, height } = this.canvas.getBoundingClientRect();
-    this.ratio = Math.min(devicePixelRatio || 1, 2);
-    this.canvas.width = Math.round(width * this.ratio);
-    this.canvas.height = Math.round(height * this.ratio);
-    this.camera.width = Math.max(1, width);
-    this.camera.height = Math.max(1, height);
-    this.isStale = true;
-  }
-
-  fitRoute() {
-    this.camera.fit(this.scene.route());
-    this.moved();
-  }
-
-  fitAll() {
-    this.camera.fit(this.scene.bounds());
-    this.moved();
-  }
-
-  moved() {
-    this.movedAt = performance.now();
-    this.isStale = true;
-    this.onMove();
-  }
-
   redrawMap() {
     this.map.forget();
-    this.isStale = true;
+    super.redrawMap();
   }
 
   // Paint if something has changed.
@@ -85,12 +49,6 @@ export class Stage {
 
   // A canvas has nothing to release.
   close() {}
-
-  center(moment) {
-    const followed = this.objects.selected >= 0 ? this.objects.selected : this.scene.ego;
-    const place = this.scene.place(followed, moment, {});
-    if (place.isThere) [this.camera.x, this.camera.y] = [place.x, place.y];
-  }
 
   // Scale bar of a round length.
   paintBar() {
@@ -127,18 +85,12 @@ export class Stage {
     });
   }
 
-  // Update the tooltip for a pointer position; null hides it.
-  hover(here = this.pointer) {
-    this.pointer = here;
-    this.onHover(here && { ...this.under(here), place: here });
-  }
-
   // Object and map feature at a canvas position, as rows; -1 for none.
   under([px, py]) {
     const [x, y] = this.camera.toWorld(px, py);
     const slack = 4 / this.camera.scale;
     const object = this.layers.objects ? this.objects.hit(x, y, slack, this.scene.at(this.clock.time)) : -1;
-    const feature = object < 0 ? this.hits.at(x, y, slack, (kind) => this.layers[layerOf[kind]]) : -1;
+    const feature = object < 0 ? this.featureAt(x, y, slack) : -1;
     return { object, feature, at: [x, y] };
   }
 }
