@@ -25,6 +25,7 @@ from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.storage.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, UnreadableFile
+from scenarionet_data.storage.read.parquet.level_kernels import read_levels
 from scenarionet_data.storage.read.parquet.page_checks import check_pages
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
@@ -153,7 +154,7 @@ class ColumnReader:
         """Lengths and offsets of the columns that the kernels know, and the columns that are left to Arrow."""
         lists = self._memory.empty((2, len(pages), num_rows + 1), np.int32)
         found = np.empty((2, len(pages)), np.int64)
-        kernels.read_levels(data, pages, self._shapes, lists, found)
+        read_levels(data, pages, self._shapes, lists, found)
         self._require((found[0] == num_rows) | (found[0] == UNKNOWN))
         known: list[_Pages] = []
         others: list[ColumnType] = []

@@ -7,7 +7,8 @@ CRC-32. Damaged bytes result in ``UNKNOWN`` or ``DAMAGED``; nothing is read or w
 
 The kernels release the interpreter lock, so that threads decode in parallel.
 
-Rows of a column are described by ``lengths``: that of the row's list, or 1 for a value and 0 for null.
+Levels are decoded by ``level_kernels``. Rows of a column are described by ``lengths``: that of the row's list, or 1 for
+a value and 0 for null.
 """
 
 from __future__ import annotations
@@ -154,42 +155,6 @@ def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
 
 
 @kernel(nogil=True)
-def read_levels(data: Array, pages: Array, shapes: Array, lists: Array, found: Array) -> None:
-    """Decode the lengths of all columns' rows, and locate the values of their pages.
-
-    Args:
-        data: (n,) uint8 decompressed pages, followed by SPARE bytes.
-        pages: (C, k, NUM_PAGE_FIELDS) int64 of C columns and k row groups; fills VALUES and COUNT.
-        shapes: (C,) int64 LIST or 0, plus NULLABLE.
-        lists: (2, C, 1 + rows) int32, filled with lengths of rows and offsets of their values.
-        found: (2, C) int64, filled with the number of rows and of values; instead of rows UNKNOWN if a page is, DAMAGED
-            if one is inconsistent.
-    """
-    for column in range(len(pages)):
-        lengths, offsets = lists[0, column], lists[1, column]
-        done, count, other = 0, 0, column - 1
-        while other >= 0 and shapes[other] != shapes[column]:
-            other -= 1
-        if other >= 0 and found[0, other] > 0 and _repeat_levels(data, pages[other], pages[column]):
-            done, count = found[0, other], found[1, other]
-            lengths[:done] = lists[0, other, :done]
-        else:
-            for number in range(pages.shape[1]):
-                page = pages[column, number]
-                if page[START] < 0:
-                    done = page[START]
-                    break
-                rows, page[COUNT], page[VALUES] = _read_levels(data, page, shapes[column], lengths[done:-1])
-                if rows == UNKNOWN:
-                    done = DAMAGED
-                    break
-                done, count = done + rows, count + page[COUNT]
-        found[0, column], found[1, column], offsets[0] = done, count, 0
-        for row in range(done):
-            offsets[row + 1] = offsets[row] + lengths[row]
-
-
-@kernel(nogil=True)
 def read_words(data: Array, pages: Array, values: Array) -> bool:
     """Decode 4-byte values, PLAIN or BYTE_STREAM_SPLIT.
 
@@ -210,7 +175,7 @@ def read_words(data: Array, pages: Array, values: Array) -> bool:
             _join(data[at:], count, values[done:])
         else:
             for i in range(count):
-                values[done + i] = _uint32(data, at + 4 * i)
+                values[done + i] = uint32_at(data, at + 4 * i)
         done += count
     return True
 
@@ -241,7 +206,7 @@ def read_texts(data: Array, pages: Array, offsets: Array, text: Array) -> bool:
     for page in pages:
         at, end = page[VALUES], page[END]
         for i in range(page[COUNT]):
-            length = _uint32(data, at) if at + 4 <= end else end
+            length = uint32_at(data, at) if at + 4 <= end else end
             at += 4
             if length > end - at:
                 return False
@@ -293,7 +258,7 @@ def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
             return False
         for place in range(stop - done):
             bit = place * width if is_packed else 0
-            values[done + place] = _uint32(data, at + (bit >> 3)) >> (bit & 7) & ((1 << width) - 1)
+            values[done + place] = uint32_at(data, at + (bit >> 3)) >> (bit & 7) & ((1 << width) - 1)
         at += length * width if is_packed else size
         done = stop
     return done == len(values)
@@ -310,115 +275,8 @@ def _join(streams: Array, count: int, values: Array) -> None:
 
 
 @device_function
-def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[int, int, int]:
-    """Decode the lengths of a page's rows; returns the number of rows (or UNKNOWN), of values, and their start."""
-    at, end, num_levels = page[START], page[END], page[LEVELS]
-    rows, empty = num_levels, 0
-    if not shape & LIST:
-        rows = num_levels if num_levels <= len(lengths) else UNKNOWN
-        for row in range(rows):
-            lengths[row] = 1
-    else:
-        stop = _levels_end(data, at, end)
-        rows = UNKNOWN if stop == UNKNOWN else _count_levels(data, at + 4, stop, num_levels, lengths)
-        at = stop
-    if shape & NULLABLE or (shape & LIST and rows != UNKNOWN):
-        stop = UNKNOWN if rows == UNKNOWN else _levels_end(data, at, end)
-        deepest = 2 if shape == NULLABLE | LIST else 1
-        empty = UNKNOWN if stop == UNKNOWN else _mark_empty(data, at + 4, stop, num_levels, deepest, lengths)
-        at = stop
-    return UNKNOWN if empty == UNKNOWN else rows, num_levels - empty, at
-
-
-@device_function
-def _repeat_levels(data: Array, pages: Array, others: Array) -> bool:
-    """Locate the values of other pages if these have the same levels, as the coordinates of points have."""
-    for number in range(len(pages)):
-        page, other = pages[number], others[number]
-        size, differences = page[VALUES] - page[START], np.uint8(0)
-        if other[START] < 0 or other[LEVELS] != page[LEVELS] or size > other[END] - other[START]:
-            return False
-        for k in range(size):
-            differences |= data[page[START] + k] ^ data[other[START] + k]
-        if differences:
-            return False
-        other[VALUES], other[COUNT] = other[START] + size, page[COUNT]
-    return True
-
-
-@device_function
-def _levels_end(data: Array, at: int, end: int) -> int:
-    """End of levels that are preceded by their size."""
-    if end - at < 4:
-        return UNKNOWN
-    stop = at + 4 + _uint32(data, at)
-    return stop if stop <= end else UNKNOWN
-
-
-@device_function
-def _count_levels(data: Array, at: int, end: int, num_levels: int, lengths: Array) -> int:
-    """Count the levels of each list from repetition levels (0 at its first element); returns the number of lists."""
-    done, rows, begin = 0, 0, 0
-    while done < num_levels and at < end:
-        header, at = count_at(data, at)
-        is_packed, length = header & 1, header >> 1
-        stop = min(done + (length << 3 if is_packed else length), num_levels)
-        size = (stop - done + 7) >> 3 if is_packed else 1
-        if at + size > end or (done == 0 and size and data[at] & 1):  # the first level must begin a list
-            return UNKNOWN
-        has_none = not is_packed and data[at] & 1
-        for place in range(done, done if has_none else stop, 8):
-            bits = data[at + ((place - done) >> 3)] if is_packed else data[at]
-            if bits == 255:
-                continue
-            for level in range(place, min(place + 8, stop)):
-                if bits >> (level - place) & 1 == 0:
-                    if rows == len(lengths):
-                        return UNKNOWN
-                    lengths[max(rows - 1, 0)] = level - begin
-                    rows, begin = rows + 1, level
-        at += length if is_packed else 1
-        done = stop
-    if done < num_levels or rows == 0:
-        return UNKNOWN
-    lengths[rows - 1] = num_levels - begin
-    return rows
-
-
-@device_function
-def _mark_empty(data: Array, at: int, end: int, num_levels: int, deepest: int, lengths: Array) -> int:
-    """Set lengths of rows without values to 0 (their only definition level is below ``deepest``); returns their number.
-
-    A level has 1 bit, or 2 bits when ``deepest`` is 2; levels never cross a byte.
-    """
-    width, mask = deepest, (1 << deepest) - 1
-    shift, full = (3, 255) if deepest == 1 else (2, 0b10101010)  # levels in a byte, as a power of two
-    done, empty, row, next_begin = 0, 0, -1, 0
-    while done < num_levels and at < end:
-        header, at = count_at(data, at)
-        is_packed = header & 1
-        stop = min(done + (header >> 1) * (8 if is_packed else 1), num_levels)
-        if at + (((stop - done) * width + 7) >> 3 if is_packed else 1) > end:
-            return UNKNOWN
-        for first in range(done, stop, 1 << shift):
-            bits = data[at + ((first - done) >> shift)] if is_packed else data[at]
-            if bits == (full if is_packed else deepest):
-                continue
-            for place in range(first, min(first + (1 << shift), stop)):
-                if is_packed and bits >> ((place - first) * width) & mask == deepest:
-                    continue
-                while next_begin <= place:
-                    row += 1
-                    next_begin += lengths[row]
-                lengths[row] = 0
-                empty += 1
-        at += (header >> 1) * width if is_packed else 1
-        done = stop
-    return empty if done == num_levels else UNKNOWN
-
-
-@device_function
-def _uint32(data: Array, at: int) -> Any:
+def uint32_at(data: Array, at: int) -> Any:
+    """Return the little-endian number of 4 bytes at a position."""
     low = _byte(data, at) | _byte(data, at + 1) << 8
     return low | _byte(data, at + 2) << 16 | _byte(data, at + 3) << 24
 

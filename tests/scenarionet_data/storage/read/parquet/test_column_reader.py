@@ -16,6 +16,7 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
 from scenarionet_data.storage.read.parquet.column_reader import _read_by_arrow
+from scenarionet_data.storage.read.parquet.level_kernels import read_levels
 
 READ = ("tracks", "lights", "maps")
 WORDS = ["VEHICLE", "PEDESTRIAN", "", "straße", "自動車", "x" * 300]
@@ -280,7 +281,7 @@ def test_arbitrary_pages_are_not_read_or_written_out_of_bounds(content, levels, 
     pages[0, 0, [kernels.LEVELS, kernels.ENCODING, kernels.NUM_WORDS]] = levels, encoding, num_words
     # Lengths and offsets of the column, each between others that must not change.
     lists, found = np.full((3, 3, room + 1), -7, np.int32), np.zeros((2, 1), np.int64)
-    kernels.read_levels(data, pages, np.array([shape]), lists[:2, 1:2], found)
+    read_levels(data, pages, np.array([shape]), lists[:2, 1:2], found)
     assert (lists[2] == -7).all() and (lists[:, [0, 2]] == -7).all() and lists[0, 1, room] == -7
     if found[0, 0] < 0:
         return
@@ -323,7 +324,7 @@ def test_columns_that_repeat_levels_are_read_as_if_alone(contents, levels, shape
 
     def read(columns):
         own, lists, found = pages[columns], np.zeros((2, len(columns), 17), np.int32), np.zeros((2, len(columns)), int)
-        kernels.read_levels(data, own, np.array(shapes)[columns], lists, found)
+        read_levels(data, own, np.array(shapes)[columns], lists, found)
         return [
             (rows, count, own[k], lists[0, k, :rows], lists[1, k, : rows + 1]) if rows >= 0 else rows
             for k, (rows, count) in enumerate(found.T.tolist())
