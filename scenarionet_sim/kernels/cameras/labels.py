@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_sim.kernels.cameras.ground import cell_of, height_at, paint_at, surface_at
 from scenarionet_sim.kernels.cameras.layout import (
     CROSSING,
@@ -14,8 +14,6 @@ from scenarionet_sim.kernels.cameras.layout import (
     DOWN,
     EYE,
     FORWARD,
-    GROUND_X,
-    GROUND_Y,
     HAS_STROKES,
     INSTANCE_ROW,
     KERB,
@@ -71,37 +69,39 @@ def ground_class(ground: Ground, slot: int, x: float, y: float) -> int:
 
 
 @device_function(divides_by_zero=True)
-def label_row(
-    frame: int, row: int, start: int, end: int, slot: int, ground: Ground, scratch: FrameMemory, pictures: Pictures
-) -> None:
-    """Write depth, class, instance and normal of the pixels of a row, where wanted."""
-    values, seen = scratch.row, scratch.seen
+def label_pixels(
+    frame: int, first: int, slot: int, pose: Float64, ground: Ground, seen: Int32, scratch: FrameMemory,
+    pictures: Pictures,
+) -> None:  # fmt: skip
+    """Write depth, class, instance and normal of pixels, from number ``first`` of the picture on, where wanted."""
+    count, exact, distances = len(seen), scratch.exact, scratch.exact[DISTANCE]
     if len(pictures.depth):
-        depth = pictures.depth[frame, row, start:end]
-        for k in range(len(depth)):
-            depth[k] = values[DISTANCE, k]
+        depth = pictures.depth[frame, first : first + count]
+        for k in range(count):
+            depth[k] = distances[k]
     if len(pictures.semantic):
-        for column in range(start, end):
+        semantic = pictures.semantic[frame, first : first + count]
+        for k in range(count):
             found = SKY
-            if seen[column] >= 0:
-                found = scratch.labels[seen[column], SEMANTIC]
-            elif seen[column] == ON_GROUND:
-                found = ground_class(ground, slot, values[GROUND_X, column - start], values[GROUND_Y, column - start])
-            pictures.semantic[frame, row, column] = found
+            if seen[k] >= 0:
+                found = scratch.labels[seen[k], SEMANTIC]
+            elif seen[k] == ON_GROUND:
+                x, y = pose[EYE] + distances[k] * exact[RAY_X, k], pose[EYE + 1] + distances[k] * exact[RAY_Y, k]
+                found = ground_class(ground, slot, x, y)
+            semantic[k] = found
     if len(pictures.instance):
-        for column in range(start, end):
-            pictures.instance[frame, row, column] = (
-                scratch.labels[seen[column], INSTANCE_ROW] if seen[column] >= 0 else -1
-            )
+        instance = pictures.instance[frame, first : first + count]
+        for k in range(count):
+            instance[k] = scratch.labels[seen[k], INSTANCE_ROW] if seen[k] >= 0 else -1
     if len(pictures.normals):
-        for column in range(start, end):
-            normal = pictures.normals[frame, row, column]
+        for k in range(count):
+            normal = pictures.normals[frame, first + k]
             normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
-            if seen[column] >= 0:
-                colors = scratch.colors[seen[column]]
+            if seen[k] >= 0:
+                colors = scratch.colors[seen[k]]
                 normal[0], normal[1], normal[2] = colors[9], colors[10], colors[11]
-            elif seen[column] == ON_GROUND:
-                x, y = values[GROUND_X, column - start], values[GROUND_Y, column - start]
+            elif seen[k] == ON_GROUND:
+                x, y = pose[EYE] + distances[k] * exact[RAY_X, k], pose[EYE + 1] + distances[k] * exact[RAY_Y, k]
                 slope_x = (height_at(ground, slot, x + 0.05, y) - height_at(ground, slot, x - 0.05, y)) * 10.0
                 slope_y = (height_at(ground, slot, x, y + 0.05) - height_at(ground, slot, x, y - 0.05)) * 10.0
                 unit = 1.0 / math.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
@@ -109,24 +109,22 @@ def label_row(
 
 
 @device_function(divides_by_zero=True)
-def flow_row(
-    frame: int, row: int, start: int, end: int, slot: int, pose: Float64, lens: Float64, dt: float, solids: Solids,
-    scratch: FrameMemory, pictures: Pictures,
+def write_flow(
+    frame: int, first: int, width: int, slot: int, pose: Float64, lens: Float64, dt: float, solids: Solids,
+    seen: Int32, scratch: FrameMemory, pictures: Pictures,
 ) -> None:  # fmt: skip
     """Write where each pixel's point will be in the picture after ``dt``, at constant velocities and yaw rates."""
-    values, seen = scratch.row, scratch.seen
-    turn = pose[YAW_SPEED] * dt
+    exact, turn = scratch.exact, pose[YAW_SPEED] * dt
     cos, sin = math.cos(turn), math.sin(turn)
-    for column in range(start, end):
-        out = pictures.flow[frame, row, column]
+    for k in range(len(seen)):
+        out = pictures.flow[frame, first + k]
         out[0], out[1] = 0.0, 0.0
-        far = values[DISTANCE, column - start]
-        x, y = far * values[RAY_X, column - start], far * values[RAY_Y, column - start]
-        z = far * values[RAY_Z, column - start]
-        if seen[column] != NOTHING:
+        far = exact[DISTANCE, k]
+        x, y, z = far * exact[RAY_X, k], far * exact[RAY_Y, k], far * exact[RAY_Z, k]
+        if seen[k] != NOTHING:
             x, y = x + pose[EYE], y + pose[EYE + 1]
-            if seen[column] >= 0 and scratch.labels[seen[column], INSTANCE_ROW] >= 0:
-                motion = solids.motion[slot, scratch.labels[seen[column], INSTANCE_ROW]]
+            if seen[k] >= 0 and scratch.labels[seen[k], INSTANCE_ROW] >= 0:
+                motion = solids.motion[slot, scratch.labels[seen[k], INSTANCE_ROW]]
                 angle = motion[YAW_RATE] * dt
                 c, s = math.cos(angle), math.sin(angle)
                 ax, ay = x - motion[X], y - motion[Y]
@@ -142,4 +140,5 @@ def flow_row(
         ahead = pose[FORWARD] * x + pose[FORWARD + 1] * y + pose[FORWARD + 2] * z
         if ahead > 1e-3 or (lens[KIND] != PINHOLE and lens[KIND] != 1.0):
             place = project(lens, right, down, ahead)
+            row, column = (first + k) // width, (first + k) % width
             out[0], out[1] = place[0] - column - 0.5, place[1] - row - 0.5
