@@ -87,9 +87,12 @@ def draw_frames(
                 near, seen = scratch.near[start : start + num], scratch.seen[start : start + num]
                 aim_rays(row, start, num, pose, lens, rays, values)
                 meet_ground(num, slot, pose, reach, ground, near, seen, values)
-                label_row(frame, row, start, start + num, slot, ground, scratch, pictures)
+                label_row(frame, row, start, num, slot, ground, seen, scratch.labels, scratch.colors, values, pictures)
                 if len(pictures.flow):
-                    flow_row(frame, row, start, start + num, slot, pose, lens, dt, solids, scratch, pictures)
+                    flow_row(
+                        frame, row, start, num, slot, pose, lens, dt, solids.motion, seen, scratch.labels, values,
+                        pictures.flow,
+                    )  # fmt: skip
                 if is_colored:
                     cast_shadows(row, start, num, num_shadows, light[SHADOW], values, scratch.shadows)
                     color_sky(row, start, num, size, pose, lens, rays, light, look.grain, seen, scratch.sky, values)

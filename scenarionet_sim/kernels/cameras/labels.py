@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.kernels.cameras.ground import cell_of, height_at, paint_at, surface_at
 from scenarionet_sim.kernels.cameras.layout import (
     CROSSING,
     CROSSWALK,
     DISTANCE,
+    DISTORTED,
     DOWN,
     EYE,
     FORWARD,
@@ -38,10 +39,8 @@ from scenarionet_sim.kernels.cameras.layout import (
     TERRAIN,
     VELOCITY,
     YAW_SPEED,
-    FrameMemory,
     Ground,
     Pictures,
-    Solids,
 )
 from scenarionet_sim.kernels.cameras.lens import project
 from scenarionet_sim.kernels.log import VX, YAW_RATE, X, Y
@@ -72,36 +71,33 @@ def ground_class(ground: Ground, slot: int, x: float, y: float) -> int:
 
 @device_function(divides_by_zero=True)
 def label_row(
-    frame: int, row: int, start: int, end: int, slot: int, ground: Ground, scratch: FrameMemory, pictures: Pictures
-) -> None:
-    """Write depth, class, instance and normal of the pixels of a row, where wanted."""
-    values, seen = scratch.row, scratch.seen
+    frame: int, row: int, start: int, count: int, slot: int, ground: Ground, seen: Int32, labels: Int32,
+    colors: Float32, values: Float64, pictures: Pictures,
+) -> None:  # fmt: skip
+    """Write depth, class, instance and normal of the pixels of a tile's row, where wanted."""
     if len(pictures.depth):
-        depth = pictures.depth[frame, row, start:end]
-        for k in range(len(depth)):
+        depth = pictures.depth[frame, row, start : start + count]
+        for k in range(count):
             depth[k] = values[DISTANCE, k]
     if len(pictures.semantic):
-        for column in range(start, end):
+        for k in range(count):
             found = SKY
-            if seen[column] >= 0:
-                found = scratch.labels[seen[column], SEMANTIC]
-            elif seen[column] == ON_GROUND:
-                found = ground_class(ground, slot, values[GROUND_X, column - start], values[GROUND_Y, column - start])
-            pictures.semantic[frame, row, column] = found
+            if seen[k] >= 0:
+                found = labels[seen[k], SEMANTIC]
+            elif seen[k] == ON_GROUND:
+                found = ground_class(ground, slot, values[GROUND_X, k], values[GROUND_Y, k])
+            pictures.semantic[frame, row, start + k] = found
     if len(pictures.instance):
-        for column in range(start, end):
-            pictures.instance[frame, row, column] = (
-                scratch.labels[seen[column], INSTANCE_ROW] if seen[column] >= 0 else -1
-            )
+        for k in range(count):
+            pictures.instance[frame, row, start + k] = labels[seen[k], INSTANCE_ROW] if seen[k] >= 0 else -1
     if len(pictures.normals):
-        for column in range(start, end):
-            normal = pictures.normals[frame, row, column]
+        for k in range(count):
+            normal = pictures.normals[frame, row, start + k]
             normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
-            if seen[column] >= 0:
-                colors = scratch.colors[seen[column]]
-                normal[0], normal[1], normal[2] = colors[9], colors[10], colors[11]
-            elif seen[column] == ON_GROUND:
-                x, y = values[GROUND_X, column - start], values[GROUND_Y, column - start]
+            if seen[k] >= 0:
+                normal[0], normal[1], normal[2] = colors[seen[k], 9], colors[seen[k], 10], colors[seen[k], 11]
+            elif seen[k] == ON_GROUND:
+                x, y = values[GROUND_X, k], values[GROUND_Y, k]
                 slope_x = (height_at(ground, slot, x + 0.05, y) - height_at(ground, slot, x - 0.05, y)) * 10.0
                 slope_y = (height_at(ground, slot, x, y + 0.05) - height_at(ground, slot, x, y - 0.05)) * 10.0
                 unit = 1.0 / math.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
@@ -110,23 +106,23 @@ def label_row(
 
 @device_function(divides_by_zero=True)
 def flow_row(
-    frame: int, row: int, start: int, end: int, slot: int, pose: Float64, lens: Float64, dt: float, solids: Solids,
-    scratch: FrameMemory, pictures: Pictures,
+    frame: int, row: int, start: int, count: int, slot: int, pose: Float64, lens: Float64, dt: float, motions: Float64,
+    seen: Int32, labels: Int32, values: Float64, flow: Float32,
 ) -> None:  # fmt: skip
     """Write where each pixel's point will be in the picture after ``dt``, at constant velocities and yaw rates."""
-    values, seen = scratch.row, scratch.seen
     turn = pose[YAW_SPEED] * dt
     cos, sin = math.cos(turn), math.sin(turn)
-    for column in range(start, end):
-        out = pictures.flow[frame, row, column]
+    for k in range(count):
+        out, row_seen = flow[frame, row, start + k], -1
+        if seen[k] >= 0:
+            row_seen = labels[seen[k], INSTANCE_ROW]
         out[0], out[1] = 0.0, 0.0
-        far = values[DISTANCE, column - start]
-        x, y = far * values[RAY_X, column - start], far * values[RAY_Y, column - start]
-        z = far * values[RAY_Z, column - start]
-        if seen[column] != NOTHING:
+        far = values[DISTANCE, k]
+        x, y, z = far * values[RAY_X, k], far * values[RAY_Y, k], far * values[RAY_Z, k]
+        if seen[k] != NOTHING:
             x, y = x + pose[EYE], y + pose[EYE + 1]
-            if seen[column] >= 0 and scratch.labels[seen[column], INSTANCE_ROW] >= 0:
-                motion = solids.motion[slot, scratch.labels[seen[column], INSTANCE_ROW]]
+            if row_seen >= 0:
+                motion = motions[slot, row_seen]
                 angle = motion[YAW_RATE] * dt
                 c, s = math.cos(angle), math.sin(angle)
                 ax, ay = x - motion[X], y - motion[Y]
@@ -140,6 +136,6 @@ def flow_row(
         right = pose[RIGHT] * x + pose[RIGHT + 1] * y + pose[RIGHT + 2] * z
         down = pose[DOWN] * x + pose[DOWN + 1] * y + pose[DOWN + 2] * z
         ahead = pose[FORWARD] * x + pose[FORWARD + 1] * y + pose[FORWARD + 2] * z
-        if ahead > 1e-3 or (lens[KIND] != PINHOLE and lens[KIND] != 1.0):
+        if ahead > 1e-3 or (lens[KIND] != PINHOLE and lens[KIND] != DISTORTED):
             place = project(lens, right, down, ahead)
-            out[0], out[1] = place[0] - column - 0.5, place[1] - row - 0.5
+            out[0], out[1] = place[0] - (start + k) - 0.5, place[1] - row - 0.5

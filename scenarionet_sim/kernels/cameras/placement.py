@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Float32, Float64
 from scenarionet_sim.kernels.cameras.layout import (
     BODY,
     BOTTOM,
@@ -74,41 +74,91 @@ def screen_radius(box: Float64, pose: Float64, lens: Float64, width: int, height
 
 
 @device_function(forceinline=True, divides_by_zero=True)
-def place_vertices(
-    meshes: Meshes, mesh: int, box: Float64, spin: float, steer: float, pose: Float64, lens: Float64, vertices: Float64
-) -> None:
-    """Write the vertices of a mesh in view, for ``box`` x, y, z, heading, length, width, height."""
-    cos, sin = math.cos(box[3]), math.sin(box[3])
-    first, end = meshes.ranges[mesh, 0], meshes.ranges[mesh, 1]
+def mesh_for(meshes: Meshes, mesh: int, radius: float) -> int:
+    """Return the mesh to draw of an object that is seen under a radius [pixels]."""
+    if radius < TINY:
+        return int(meshes.ranges[mesh, 5])
+    return int(meshes.ranges[mesh, 4]) if radius < SMALL else mesh
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def place_vertex(
+    meshes: Meshes, mesh: int, number: int, box: Float64, turn: tuple[float, float], spin: float, steer: float,
+    pose: Float64, lens: Float64, vertex: Float64,
+) -> None:  # fmt: skip
+    """Write a vertex (12,) of a mesh in view.
+
+    Args:
+        meshes, mesh, number: The vertex of the mesh.
+        box: (7,) x, y, z, heading, length, width, height.
+        turn: Cosine and sine of the heading.
+        spin, steer: Of the wheels, see ``instances.wheels_of``.
+        pose, lens: The camera.
+        vertex: (12,) see ``FrameMemory.vertices``.
+    """
+    cos, sin = turn
+    source = meshes.vertices[number]
     sx, sy, sz = box[4], box[5], box[6]
-    for k in range(first, end):
-        source, vertex = meshes.vertices[k], vertices[k - first]
-        x, y, z = source[0] * sx, source[1] * sy, source[2] * sz
-        nx, ny, nz = source[3] / sx, source[4] / sy, source[5] / sz
-        part = meshes.part[k]
-        if part > 0:
-            wheel = meshes.wheels[mesh, part - 1]
-            cx, cy, cz, radius = wheel[0] * sx, wheel[1] * sy, wheel[2] * sz, wheel[4] * sz
-            angle = spin / larger(radius, 0.05)
-            c, s = math.cos(angle), math.sin(angle)
-            dx, dz = (x - cx) / larger(sx * wheel[3], 1e-3), (z - cz) / larger(radius, 1e-3)
-            x, z = cx + radius * (c * dx + s * dz), cz + radius * (c * dz - s * dx)
-            nx, nz = c * nx + s * nz, c * nz - s * nx
-            if part <= 2:
-                c, s = math.cos(steer), math.sin(steer)
-                dx, dy = x - cx, y - cy
-                x, y = cx + c * dx - s * dy, cy + s * dx + c * dy
-                nx, ny = c * nx - s * ny, s * nx + c * ny
-        unit = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)
-        vertex[3], vertex[4], vertex[5] = (cos * nx - sin * ny) * unit, (sin * nx + cos * ny) * unit, nz * unit
-        wx = box[0] + cos * x - sin * y - pose[EYE]
-        wy = box[1] + sin * x + cos * y - pose[EYE + 1]
-        wz = box[2] + z - pose[EYE + 2]
-        vertex[6], vertex[7], vertex[8] = wx, wy, wz
-        vertex[0] = pose[RIGHT] * wx + pose[RIGHT + 1] * wy + pose[RIGHT + 2] * wz
-        vertex[1] = pose[DOWN] * wx + pose[DOWN + 1] * wy + pose[DOWN + 2] * wz
-        vertex[2] = pose[FORWARD] * wx + pose[FORWARD + 1] * wy + pose[FORWARD + 2] * wz
-        project_vertex(lens, vertex)
+    x, y, z = source[0] * sx, source[1] * sy, source[2] * sz
+    nx, ny, nz = source[3] / sx, source[4] / sy, source[5] / sz
+    part = meshes.part[number]
+    if part > 0:
+        wheel = meshes.wheels[mesh, part - 1]
+        cx, cy, cz, radius = wheel[0] * sx, wheel[1] * sy, wheel[2] * sz, wheel[4] * sz
+        angle = spin / larger(radius, 0.05)
+        c, s = math.cos(angle), math.sin(angle)
+        dx, dz = (x - cx) / larger(sx * wheel[3], 1e-3), (z - cz) / larger(radius, 1e-3)
+        x, z = cx + radius * (c * dx + s * dz), cz + radius * (c * dz - s * dx)
+        nx, nz = c * nx + s * nz, c * nz - s * nx
+        if part <= 2:
+            c, s = math.cos(steer), math.sin(steer)
+            dx, dy = x - cx, y - cy
+            x, y = cx + c * dx - s * dy, cy + s * dx + c * dy
+            nx, ny = c * nx - s * ny, s * nx + c * ny
+    unit = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)
+    vertex[3], vertex[4], vertex[5] = (cos * nx - sin * ny) * unit, (sin * nx + cos * ny) * unit, nz * unit
+    wx = box[0] + cos * x - sin * y - pose[EYE]
+    wy = box[1] + sin * x + cos * y - pose[EYE + 1]
+    wz = box[2] + z - pose[EYE + 2]
+    vertex[6], vertex[7], vertex[8] = wx, wy, wz
+    vertex[0] = pose[RIGHT] * wx + pose[RIGHT + 1] * wy + pose[RIGHT + 2] * wz
+    vertex[1] = pose[DOWN] * wx + pose[DOWN + 1] * wy + pose[DOWN + 2] * wz
+    vertex[2] = pose[FORWARD] * wx + pose[FORWARD + 1] * wy + pose[FORWARD + 2] * wz
+    project_vertex(lens, vertex)
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def color_triangle(
+    meshes: Meshes, material: int, paint: int, glow: int, is_flat: bool, light: Float64, vertices: Float64,
+    corners: tuple[int, int, int], colors: Float32,
+) -> None:  # fmt: skip
+    """Write the light on the corners of a triangle, or on the first one only, into ``colors`` (12,)."""
+    color = meshes.colors[NUM_MATERIALS + paint if material in (BODY, FACADE) else material]
+    strength = 0.0
+    if material == TAIL_LAMP and glow == TAIL_LAMP:
+        strength = 5.0
+    elif material in (HEADLAMP, TAIL_LAMP):
+        strength = light[LAMPS] * (3.0 if material == HEADLAMP else 1.2)
+    elif LAMP_RED <= material <= LAMP_GREEN:
+        strength = 6.0 if glow == material else -0.85
+    faint, extra = 1.0 + smaller(strength, 0.0), larger(strength, 0.0)
+    for corner in range(1 if is_flat else 3):
+        vertex = vertices[corners[0] if corner == 0 else (corners[1] if corner == 1 else corners[2])]
+        red, green, blue = lit(light, material, color[0], color[1], color[2], vertex)
+        colors[3 * corner] = larger(red * faint + extra * color[0], 0.0)
+        colors[3 * corner + 1] = larger(green * faint + extra * color[1], 0.0)
+        colors[3 * corner + 2] = larger(blue * faint + extra * color[2], 0.0)
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def write_normal(vertices: Float64, a: int, b: int, c: int, colors: Float32) -> None:
+    """Write the normal of a triangle into the last columns of ``colors`` (12,)."""
+    pa, pb, pc = vertices[a], vertices[b], vertices[c]
+    ux, uy, uz = pb[6] - pa[6], pb[7] - pa[7], pb[8] - pa[8]
+    vx, vy, vz = pc[6] - pa[6], pc[7] - pa[7], pc[8] - pa[8]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    unit = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)
+    colors[9], colors[10], colors[11] = nx * unit, ny * unit, nz * unit
 
 
 @device_function(forceinline=True, divides_by_zero=True)
@@ -143,30 +193,10 @@ def add_mesh(
         labels, colors = scratch.labels[num_triangles], scratch.colors[num_triangles]
         labels[INSTANCE_ROW], labels[SEMANTIC], labels[MATERIAL] = row, semantic, material
         labels[IS_FLAT] = 1 if is_flat else 0
-        pa, pb, pc = vertices[a], vertices[b], vertices[c]
-        ux, uy, uz = pb[6] - pa[6], pb[7] - pa[7], pb[8] - pa[8]
-        vx, vy, vz = pc[6] - pa[6], pc[7] - pa[7], pc[8] - pa[8]
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        unit = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)
-        colors[9], colors[10], colors[11] = nx * unit, ny * unit, nz * unit
+        write_normal(vertices, a, b, c, colors)
         num_triangles += 1
-        if not is_colored:
-            continue
-        color = meshes.colors[NUM_MATERIALS + paint if material in (BODY, FACADE) else material]
-        strength = 0.0
-        if material == TAIL_LAMP and glow == TAIL_LAMP:
-            strength = 5.0
-        elif material in (HEADLAMP, TAIL_LAMP):
-            strength = light[LAMPS] * (3.0 if material == HEADLAMP else 1.2)
-        elif LAMP_RED <= material <= LAMP_GREEN:
-            strength = 6.0 if glow == material else -0.85
-        faint, extra = 1.0 + smaller(strength, 0.0), larger(strength, 0.0)
-        for corner in range(1 if is_flat else 3):
-            vertex = vertices[a if corner == 0 else (b if corner == 1 else c)]
-            red, green, blue = lit(light, material, color[0], color[1], color[2], vertex)
-            colors[3 * corner] = larger(red * faint + extra * color[0], 0.0)
-            colors[3 * corner + 1] = larger(green * faint + extra * color[1], 0.0)
-            colors[3 * corner + 2] = larger(blue * faint + extra * color[2], 0.0)
+        if is_colored:
+            color_triangle(meshes, material, paint, glow, is_flat, light, vertices, (a, b, c), colors)
     return num_triangles
 
 
@@ -180,9 +210,10 @@ def add_instance(
     num_triangles, num_instances = count
     if num_instances >= len(scratch.instances):
         return count
-    if radius < SMALL:
-        mesh = meshes.ranges[mesh, 5 if radius < TINY else 4]
-    place_vertices(meshes, mesh, box, spin, steer, pose, lens, scratch.vertices)
+    mesh = mesh_for(meshes, mesh, radius)
+    turn, first = (math.cos(box[3]), math.sin(box[3])), meshes.ranges[mesh, 0]
+    for number in range(first, meshes.ranges[mesh, 1]):
+        place_vertex(meshes, mesh, number, box, turn, spin, steer, pose, lens, scratch.vertices[number - first])
     after = add_mesh(
         meshes, mesh, paint, glow, row, semantic, lens, rings, width, height, light, scratch, num_triangles,
         is_colored, radius < SMALL,

@@ -95,19 +95,20 @@ def color_sky(
     """Write the light of the sky in pieces of a tile's row that see it, interpolated between the nodes of its band."""
     top = row // BAND * BAND
     share = (row - top) * (1.0 / BAND)
-    for first in range(0, count, SKY_STEP):
-        end = smaller(first + SKY_STEP, count)
+    past = start % SKY_STEP  # columns of the first piece that are left of this part of the row
+    for piece in range(-past, count, SKY_STEP):
+        first, end = larger(piece, 0), smaller(piece + SKY_STEP, count)
         is_sky = False
         for k in range(first, end):
             is_sky |= seen[k] == NOTHING
         if not is_sky:
             continue
-        node = (start + first) // SKY_STEP
+        node = (start + piece) // SKY_STEP
         for side in range(2):
             for place in (node, node + 1):
                 if nodes[side, place, 3] == 0.0:
                     nodes[side, place, 3] = 1.0
-                    _light_node(
+                    light_node(
                         smaller(top + side * BAND, size[0] - 1), smaller(place * SKY_STEP, size[1] - 1), pose, lens,
                         rays, light, grain, nodes[side, place],
                     )  # fmt: skip
@@ -118,11 +119,11 @@ def color_sky(
             step = (above + share * (below - above) - left) * (1.0 / SKY_STEP)
             part = values[RED + channel, first:end]
             for k in range(end - first):
-                part[k] = left + step * k
+                part[k] = left + step * (k + first - piece)
 
 
 @device_function(divides_by_zero=True)
-def _light_node(
+def light_node(
     row: int, column: int, pose: Float64, lens: Float64, rays: Float64, light: Float64, grain: UInt8, node: Float64
 ) -> None:
     """Write the light of the sky along the ray of a pixel."""
