@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,21 +55,42 @@ class Grid:
             lower, upper: (B, 2) float32 corners [m]; NaN for an empty box.
             cell: Side of a cell [m].
         """
-        exists = ~np.isnan(lower[:, 0])
         origin, end = np.zeros(2, np.float32), np.zeros(2, np.float32)
-        if exists.any():
-            origin = np.floor(lower[exists].min(axis=0) / cell).astype(np.float32) * np.float32(cell)
-            end = upper[exists].max(axis=0)
+        if not np.isnan(lower[:, 0]).all():
+            origin = np.floor(np.nanmin(lower, axis=0) / cell).astype(np.float32) * np.float32(cell)
+            end = np.nanmax(upper, axis=0)
         size = cell
         while np.prod(np.floor((end - origin).astype(np.float64) / size) + 1) > _MAX_CELLS:
             size *= 2.0
-        shape = np.floor((end - origin) / size).astype(np.int32) + 1
-        first, last = _cells(lower, origin, size, shape), _cells(upper, origin, size, shape)
-        last[~exists] = first[~exists] - 1
-        start = np.zeros(int(shape.prod()) + 1, np.int32)
-        items = np.empty(int((last - first + 1).prod(axis=1).sum()), np.int32)
-        _fill_cells(first, last, int(shape[0]), start, items)
-        return cls(np.array([*origin, size, *shape], np.float64), start, items)
+        columns, rows = (int(cells) for cells in np.floor((end - origin) / size) + 1)
+        frame = np.array([*origin, size, columns, rows], np.float64)
+        first, last = np.empty((2, *lower.shape), np.int32)
+        start = np.zeros(columns * rows + 1, np.int32)
+        items = np.empty(_find_cells(lower, upper, frame, first, last), np.int32)
+        _fill_cells(first, last, columns, start, items)
+        return cls(frame, start, items)
+
+
+@kernel(allocates=False)
+def _find_cells(lower: Float32, upper: Float32, frame: Float64, first: Int32, last: Int32) -> int:
+    """Find the first and last column and row (B, 2) that each box touches; none for an empty box.
+
+    Returns:
+        The sum over boxes of the cells that each touches.
+    """
+    total = 0
+    for b in range(len(lower)):
+        cells = 1
+        for axis in range(2):
+            most = int(frame[3 + axis]) - 1
+            if math.isnan(lower[b, 0]):
+                first[b, axis], last[b, axis] = 0, -1
+            else:
+                first[b, axis] = min(max(math.floor((lower[b, axis] - frame[axis]) / frame[2]), 0), most)
+                last[b, axis] = min(max(math.floor((upper[b, axis] - frame[axis]) / frame[2]), 0), most)
+            cells *= last[b, axis] - first[b, axis] + 1
+        total += cells
+    return total
 
 
 @kernel(allocates=False)
@@ -89,10 +111,3 @@ def _fill_cells(first: Int32, last: Int32, columns: int, start: Int32, items: In
     for cell in range(len(start) - 1):
         start[cell] = start[cell + 1]
     start[len(start) - 1] = total
-
-
-def _cells(points: Float32, origin: Float32, size: float, shape: Int32) -> Int32:
-    """Return column and row (B, 2) of each point, clipped to the grid."""
-    cells = np.floor((np.nan_to_num(points).astype(np.float64) - origin) / size).astype(np.int32)
-    inside: Int32 = np.clip(cells, 0, shape - 1)
-    return inside

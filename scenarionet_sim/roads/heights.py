@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float32, Float64
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, IntP
 from scenarionet_data.scenario.description import MapFeatures
 
 SPACING = 4.0
@@ -23,11 +24,23 @@ class Heights:
 
     Attributes:
         frame: (5,) float64 x, y of the first point and distance between points [m]; numbers of columns and rows.
-        values: (rows, columns) float32 [m].
+        place: (K,) int32 points of the grid with recorded heights nearby, as row * columns + column.
+        total: (K,) float64 sum of these heights [m].
+        count: (K,) intp how many they are.
     """
 
     frame: Float64
-    values: Float32
+    place: Int32
+    total: Float64
+    count: IntP
+
+    @cached_property
+    def values(self) -> Float32:
+        """(rows, columns) float32 heights [m]; found when first read, since only cameras and point clouds read them."""
+        columns, rows = self.frame[3:].astype(np.int64)
+        total, count = np.zeros((2, rows * columns))
+        total[self.place], count[self.place] = self.total, self.count
+        return _spread(total.reshape(rows, columns), count.reshape(rows, columns)).astype(np.float32)
 
     @classmethod
     def from_map(cls, features: MapFeatures | None, level: float) -> Heights | None:
@@ -39,24 +52,24 @@ class Heights:
         """
         if features is None:
             return None
-        points = np.concatenate([features.polyline.values, features.polygon.values]).astype(np.float64)
-        points = points[np.isfinite(points).all(axis=1)]
-        points = points[np.abs(points[:, 2] - level) < 10.0 * _OTHER_LEVEL]
-        if not len(points):
+        x, y, z = np.concatenate([features.polyline.values, features.polygon.values]).astype(np.float64).T.copy()
+        is_usable = np.isfinite(x) & np.isfinite(y) & (np.abs(z - level) < 10.0 * _OTHER_LEVEL)
+        x, y, z = x[is_usable], y[is_usable], z[is_usable]
+        if not len(z):
             return None
-        origin, end = points[:, :2].min(axis=0) - SPACING, points[:, :2].max(axis=0) + SPACING
+        origin = np.array([x.min(), y.min()]) - SPACING
+        end = np.array([x.max(), y.max()]) + SPACING
         spacing = SPACING
         while np.prod(np.ceil((end - origin) / spacing) + 1) > _MAX_POINTS:
             spacing *= 2.0
-        shape = np.ceil((end - origin) / spacing).astype(np.int64) + 1
-        columns, rows = np.clip(np.rint((points[:, :2] - origin) / spacing).astype(np.int64), 0, shape - 1).T
-        place = rows * shape[0] + columns
-        size, ones = int(shape.prod()), np.ones(len(place))
-        count = np.bincount(place, ones, minlength=size)
-        total = np.bincount(place, points[:, 2], minlength=size)
-        table = int(shape[1]), int(shape[0])
-        values = _spread(np.asarray(total.reshape(table)), np.asarray(count.reshape(table)))
-        return cls(np.array([*origin, spacing, *shape], np.float64), values.astype(np.float32))
+        columns, rows = (int(points) for points in np.ceil((end - origin) / spacing) + 1)
+        # A margin of a cell surrounds all points, so that rounding stays within the grid.
+        column, row = np.rint((x - origin[0]) / spacing), np.rint((y - origin[1]) / spacing)
+        place = (row * columns + column).astype(np.int64)
+        total, count = np.bincount(place, z).astype(np.float64), np.bincount(place)
+        used = np.flatnonzero(count).astype(np.int32)
+        frame = np.array([*origin, spacing, columns, rows], np.float64)
+        return cls(frame, used, total[used], count[used])
 
     def at(self, points: Float64) -> Float64:
         """Return the heights (n,) at points (n, 2) [m]; beyond the grid, those of its border."""

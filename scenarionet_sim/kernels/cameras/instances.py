@@ -109,6 +109,69 @@ def lamp_of(solids: Solids, slot: int, lamp: int) -> int:
 
 
 @device_function(divides_by_zero=True)
+def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids, ground: Ground, box: Float64) -> bool:
+    """Write x, y, z, heading, length, width, height of an object or fixture; return whether it may be in reach.
+
+    Args:
+        item: Row of an object in the state, or the number of rows plus that of a fixture of the world.
+        slot, pose, reach, solids, ground: The scene and the camera.
+        box: (7,) output.
+    """
+    rows = solids.motion.shape[1]
+    if item >= rows:
+        fixed = solids.fixed_range[slot, 0] + item - rows
+        for column in range(7):
+            box[column] = solids.fixed[fixed, column]
+        return True
+    if not solids.present[slot, item]:
+        return False
+    motion, size = solids.motion[slot, item], solids.size[slot, item]
+    box[0], box[1], box[3] = motion[X], motion[Y], motion[HEADING]
+    box[4], box[5], box[6] = larger(size[0], 0.05), larger(size[1], 0.05), larger(size[2], 0.05)
+    if not abs(box[0] - pose[EYE]) + abs(box[1] - pose[EYE + 1]) <= 2.0 * reach:  # not a number either
+        return False
+    box[2] = height_at(ground, slot, box[0], box[1])
+    return True
+
+
+@device_function(divides_by_zero=True)
+def casts_shadow(is_object: bool, box: Float64, pose: Float64) -> bool:
+    """Whether the shadow of a box may be seen."""
+    if not is_object and box[4] + box[5] <= 0.6:
+        return False
+    dx, dy = box[0] - pose[EYE], box[1] - pose[EYE + 1]
+    far = SHADOW_REACH + 0.5 * (box[4] + box[5])
+    return bool(dx * dx + dy * dy < far * far)
+
+
+@device_function(divides_by_zero=True)
+def appearance_of(
+    item: int, slot: int, own: int, own_view: int, are_boxes: bool, is_colored: bool, solids: Solids, box: Float64
+) -> tuple[int, int, int, int, float, float]:
+    """Return mesh, class, paint, shining material or -1, and how far wheels rolled [m] and are steered [rad]."""
+    rows = solids.motion.shape[1]
+    spin, steer, glow = 0.0, 0.0, -1
+    if item >= rows:
+        kind = solids.fixed_kind[solids.fixed_range[slot, 0] + item - rows]
+        if kind[3] >= 0:
+            glow = lamp_of(solids, slot, kind[3])
+        return int(kind[0]), int(kind[1]), int(kind[2]), glow, spin, steer
+    mesh, semantic = shape_of(solids.object_type[slot, item], box[4])
+    paint = (item * 7 + 3 + (item >> 3)) % NUM_PAINTS
+    if solids.object_type[slot, item] == 1:
+        spin, steer = wheels_of(solids.motion[slot, item], box)
+        if is_colored and is_braking(solids, slot, item):
+            glow = TAIL_LAMP
+    if item == own:
+        paint, semantic = 4, OWN_VEHICLE
+        if own_view == INSIDE:
+            mesh = DECK
+    if are_boxes:
+        mesh = BOX
+    return mesh, semantic, paint, glow, spin, steer
+
+
+@device_function(divides_by_zero=True)
 def add_solids(
     slot: int, own: int, own_view: int, pose: Float64, lens: Float64, rings: Float64, width: int,
     height: int, reach: float, are_boxes: bool, is_colored: bool, solids: Solids, ground: Ground, meshes: Meshes,
@@ -117,56 +180,23 @@ def add_solids(
     """Add all objects and fixtures of a world in view; return the numbers of instances and of shadows."""
     count, num_triangles, num_shadows = 0, 0, 0
     has_shadows = is_colored and light[SHADOW] > 0.0 and lens[KIND] == PINHOLE
-    rows, first_fixed = solids.motion.shape[1], solids.fixed_range[slot, 0]
-    for item in range(rows + solids.fixed_range[slot, 1] - first_fixed):
-        row = item if item < rows else -1
-        fixed = first_fixed + item - rows
-        if row < 0:
-            for column in range(7):
-                box[column] = solids.fixed[fixed, column]
-        elif solids.present[slot, row]:
-            motion, size = solids.motion[slot, row], solids.size[slot, row]
-            box[0], box[1], box[3] = motion[X], motion[Y], motion[HEADING]
-            box[4], box[5], box[6] = larger(size[0], 0.05), larger(size[1], 0.05), larger(size[2], 0.05)
-            if not abs(box[0] - pose[EYE]) + abs(box[1] - pose[EYE + 1]) <= 2.0 * reach:  # not a number either
-                continue
-            box[2] = height_at(ground, slot, box[0], box[1])
-        else:
+    rows = solids.motion.shape[1]
+    for item in range(rows + solids.fixed_range[slot, 1] - solids.fixed_range[slot, 0]):
+        if not write_box(item, slot, pose, reach, solids, ground, box):
             continue
-        if has_shadows and (row >= 0 or box[4] + box[5] > 0.6):
-            dx, dy = box[0] - pose[EYE], box[1] - pose[EYE + 1]
-            far = SHADOW_REACH + 0.5 * (box[4] + box[5])
-            if dx * dx + dy * dy < far * far:
-                num_shadows = add_shadow(box, pose, lens, width, height, light, scratch.shadows, num_shadows)
-        if row >= 0 and row == own and own_view == HIDDEN:
+        is_object = item < rows
+        if has_shadows and casts_shadow(is_object, box, pose):
+            num_shadows = add_shadow(box, pose, lens, width, height, light, scratch.shadows, num_shadows)
+        if item == own and own_view == HIDDEN:
             continue
         radius = screen_radius(box, pose, lens, width, height, reach)
-        if radius < (LEAST if row >= 0 else LEAST_FIXED):
+        if radius < (LEAST if is_object else LEAST_FIXED):
             continue
-        spin, steer, glow = 0.0, 0.0, -1
-        if row >= 0:
-            mesh, semantic = shape_of(solids.object_type[slot, row], box[4])
-            paint = (row * 7 + 3 + (row >> 3)) % NUM_PAINTS
-            if solids.object_type[slot, row] == 1:
-                spin, steer = wheels_of(solids.motion[slot, row], box)
-                if is_colored and is_braking(solids, slot, row):
-                    glow = TAIL_LAMP
-            if row == own:
-                paint, semantic = 4, OWN_VEHICLE
-                if own_view == INSIDE:
-                    mesh = DECK
-            if are_boxes:
-                mesh = BOX
-        else:
-            mesh, semantic, paint = (
-                solids.fixed_kind[fixed, 0],
-                solids.fixed_kind[fixed, 1],
-                solids.fixed_kind[fixed, 2],
-            )
-            if solids.fixed_kind[fixed, 3] >= 0:
-                glow = lamp_of(solids, slot, solids.fixed_kind[fixed, 3])
+        mesh, semantic, paint, glow, spin, steer = appearance_of(
+            item, slot, own, own_view, are_boxes, is_colored, solids, box
+        )
         num_triangles, count = add_instance(
-            meshes, mesh, paint, glow, row, semantic, box, spin, steer, pose, lens, rings, width, height, radius, light,
-            scratch, (num_triangles, count), is_colored,
+            meshes, mesh, paint, glow, item if is_object else -1, semantic, box, spin, steer, pose, lens, rings, width,
+            height, radius, light, scratch, (num_triangles, count), is_colored,
         )  # fmt: skip
     return count, num_shadows

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.kernels.cameras.layout import (
@@ -26,6 +24,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     YELLOW,
     Ground,
 )
+from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 
@@ -122,8 +121,8 @@ def _paint(
     if smaller(rear, front) > limit or larger(rear, front) < -limit:
         return
     _cover(
-        np.float32(x0), np.float32(y0), np.float32(ux), np.float32(uy), np.float32(wide), np.float32(deep),
-        np.float32(half), np.float32(half_length), xs, ys, shares,
+        single(x0), single(y0), single(ux), single(uy), single(wide), single(deep),
+        single(half), single(half_length), xs, ys, shares,
     )  # fmt: skip
 
 
@@ -161,15 +160,15 @@ def _cross(
         above = crossing if corner_y < crossing else math.inf
     per_y = ex / ey if ey != 0.0 else 0.0
     _turn_over(
-        np.float32(smaller(y0, y1)), np.float32(larger(y0, y1)), np.float32(x0), np.float32(y0), np.float32(per_y),
-        np.float32(corner_x), np.float32(above), xs, ys, shares,
+        single(smaller(y0, y1)), single(larger(y0, y1)), single(x0), single(y0), single(per_y),
+        single(corner_x), single(above), xs, ys, shares,
     )  # fmt: skip
     length = math.sqrt(ex * ex + ey * ey + 1e-12)
     ux, uy = ex / length, ey / length
     straight = abs(ux * vx + uy * vy)
     per = 1.0 / (straight * across + math.sqrt(larger(1.0 - straight * straight, 0.0)) * along + 1e-6)
     _measure_edge(
-        np.float32(x0), np.float32(y0), np.float32(ux), np.float32(uy), np.float32(length), np.float32(per), xs, ys,
+        single(x0), single(y0), single(ux), single(uy), single(length), single(per), xs, ys,
         edges,
     )  # fmt: skip
 
