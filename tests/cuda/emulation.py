@@ -8,14 +8,16 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_square
-from scenarionet_sim.kernels.cameras.layout import KERB_SHARE
+from scenarionet_sim.kernels.cameras.layout import NUM_EXACT, NUM_SHADES
 from scenarionet_sim.kernels.cameras.single_threads import (
+    PixelMemory,
     bound_instance,
     draw_pixel,
     find_item,
     light_sky,
     list_items,
-    write_triangle,
+    place_part,
+    set_up_part,
 )
 
 LANES = 32
@@ -34,15 +36,19 @@ def list_found(count, meshes, items):
 
 
 @kernel(divides_by_zero=True)
-def set_up(count, num_places, size, is_colored, shots, solids, meshes, look, items, triangles):
-    vertices = np.empty((3, 12))
+def place_vertices(count, num_places, is_colored, shots, meshes, look, items, triangles):
     for thread in range(count):
         lane, place, frame = thread % LANES, thread // LANES % num_places, thread // LANES // num_places
         if place < items.counts[frame, 0]:
-            for number in range(lane, items.instances[frame, place, 1] - items.instances[frame, place, 0], LANES):
-                write_triangle(
-                    frame, place, number, size, is_colored, shots, solids, meshes, look, items, triangles, vertices
-                )
+            place_part(frame, place, lane, LANES, is_colored, shots, meshes, look, items, triangles)
+
+
+@kernel(divides_by_zero=True)
+def set_up(count, num_places, size, is_colored, num_objects, shots, meshes, look, items, triangles):
+    for thread in range(count):
+        lane, place, frame = thread % LANES, thread // LANES % num_places, thread // LANES // num_places
+        if place < items.counts[frame, 0]:
+            set_up_part(frame, place, lane, LANES, size, is_colored, num_objects, shots, meshes, look, items, triangles)
 
 
 @kernel(divides_by_zero=True)
@@ -62,13 +68,15 @@ def light(count, size, shots, look, sky):
 @kernel(divides_by_zero=True)
 def draw(count, size, options, shots, motion, ground, look, items, triangles, sky, pictures):
     height, width = size
-    near, seen, values = np.empty(1), np.empty(1, np.int32), np.empty((KERB_SHARE + 1, 1))
-    cells, texels = np.empty(1, np.int32), np.empty(1, np.int32)
+    memory = PixelMemory(
+        np.empty(1), np.empty(1, np.int32), np.empty((NUM_EXACT, 1)), np.empty((NUM_SHADES, 1), np.float32),
+        np.empty(1, np.int32), np.empty(1, np.int32),
+    )  # fmt: skip
     for thread in range(count):
         row = thread // width
         draw_pixel(
             row // height, row % height, thread % width, size, options, shots, motion, ground, look, items, triangles,
-            sky, near, seen, cells, texels, values, pictures,
+            sky, memory, pictures,
         )  # fmt: skip
 
 
@@ -90,6 +98,13 @@ def add_noise(count, spread, seed, levels):
 
 
 KERNELS = SimpleNamespace(
-    find=find, list_found=list_found, set_up=set_up, bound=bound, light=light, draw=draw, shrink=shrink,
+    find=find,
+    list_found=list_found,
+    place_vertices=place_vertices,
+    set_up=set_up,
+    bound=bound,
+    light=light,
+    draw=draw,
+    shrink=shrink,
     add_noise=add_noise,
-)  # fmt: skip
+)

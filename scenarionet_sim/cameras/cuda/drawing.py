@@ -19,13 +19,25 @@ from scenarionet_sim.cameras.drawing import CHANNELS, Optics
 from scenarionet_sim.cameras.lenses import rays_of
 from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.stage import Scenery, Stage, stage_of
-from scenarionet_sim.kernels.cameras.layout import BAND, SKY_STEP, Ground, Look, Meshes, Pictures, Solids
+from scenarionet_sim.kernels.cameras.layout import (
+    BAND,
+    NUM_LIGHTS,
+    NUM_VERTEX,
+    SKY_STEP,
+    Ground,
+    Look,
+    Meshes,
+    Pictures,
+    Solids,
+)
 from scenarionet_sim.kernels.cameras.single_threads import (
     NUM_BOX,
     NUM_COUNTS,
+    NUM_INSTANCE,
     NUM_INSTANCES,
     NUM_ITEM,
     NUM_TRIANGLES,
+    NUM_VERTICES,
     Items,
     Shots,
     Triangles,
@@ -63,12 +75,12 @@ def draw(
     made: dict[str, Any] = {}
     for name, (values, dtype) in CHANNELS.items():
         tail = (values,) if values > 1 else ()
-        made[name] = cuda.device_array((count if name in channels else 0, *size, *tail), dtype)
+        made[name] = cuda.device_array((count if name in channels else 0, size[0] * size[1], *tail), dtype)
     if count:
         with _drawing:
             memory = _memory_of(cuda.current_context())
             _draw(memory, batch, state, cameras, poses, optics, look, stage_of(batch, scenery), Pictures(**made))
-    return {name: DeviceFrames(made[name]) for name in channels}
+    return {name: DeviceFrames(made[name].reshape((count, *size, *made[name].shape[2:]))) for name in channels}
 
 
 @lru_cache
@@ -98,10 +110,11 @@ def _draw(
     counts: Int32 = cast(Any, items.counts).copy_to_host()
     triangles = _triangles(memory, counts)
     places = int(counts[:, NUM_INSTANCES].max())
-    lanes = num_frames * places * LANES
-    launch(kernels.set_up, lanes, places, size, is_colored, shots, solids, meshes, look, items, triangles)
+    lanes, num_objects = num_frames * places * LANES, state.motion.shape[1]
+    launch(kernels.place_vertices, lanes, places, is_colored, shots, meshes, look, items, triangles)
+    launch(kernels.set_up, lanes, places, size, is_colored, num_objects, shots, meshes, look, items, triangles)
     launch(kernels.bound, num_frames * places, places, items, triangles)
-    sky = memory.buffer("sky", (num_frames if is_colored else 0, *_sky_nodes(size), 4), np.float64)
+    sky = memory.buffer("sky", (num_frames if is_colored else 0, *_sky_nodes(size), 4), np.float32)
     launch(kernels.light, sky.size // 4, size, shots, look, sky)
     launch(
         kernels.draw, num_frames * size[0] * size[1], size, options, shots, solids.motion, ground, look, items,
@@ -151,21 +164,25 @@ def _items(memory: DeviceMemory, num_frames: int, num_items: int) -> Items:
         kinds=memory.buffer("kinds", (*all_items, NUM_ITEM), np.int32),
         shadows=memory.buffer("shadows", (*all_items, 12), np.float64),
         drawn=memory.buffer("drawn", all_items, np.int32),
-        instances=memory.buffer("instances", (*all_items, 6), np.int32),
+        instances=memory.buffer("instances", (*all_items, NUM_INSTANCE), np.int32),
         counts=memory.buffer("counts", (num_frames, NUM_COUNTS), np.int32),
     )
 
 
 def _triangles(memory: DeviceMemory, counts: Int32) -> Triangles:
     """Return memory for the triangles of all frames, one frame after another."""
-    ends = np.cumsum(counts[:, NUM_TRIANGLES], dtype=np.int64)
-    count = int(ends[-1])
+    each = counts[:, [NUM_TRIANGLES, NUM_VERTICES]]
+    ends = np.cumsum(each, axis=0, dtype=np.int64)
+    count, num_vertices = ends[-1].tolist()
+    count += 1  # functions of lanes read the first one where a pixel sees none
     return Triangles(
-        first=memory.put("first", (ends - counts[:, NUM_TRIANGLES]).astype(np.int32)),
+        first=memory.put("first", (ends - each).astype(np.int32)),
+        vertices=memory.buffer("vertices", (NUM_VERTEX, num_vertices), np.float64),
+        lights=memory.buffer("lights_of_vertices", (NUM_LIGHTS, num_vertices), np.float32),
         edges=memory.buffer("edges", (count, 12), np.float64),
         spans=memory.buffer("spans", (count, 12), np.float64),
         colors=memory.buffer("colors", (count, 12), np.float32),
-        labels=memory.buffer("labels", (count, 4), np.int32),
+        labels=memory.buffer("labels", (count, 3), np.int32),
         bounds=memory.buffer("bounds", (count, 4), np.int32),
     )
 

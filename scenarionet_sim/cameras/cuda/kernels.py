@@ -8,14 +8,15 @@ from __future__ import annotations
 from typing import Any
 
 import numba.cuda
-from numba import float64, int32
+from numba import float32, float64, int32
 
-from scenarionet_data.arrays.dtypes import Float64, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
 from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_square
-from scenarionet_sim.kernels.cameras.layout import KERB_SHARE, Ground, Look, Meshes, Pictures, Solids
+from scenarionet_sim.kernels.cameras.layout import NUM_EXACT, NUM_SHADES, Ground, Look, Meshes, Pictures, Solids
 from scenarionet_sim.kernels.cameras.single_threads import (
     Items,
     Options,
+    PixelMemory,
     Shots,
     Triangles,
     bound_instance,
@@ -23,7 +24,8 @@ from scenarionet_sim.kernels.cameras.single_threads import (
     find_item,
     light_sky,
     list_items,
-    write_triangle,
+    place_part,
+    set_up_part,
 )
 
 cuda: Any = numba.cuda
@@ -34,8 +36,8 @@ THREADS = 128
 LANES = 32
 """Threads that share the triangles of an instance."""
 
-_VALUES = KERB_SHARE + 1, 1
-_CORNERS = 3, 12
+_EXACT = NUM_EXACT, 1
+_SHADES = NUM_SHADES, 1
 
 
 def launch(kernel: Any, count: int, *arguments: object) -> None:
@@ -64,21 +66,29 @@ def list_found(count: int, meshes: Meshes, items: Items) -> None:
 
 
 @cuda.jit
-def set_up(
-    count: int, num_places: int, size: tuple[int, int], is_colored: bool, shots: Shots, solids: Solids, meshes: Meshes,
-    look: Look, items: Items, triangles: Triangles,
+def place_vertices(
+    count: int, num_places: int, is_colored: bool, shots: Shots, meshes: Meshes, look: Look, items: Items,
+    triangles: Triangles,
 ) -> None:  # fmt: skip
     """``LANES`` threads for each of ``num_places`` instances of every frame."""
     thread = cuda.grid(1)
     if thread < count:
         lane, place, frame = thread % LANES, thread // LANES % num_places, thread // LANES // num_places
         if place < items.counts[frame, 0]:
-            vertices = cuda.local.array(_CORNERS, float64)
-            num_triangles = items.instances[frame, place, 1] - items.instances[frame, place, 0]
-            for number in range(lane, num_triangles, LANES):
-                write_triangle(
-                    frame, place, number, size, is_colored, shots, solids, meshes, look, items, triangles, vertices
-                )
+            place_part(frame, place, lane, LANES, is_colored, shots, meshes, look, items, triangles)
+
+
+@cuda.jit
+def set_up(
+    count: int, num_places: int, size: tuple[int, int], is_colored: bool, num_objects: int, shots: Shots,
+    meshes: Meshes, look: Look, items: Items, triangles: Triangles,
+) -> None:  # fmt: skip
+    """``LANES`` threads for each of ``num_places`` instances of every frame."""
+    thread = cuda.grid(1)
+    if thread < count:
+        lane, place, frame = thread % LANES, thread // LANES % num_places, thread // LANES // num_places
+        if place < items.counts[frame, 0]:
+            set_up_part(frame, place, lane, LANES, size, is_colored, num_objects, shots, meshes, look, items, triangles)
 
 
 @cuda.jit
@@ -92,7 +102,7 @@ def bound(count: int, num_places: int, items: Items, triangles: Triangles) -> No
 
 
 @cuda.jit
-def light(count: int, size: tuple[int, int], shots: Shots, look: Look, sky: Float64) -> None:
+def light(count: int, size: tuple[int, int], shots: Shots, look: Look, sky: Float32) -> None:
     """One thread for each node of the sky of every frame."""
     thread = cuda.grid(1)
     if thread < count:
@@ -104,19 +114,20 @@ def light(count: int, size: tuple[int, int], shots: Shots, look: Look, sky: Floa
 @cuda.jit
 def draw(
     count: int, size: tuple[int, int], options: Options, shots: Shots, motion: Float64, ground: Ground, look: Look,
-    items: Items, triangles: Triangles, sky: Float64, pictures: Pictures,
+    items: Items, triangles: Triangles, sky: Float32, pictures: Pictures,
 ) -> None:  # fmt: skip
     """One thread for each pixel of every frame."""
     thread = cuda.grid(1)
     if thread < count:
         height, width = size
-        near, seen = cuda.local.array(1, float64), cuda.local.array(1, int32)
-        cells, texels = cuda.local.array(1, int32), cuda.local.array(1, int32)
-        values = cuda.local.array(_VALUES, float64)
+        memory = PixelMemory(
+            cuda.local.array(1, float64), cuda.local.array(1, int32), cuda.local.array(_EXACT, float64),
+            cuda.local.array(_SHADES, float32), cuda.local.array(1, int32), cuda.local.array(1, int32),
+        )  # fmt: skip
         row = thread // width
         draw_pixel(
             row // height, row % height, thread % width, size, options, shots, motion, ground, look, items, triangles,
-            sky, near, seen, cells, texels, values, pictures,
+            sky, memory, pictures,
         )  # fmt: skip
 
 

@@ -99,7 +99,7 @@ def draw_frames(
             meet_ground(num, slot, pose, reach, ground, near, seen, scratch.exact)
             label_pixels(frame, place, slot, pose, ground, seen, scratch, pictures)
             if len(pictures.flow):
-                write_flow(frame, place, width, slot, pose, lens, dt, solids, seen, scratch, pictures)
+                write_flow(frame, place, width, slot, pose, lens, dt, solids.motion, seen, scratch, pictures)
             if is_colored:
                 color_tile(
                     place, slot, pose, size, lens, rays, num_shadows, ground, look.lights[frame], look.grain, seen,

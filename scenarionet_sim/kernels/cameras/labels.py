@@ -39,7 +39,6 @@ from scenarionet_sim.kernels.cameras.layout import (
     FrameMemory,
     Ground,
     Pictures,
-    Solids,
 )
 from scenarionet_sim.kernels.cameras.lens import project
 from scenarionet_sim.kernels.log import VX, YAW_RATE, X, Y
@@ -110,7 +109,7 @@ def label_pixels(
 
 @device_function(divides_by_zero=True)
 def write_flow(
-    frame: int, first: int, width: int, slot: int, pose: Float64, lens: Float64, dt: float, solids: Solids,
+    frame: int, first: int, width: int, slot: int, pose: Float64, lens: Float64, dt: float, motions: Float64,
     seen: Int32, scratch: FrameMemory, pictures: Pictures,
 ) -> None:  # fmt: skip
     """Write where each pixel's point will be in the picture after ``dt``, at constant velocities and yaw rates."""
@@ -124,7 +123,7 @@ def write_flow(
         if seen[k] != NOTHING:
             x, y = x + pose[EYE], y + pose[EYE + 1]
             if seen[k] >= 0 and scratch.labels[seen[k], INSTANCE_ROW] >= 0:
-                motion = solids.motion[slot, scratch.labels[seen[k], INSTANCE_ROW]]
+                motion = motions[slot, scratch.labels[seen[k], INSTANCE_ROW]]
                 angle = motion[YAW_RATE] * dt
                 c, s = math.cos(angle), math.sin(angle)
                 ax, ay = x - motion[X], y - motion[Y]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.cameras.layout import (
     AWAY,
     BODY,
@@ -84,11 +84,19 @@ def screen_radius(box: Float64, pose: Float64, lens: Float64, width: int, height
 
 
 @device_function(divides_by_zero=True)
+def mesh_for(meshes: Meshes, mesh: int, radius: float) -> int:
+    """Return the mesh to draw of an object that is seen under a radius [pixels]."""
+    if radius < TINY:
+        return int(meshes.ranges[mesh, 5])
+    return int(meshes.ranges[mesh, 4]) if radius < SMALL else mesh
+
+
+@device_function(divides_by_zero=True)
 def place_vertices(
-    meshes: Meshes, mesh: int, box: Float64, spin: float, steer: float, pose: Float64, lens: Float64, vertices: Float64
-) -> int:
-    """Write the vertices of a mesh in view, for ``box`` x, y, z, heading, length, width, height; return their number."""
-    first, end = meshes.ranges[mesh, 0], meshes.ranges[mesh, 1]
+    meshes: Meshes, mesh: int, first: int, end: int, box: Float64, spin: float, steer: float, pose: Float64,
+    lens: Float64, vertices: Float64,
+) -> None:  # fmt: skip
+    """Write some vertices of a mesh in view, for ``box`` x, y, z, heading, length, width, height."""
     count, source = end - first, meshes.vertices
     xs, ys, zs = vertices[AWAY, :count], vertices[AWAY + 1, :count], vertices[AWAY + 2, :count]
     nx, ny, nz = vertices[NORMAL, :count], vertices[NORMAL + 1, :count], vertices[NORMAL + 2, :count]
@@ -103,7 +111,6 @@ def place_vertices(
         pose, xs, ys, zs, nx, ny, nz, vertices[VIEW, :count], vertices[VIEW + 1, :count], vertices[VIEW + 2, :count],
     )  # fmt: skip
     project_vertices(lens, count, vertices)
-    return count
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -187,35 +194,54 @@ def add_mesh(
         is_colored: Whether colours are needed.
         is_flat: Whether a triangle has one colour.
     """
-    first, vertices = meshes.ranges[mesh, 0], scratch.vertices
     for t in range(meshes.ranges[mesh, 2], meshes.ranges[mesh, 3]):
         if num_triangles >= len(scratch.labels):
             return num_triangles
-        a, b, c = meshes.corners[t, 0] - first, meshes.corners[t, 1] - first, meshes.corners[t, 2] - first
-        found = add_triangle(
-            vertices, a, b, c, lens, rings, width, height, scratch.edges[num_triangles], scratch.spans[num_triangles],
-            scratch.bounds[num_triangles],
-        )  # fmt: skip
-        if found == 0:
-            continue
-        material = meshes.material[t]
-        labels, colors = scratch.labels[num_triangles], scratch.colors[num_triangles]
-        labels[INSTANCE_ROW], labels[SEMANTIC], labels[MATERIAL] = row, semantic, material
-        num_triangles += 1
-        xs, ys, zs = vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2]
-        ux, uy, uz = xs[b] - xs[a], ys[b] - ys[a], zs[b] - zs[a]
-        vx, vy, vz = xs[c] - xs[a], ys[c] - ys[a], zs[c] - zs[a]
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        unit = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)
-        colors[9], colors[10], colors[11] = nx * unit, ny * unit, nz * unit
-        if is_colored:
-            color = meshes.colors[NUM_MATERIALS + paint if material in (BODY, FACADE) else material]
-            strength = strength_of(material, glow, light)
-            if is_flat or found == 1:
-                _color_flat(material, color, strength, a, scratch.lights, colors)
-            else:
-                _color_corners(material, color, strength, a, b, c, vertices, scratch.lights, colors)
+        if write_triangle(
+            meshes, mesh, t, paint, glow, row, semantic, lens, rings, width, height, light, is_colored, is_flat,
+            scratch.vertices, scratch.lights, scratch.edges[num_triangles], scratch.spans[num_triangles],
+            scratch.colors[num_triangles], scratch.labels[num_triangles], scratch.bounds[num_triangles],
+        ):  # fmt: skip
+            num_triangles += 1
     return num_triangles
+
+
+@device_function(divides_by_zero=True)
+def write_triangle(
+    meshes: Meshes, mesh: int, number: int, paint: int, glow: int, row: int, semantic: int, lens: Float64,
+    rings: Float64, width: int, height: int, light: Float64, is_colored: bool, is_flat: bool, vertices: Float64,
+    lights: Float32, edges: Float64, spans: Float64, colors: Float32, labels: Int32, bounds: Int32,
+) -> bool:  # fmt: skip
+    """Write a triangle of a mesh whose vertices are placed and lit, if it may be in view.
+
+    Args:
+        number: Of the triangle in ``meshes``.
+        vertices, lights: Of the mesh.
+        edges, spans, colors, labels, bounds: Outputs, see ``FrameMemory``.
+        meshes, mesh, paint, glow, row, semantic, lens, rings, width, height, light, is_colored, is_flat: See
+            :func:`add_mesh`.
+    """
+    first = meshes.ranges[mesh, 0]
+    a, b, c = meshes.corners[number, 0] - first, meshes.corners[number, 1] - first, meshes.corners[number, 2] - first
+    found = add_triangle(vertices, a, b, c, lens, rings, width, height, edges, spans, bounds)
+    if found == 0:
+        return False
+    material = meshes.material[number]
+    labels[INSTANCE_ROW], labels[SEMANTIC], labels[MATERIAL] = row, semantic, material
+    xs, ys, zs = vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2]
+    ux, uy, uz = xs[b] - xs[a], ys[b] - ys[a], zs[b] - zs[a]
+    vx, vy, vz = xs[c] - xs[a], ys[c] - ys[a], zs[c] - zs[a]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    unit = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)
+    colors[9], colors[10], colors[11] = nx * unit, ny * unit, nz * unit
+    if is_colored:
+        color = meshes.colors[NUM_MATERIALS + paint if material in (BODY, FACADE) else material]
+        strength = strength_of(material, glow, light)
+        if is_flat or found == 1:
+            _color_flat(material, color, strength, a, lights, colors)
+        else:
+            _color_corners(material, color, strength, a, b, c, vertices, lights, colors)
+    return True
 
 
 @device_function(divides_by_zero=True)
@@ -290,11 +316,11 @@ def add_instance(
     num_triangles, num_instances = count
     if num_instances >= len(scratch.instances):
         return count
-    if radius < SMALL:
-        mesh = meshes.ranges[mesh, 5 if radius < TINY else 4]
-    num_vertices = place_vertices(meshes, mesh, box, spin, steer, pose, lens, scratch.vertices)
+    mesh = mesh_for(meshes, mesh, radius)
+    first, end = meshes.ranges[mesh, 0], meshes.ranges[mesh, 1]
+    place_vertices(meshes, mesh, first, end, box, spin, steer, pose, lens, scratch.vertices)
     if is_colored:
-        light_vertices(light, num_vertices, meshes.ranges[mesh, 6] > 0, scratch.vertices, scratch.lights)
+        light_vertices(light, end - first, meshes.ranges[mesh, 6] > 0, scratch.vertices, scratch.lights)
     after = add_mesh(
         meshes, mesh, paint, glow, row, semantic, lens, rings, width, height, light, scratch, num_triangles,
         is_colored, radius < SMALL,

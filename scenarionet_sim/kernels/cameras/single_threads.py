@@ -1,22 +1,23 @@
 """Frames drawn by thousands of threads: what one thread of a graphics card does in each step of drawing.
 
-The functions of rows are those of the processor's kernel, here with rows of one pixel. A call of ``draw_frames`` is
-five steps, each of them over all frames:
+A pixel is drawn by the functions that the processor's kernel calls for tiles, here with tiles of one pixel. The steps
+of a call, each over all frames:
 
 1. ``find_item`` for every object and fixture: whether it is in view, and its shadow.
-2. ``list_items`` for every frame: those in view, and the places of their triangles.
-3. ``write_triangle`` for every triangle of an instance in view, then ``bound_instance`` for every instance.
+2. ``list_items`` for every frame: those in view, and the places of their vertices and triangles.
+3. ``place_part`` and ``set_up_part`` for parts of every instance: its vertices, then its triangles; then
+   ``bound_instance``.
 4. ``light_sky`` for every node of the sky.
 5. ``draw_pixel`` for every pixel.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
+from scenarionet_sim.kernels.cameras.frames import color_tile
 from scenarionet_sim.kernels.cameras.instances import (
     LEAST,
     LEAST_FIXED,
@@ -24,45 +25,28 @@ from scenarionet_sim.kernels.cameras.instances import (
     casts_shadow,
     write_box,
 )
-from scenarionet_sim.kernels.cameras.labels import flow_row, label_row
+from scenarionet_sim.kernels.cameras.labels import label_pixels, write_flow
 from scenarionet_sim.kernels.cameras.layout import (
     BAND,
-    BOTTOM,
-    FX,
     HIDDEN,
-    INSTANCE_ROW,
-    IS_FLAT,
     KIND,
-    LEFT,
-    MATERIAL,
     PINHOLE,
-    RIGHT_END,
-    SEMANTIC,
     SHADOW,
     SKY_STEP,
-    TOP,
-    TRI_END,
-    TRI_FIRST,
+    FrameMemory,
     Ground,
     Look,
     Meshes,
     Pictures,
     Solids,
 )
-from scenarionet_sim.kernels.cameras.paving import color_ground
-from scenarionet_sim.kernels.cameras.placement import (
-    SMALL,
-    color_triangle,
-    mesh_for,
-    place_vertex,
-    screen_radius,
-    write_normal,
-)
+from scenarionet_sim.kernels.cameras.lighting import light_vertices
+from scenarionet_sim.kernels.cameras.placement import SMALL, mesh_for, place_vertices, screen_radius, write_triangle
 from scenarionet_sim.kernels.cameras.rows import aim_rays, meet_ground
-from scenarionet_sim.kernels.cameras.shading import cast_shadows, color_triangles, expose
+from scenarionet_sim.kernels.cameras.shading import expose
 from scenarionet_sim.kernels.cameras.shadows import add_shadow
-from scenarionet_sim.kernels.cameras.sky import color_sky, light_node
-from scenarionet_sim.kernels.cameras.triangles import add_triangle, inverse_distance, span_of
+from scenarionet_sim.kernels.cameras.sky import light_node
+from scenarionet_sim.kernels.cameras.triangles import inverse_distance, span_of
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 SPIN, STEER, NUM_BOX = 7, 8, 9
@@ -72,7 +56,11 @@ MESH, ITEM_CLASS, PAINT, GLOW, HAS_SHADOW, IS_SMALL, NUM_ITEM = range(7)
 """Columns of ``Items.kinds``: mesh to draw or -1, class, paint, shining material or -1, whether there is a shadow, and
 whether triangles have one colour; and their number."""
 
-NUM_INSTANCES, NUM_SHADOWS, NUM_TRIANGLES, NUM_COUNTS = range(4)
+FIRST, END, FIRST_VERTEX, LEFT, TOP, RIGHT, BOTTOM, NUM_INSTANCE = range(8)
+"""Columns of ``Items.instances``: triangles and first vertex, counted from those of the frame, bounds on the screen
+[pixels]; and their number."""
+
+NUM_INSTANCES, NUM_SHADOWS, NUM_TRIANGLES, NUM_VERTICES, NUM_COUNTS = range(5)
 """Columns of ``Items.counts``, and their number."""
 
 Options = tuple[bool, bool, float, float]
@@ -105,7 +93,7 @@ class Items(NamedTuple):
         kinds: (B, N, NUM_ITEM), see above.
         shadows: (B, N, 12) see ``FrameMemory.shadows``; after ``list_items`` the first ones are those in view.
         drawn: (B, N) items in view.
-        instances: (B, N, 6) see ``FrameMemory.instances``, for the items in ``drawn``.
+        instances: (B, N, NUM_INSTANCE) see above, of the items in ``drawn``.
         counts: (B, NUM_COUNTS), see above.
     """
 
@@ -121,16 +109,35 @@ class Triangles(NamedTuple):
     """Triangles of all frames, see ``FrameMemory``; those out of view have empty bounds.
 
     Attributes:
-        first: (B,) first triangle of each frame.
-        edges, spans, colors, labels, bounds: (T, 12), (T, 12), (T, 12), (T, 4), (T, 4).
+        first: (B, 2) first triangle and first vertex of each frame.
+        vertices, lights: (NUM_VERTEX, V), (NUM_LIGHTS, V).
+        edges, spans, colors, labels, bounds: (T, 12), (T, 12), (T, 12), (T, 3), (T, 4).
     """
 
     first: Int32
+    vertices: Float64
+    lights: Float32
     edges: Float64
     spans: Float64
     colors: Float32
     labels: Int32
     bounds: Int32
+
+
+class PixelMemory(NamedTuple):
+    """Memory of a thread, see ``FrameMemory``, for tiles of one pixel.
+
+    Attributes:
+        near, seen, cells, texels: (1,).
+        exact, shades: (NUM_EXACT, 1), (NUM_SHADES, 1).
+    """
+
+    near: Float64
+    seen: Int32
+    exact: Float64
+    shades: Float32
+    cells: Int32
+    texels: Int32
 
 
 @device_function(divides_by_zero=True)
@@ -170,8 +177,8 @@ def find_item(
 
 @device_function(divides_by_zero=True)
 def list_items(frame: int, meshes: Meshes, items: Items) -> None:
-    """List the instances in view of a frame and its shadows, count its triangles."""
-    count, num_triangles, num_shadows = 0, 0, 0
+    """List the instances in view of a frame and its shadows, count its triangles and vertices."""
+    count, num_triangles, num_vertices, num_shadows = 0, 0, 0, 0
     for item in range(items.kinds.shape[1]):
         kind = items.kinds[frame, item]
         if kind[HAS_SHADOW]:
@@ -179,77 +186,86 @@ def list_items(frame: int, meshes: Meshes, items: Items) -> None:
                 items.shadows[frame, num_shadows, column] = items.shadows[frame, item, column]
             num_shadows += 1
         if kind[MESH] >= 0:
+            ranges, instance = meshes.ranges[kind[MESH]], items.instances[frame, count]
             items.drawn[frame, count] = item
-            items.instances[frame, count, TRI_FIRST] = num_triangles
-            num_triangles += meshes.ranges[kind[MESH], 3] - meshes.ranges[kind[MESH], 2]
-            items.instances[frame, count, TRI_END] = num_triangles
+            instance[FIRST], instance[FIRST_VERTEX] = num_triangles, num_vertices
+            num_vertices += ranges[1] - ranges[0]
+            num_triangles += ranges[3] - ranges[2]
+            instance[END] = num_triangles
             count += 1
     items.counts[frame, NUM_INSTANCES], items.counts[frame, NUM_SHADOWS] = count, num_shadows
-    items.counts[frame, NUM_TRIANGLES] = num_triangles
+    items.counts[frame, NUM_TRIANGLES], items.counts[frame, NUM_VERTICES] = num_triangles, num_vertices
 
 
 @device_function(divides_by_zero=True)
-def write_triangle(
-    frame: int, place: int, number: int, size: tuple[int, int], is_colored: bool, shots: Shots, solids: Solids,
-    meshes: Meshes, look: Look, items: Items, triangles: Triangles, vertices: Float64,
+def place_part(
+    frame: int, place: int, part: int, num_parts: int, is_colored: bool, shots: Shots, meshes: Meshes, look: Look,
+    items: Items, triangles: Triangles,
 ) -> None:  # fmt: skip
-    """Write a triangle of an instance.
-
-    Args:
-        frame, place, number: Frame, instance of the frame, triangle of the instance.
-        size: Height and width [pixels].
-        is_colored: Whether colours are wanted.
-        shots, solids, meshes, look, items: The scenes.
-        triangles: Output.
-        vertices: (3, 12) memory of the thread.
-    """
-    height, width = size
+    """Write one of ``num_parts`` parts of the vertices of an instance, and the light on them."""
     item = items.drawn[frame, place]
-    box, kind, pose = items.boxes[frame, item], items.kinds[frame, item], shots.poses[frame]
-    mesh = int(kind[MESH])
-    source = meshes.ranges[mesh, 2] + number
-    triangle = triangles.first[frame] + items.instances[frame, place, TRI_FIRST] + number
-    turn = math.cos(box[3]), math.sin(box[3])
-    for corner in range(3):
-        place_vertex(
-            meshes, mesh, meshes.corners[source, corner], box, turn, box[SPIN], box[STEER], pose, shots.lens,
-            vertices[corner],
-        )  # fmt: skip
-    bounds = triangles.bounds[triangle]
-    if not add_triangle(
-        vertices, 0, 1, 2, shots.lens, shots.rings, width, height, triangles.edges[triangle], triangles.spans[triangle],
-        bounds,
-    ):  # fmt: skip
-        bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, 0, 0
+    box, mesh = items.boxes[frame, item], int(items.kinds[frame, item, MESH])
+    ranges = meshes.ranges[mesh]
+    count = int(ranges[1] - ranges[0])
+    begin, end = part * count // num_parts, (part + 1) * count // num_parts
+    if begin == end:
         return
-    labels, colors, material = triangles.labels[triangle], triangles.colors[triangle], meshes.material[source]
-    labels[INSTANCE_ROW] = item if item < solids.motion.shape[1] else -1
-    labels[SEMANTIC], labels[MATERIAL], labels[IS_FLAT] = kind[ITEM_CLASS], material, kind[IS_SMALL]
-    write_normal(vertices, 0, 1, 2, colors)
+    first = triangles.first[frame, 1] + items.instances[frame, place, FIRST_VERTEX]
+    vertices = triangles.vertices[:, first + begin : first + end]
+    place_vertices(
+        meshes, mesh, ranges[0] + begin, ranges[0] + end, box, box[SPIN], box[STEER], shots.poses[frame], shots.lens,
+        vertices,
+    )  # fmt: skip
     if is_colored:
-        color_triangle(
-            meshes, material, kind[PAINT], kind[GLOW], kind[IS_SMALL] == 1, look.lights[frame], vertices, (0, 1, 2),
-            colors,
-        )  # fmt: skip
+        lights = triangles.lights[:, first + begin : first + end]
+        light_vertices(look.lights[frame], end - begin, ranges[6] > 0, vertices, lights)
+
+
+@device_function(divides_by_zero=True)
+def set_up_part(
+    frame: int, place: int, part: int, num_parts: int, size: tuple[int, int], is_colored: bool, num_objects: int,
+    shots: Shots, meshes: Meshes, look: Look, items: Items, triangles: Triangles,
+) -> None:  # fmt: skip
+    """Write every ``num_parts``-th triangle of an instance whose vertices are placed, from number ``part`` on."""
+    item, instance = items.drawn[frame, place], items.instances[frame, place]
+    kind = items.kinds[frame, item]
+    mesh, row = int(kind[MESH]), item if item < num_objects else -1
+    first, first_vertex = (
+        triangles.first[frame, 0] + instance[FIRST],
+        triangles.first[frame, 1] + instance[FIRST_VERTEX],
+    )
+    num_vertices = meshes.ranges[mesh, 1] - meshes.ranges[mesh, 0]
+    vertices = triangles.vertices[:, first_vertex : first_vertex + num_vertices]
+    lights = triangles.lights[:, first_vertex : first_vertex + num_vertices]
+    for number in range(part, instance[END] - instance[FIRST], num_parts):
+        triangle = first + number
+        bounds = triangles.bounds[triangle]
+        if not write_triangle(
+            meshes, mesh, meshes.ranges[mesh, 2] + number, kind[PAINT], kind[GLOW], row, kind[ITEM_CLASS], shots.lens,
+            shots.rings, size[1], size[0], look.lights[frame], is_colored, kind[IS_SMALL] == 1, vertices, lights,
+            triangles.edges[triangle], triangles.spans[triangle], triangles.colors[triangle],
+            triangles.labels[triangle], bounds,
+        ):  # fmt: skip
+            bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, 0, 0
 
 
 @device_function(divides_by_zero=True)
 def bound_instance(frame: int, place: int, items: Items, triangles: Triangles) -> None:
     """Write the bounds on the screen of an instance, those of its triangles in view."""
-    instance, first = items.instances[frame, place], triangles.first[frame]
+    instance, first = items.instances[frame, place], triangles.first[frame, 0]
     left = top = 1 << 30
     right = bottom = -(1 << 30)
-    for triangle in range(first + instance[TRI_FIRST], first + instance[TRI_END]):
+    for triangle in range(first + instance[FIRST], first + instance[END]):
         bounds = triangles.bounds[triangle]
         if bounds[0] < bounds[2]:
             left, top = smaller(left, int(bounds[0])), smaller(top, int(bounds[1]))
             right, bottom = larger(right, int(bounds[2])), larger(bottom, int(bounds[3]))
-    instance[LEFT], instance[TOP], instance[RIGHT_END], instance[BOTTOM] = left, top, right, bottom
+    instance[LEFT], instance[TOP], instance[RIGHT], instance[BOTTOM] = left, top, right, bottom
 
 
 @device_function(divides_by_zero=True)
 def light_sky(
-    frame: int, node_row: int, node: int, size: tuple[int, int], shots: Shots, look: Look, sky: Float64
+    frame: int, node_row: int, node: int, size: tuple[int, int], shots: Shots, look: Look, sky: Float32
 ) -> None:
     """Write the light of the sky at a node (4,) of ``sky`` (B, bands + 1, nodes, 4)."""
     row, column = smaller(node_row * BAND, size[0] - 1), smaller(node * SKY_STEP, size[1] - 1)
@@ -265,13 +281,13 @@ def trace_pixel(
     frame: int, row: int, column: int, shots: Shots, items: Items, triangles: Triangles
 ) -> tuple[float, int]:
     """Return the inverse distance of the nearest triangle along the ray of a pixel, or 0, and its number, or -1."""
-    near, seen, first = 0.0, -1, triangles.first[frame]
+    near, seen, first = 0.0, -1, triangles.first[frame, 0]
     is_pinhole = shots.lens[KIND] == PINHOLE
     for place in range(items.counts[frame, NUM_INSTANCES]):
         instance = items.instances[frame, place]
-        if not (instance[TOP] <= row < instance[BOTTOM] and instance[LEFT] <= column < instance[RIGHT_END]):
+        if not (instance[TOP] <= row < instance[BOTTOM] and instance[LEFT] <= column < instance[RIGHT]):
             continue
-        for triangle in range(first + instance[TRI_FIRST], first + instance[TRI_END]):
+        for triangle in range(first + instance[FIRST], first + instance[END]):
             bounds = triangles.bounds[triangle]
             if not (bounds[1] <= row < bounds[3] and bounds[0] <= column < bounds[2]):
                 continue
@@ -285,40 +301,42 @@ def trace_pixel(
                 ray = shots.rays[row, column]
                 inverse = inverse_distance(triangles.edges[triangle], ray[0], ray[1], ray[2])
             if inverse > near:
-                near, seen = inverse, triangle
+                near, seen = inverse, int(triangle)
     return near, seen
 
 
 @device_function(divides_by_zero=True)
 def draw_pixel(
     frame: int, row: int, column: int, size: tuple[int, int], options: Options, shots: Shots, motion: Float64,
-    ground: Ground, look: Look, items: Items, triangles: Triangles, sky: Float64, near: Float64, seen: Int32,
-    cells: Int32, texels: Int32, values: Float64, pictures: Pictures,
+    ground: Ground, look: Look, items: Items, triangles: Triangles, sky: Float32, memory: PixelMemory,
+    pictures: Pictures,
 ) -> None:  # fmt: skip
     """Write all channels of a pixel.
 
     Args:
         frame, row, column: The pixel.
         size, options, shots, motion, ground, look, items, triangles, sky: The scenes, see above.
-        near, seen, cells, texels, values: (1,), (1,), (1,), (1,), (KERB_SHARE + 1, 1) memory of the thread.
+        memory: Of the thread.
         pictures: Outputs.
     """
     _, is_colored, reach, dt = options
     slot, pose, light, lens, rays = shots.who[frame, 0], shots.poses[frame], look.lights[frame], shots.lens, shots.rays
-    near[0], seen[0] = trace_pixel(frame, row, column, shots, items, triangles)
-    aim_rays(row, column, 1, pose, lens, rays, values)
-    meet_ground(1, slot, pose, reach, ground, near, seen, values)
-    labels, colors = triangles.labels, triangles.colors
-    label_row(frame, row, column, 1, slot, ground, seen, labels, colors, values, pictures)
+    seen, number, band = memory.seen, row * size[1] + column, row // BAND
+    scratch = FrameMemory(
+        triangles.vertices, triangles.lights, triangles.edges, triangles.spans, triangles.colors, triangles.labels,
+        triangles.bounds, items.instances[frame], items.shadows[frame], memory.near, seen, memory.exact, memory.shades,
+        memory.cells, memory.texels, sky[frame, band : band + 2],
+    )  # fmt: skip
+    memory.near[0], seen[0] = trace_pixel(frame, row, column, shots, items, triangles)
+    aim_rays(row, column, 0, 1, pose, lens, rays, memory.exact)
+    meet_ground(1, slot, pose, reach, ground, memory.near, seen, memory.exact)
+    label_pixels(frame, number, slot, pose, ground, seen, scratch, pictures)
     if len(pictures.flow):
-        flow_row(frame, row, column, 1, slot, pose, lens, dt, motion, seen, labels, values, pictures.flow)
+        write_flow(frame, number, size[1], slot, pose, lens, dt, motion, seen, scratch, pictures)
     if is_colored:
-        band = row // BAND
-        cast_shadows(row, column, 1, items.counts[frame, NUM_SHADOWS], light[SHADOW], values, items.shadows[frame])
-        color_sky(row, column, 1, size, pose, lens, rays, light, look.grain, seen, sky[frame, band : band + 2], values)
-        color_ground(1, slot, 1.0 / lens[FX], ground, light, look.grain, seen, cells, texels, values)
-        color_triangles(row, column, 1, pose, lens, rays, triangles.edges, colors, labels, seen, values)
+        num_shadows = items.counts[frame, NUM_SHADOWS]
+        color_tile(number, slot, pose, size, lens, rays, num_shadows, ground, light, look.grain, seen, scratch)
         expose(
-            row, column, 1, size, light, look.tone, seen, texels, values,
-            pictures.rgb[frame, row, column : column + 1],
+            number, size, light, look.tone, seen, memory.texels, memory.shades,
+            pictures.rgb[frame, number : number + 1],
         )  # fmt: skip

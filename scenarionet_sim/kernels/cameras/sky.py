@@ -109,7 +109,7 @@ def color_sky(
                 for place in (node, node + 1):
                     if nodes[side, place, 3] == 0.0:
                         nodes[side, place, 3] = 1.0
-                        _light_node(
+                        light_node(
                             smaller(top + side * BAND, size[0] - 1), smaller(place * SKY_STEP, size[1] - 1), pose,
                             lens, rays, light, grain, nodes[side, place],
                         )  # fmt: skip
@@ -148,7 +148,7 @@ def _blend_nodes(
 
 
 @device_function(divides_by_zero=True)
-def _light_node(
+def light_node(
     row: int, column: int, pose: Float64, lens: Float64, rays: Float64, light: Float64, grain: UInt8, node: Float32
 ) -> None:
     """Write the light of the sky along the ray of a pixel."""

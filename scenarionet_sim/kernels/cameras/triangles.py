@@ -178,8 +178,8 @@ def trace_band(
 
 
 @device_function(forceinline=True, divides_by_zero=True)
-def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, near: Float64, seen: Int32) -> None:
-    """Cover the span of a triangle in a row of a pinhole's picture, whose first pixel is number ``start``."""
+def span_of(bounds: Int32, spans: Float64, row: int) -> tuple[float, float]:
+    """Return the first column and the end of a triangle in a row of a pinhole's picture, from its bounds and spans."""
     left, right = bounds[0] * 1.0, bounds[2] * 1.0
     for edge in range(0, 9, 3):
         crossing = np.ceil(spans[edge] + spans[edge + 1] * row)
@@ -187,6 +187,25 @@ def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, ne
             left = larger(left, crossing)
         else:
             right = smaller(right, crossing)
+    return left, right
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def inverse_distance(edges: Float64, x: float, y: float, z: float) -> float:
+    """Return the inverse of the distance at which a ray meets a triangle, in lengths of its direction; or -1."""
+    if (
+        edges[0] * x + edges[1] * y + edges[2] * z >= 0.0
+        and edges[3] * x + edges[4] * y + edges[5] * z >= 0.0
+        and edges[6] * x + edges[7] * y + edges[8] * z >= 0.0
+    ):
+        return float(edges[9] * x + edges[10] * y + edges[11] * z)
+    return -1.0
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, near: Float64, seen: Int32) -> None:
+    """Cover the span of a triangle in a row of a pinhole's picture, whose first pixel is number ``start``."""
+    left, right = span_of(bounds, spans, row)
     if left >= right:
         return
     step = spans[10] + 0.0
@@ -237,16 +256,10 @@ def _test(
         column = place
         if lens[KIND] == RINGS:
             column = place % width
-        x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
-        if (
-            edges[0] * x + edges[1] * y + edges[2] * z >= 0.0
-            and edges[3] * x + edges[4] * y + edges[5] * z >= 0.0
-            and edges[6] * x + edges[7] * y + edges[8] * z >= 0.0
-        ):
-            inverse = edges[9] * x + edges[10] * y + edges[11] * z
-            if inverse > near[start + column]:
-                near[start + column] = inverse
-                seen[start + column] = triangle
+        inverse = inverse_distance(edges, rays[row, column, 0], rays[row, column, 1], rays[row, column, 2])
+        if inverse > near[start + column]:
+            near[start + column] = inverse
+            seen[start + column] = triangle
 
 
 @device_function(divides_by_zero=True)
