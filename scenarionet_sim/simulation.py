@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.compiled import Kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8, UInt32
+from scenarionet_data.arrays.compiled import unchecked
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64, UInt8, UInt32
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.agents import PresentAgents, among
 from scenarionet_sim.backends.base import Backend, checked_actions
@@ -18,7 +18,16 @@ from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
 from scenarionet_sim.kernels.episodes import UNDRIVEN, begin_worlds
 from scenarionet_sim.kernels.idm import SightMemory
 from scenarionet_sim.kernels.observation import Scratch
-from scenarionet_sim.kernels.step import DRIVE, LOCATE, MOVE, OBSERVE, ONLY_BEGUN, drive_by_idm, step_worlds
+from scenarionet_sim.kernels.step import (
+    DRIVE,
+    LOCATE,
+    MOVE,
+    OBSERVE,
+    ONLY_BEGUN,
+    StepArrays,
+    step_reactive_worlds,
+    step_worlds,
+)
 from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External, Policy, Replay
 from scenarionet_sim.policies.slots import SlotPolicies, prepared
@@ -81,6 +90,7 @@ class Simulation:
         self.observer = observer or Observer.nothing()
         self._dt = worlds[0].dt
         self._threads = Threads(threads)
+        self._memory: dict[int, tuple[Any, ...]] = {}  # by thread: number of objects, sensing, and what these need
         self._policies = SlotPolicies(tuple(policies), len(worlds))
         self.batch = WorldBatch(worlds, self.policies, self._prepare, keep)
         shape = len(worlds), self.batch.max_objects
@@ -166,7 +176,7 @@ class Simulation:
         starts = np.full(len(slots), -1 if start is None else start, np.int32)
         numbers = np.asarray(slots, np.int32)
         arrays = self.batch.recorded, self.state.moment, self.previous.moment, self.driver
-        _unchecked(begin_worlds)(numbers, starts, *arrays)
+        unchecked(begin_worlds)(numbers, starts, *arrays)
         if self.state.history is not None:
             self.state.history.present[:, numbers] = False
         self._agents.begin(numbers, self.batch)
@@ -266,27 +276,30 @@ class Simulation:
         traffic = self._policies.traffic(self.driver)
         numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if self._agents.are_egos else 1.0
         moments = self.previous.moment, self.state.moment
-        rest = (
-            numbers, self._has_begun, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles,
+        arrays = StepArrays(
+            self._has_begun, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles,
             observer.task, observer.result, observer.sensing,
         )  # fmt: skip
+        step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
 
-        step, follow = _unchecked(step_worlds), _unchecked(drive_by_idm)
-        is_split = phases & MOVE and self._policies.follow_paths
-
-        def run(first: int, end: int) -> int:
-            scratch = Scratch.of(self.batch.max_objects, observer.sensing)
-            if is_split:
-                step((first, end, MOVE, substeps), *rest, scratch)
-                memory = SightMemory.of(self.batch.max_objects)
-                follow(first, end, self._dt, self._has_begun, self.batch.recorded, *moments, traffic, memory)
-            lost: int = step((first, end, phases & ~MOVE if is_split else phases, substeps), *rest, scratch)
+        def run(own: int, ranges: Int64) -> int:
+            lost: int = step((own, phases, substeps), numbers, ranges, arrays, *self._memory_of(own))
             return lost
 
-        lost = self._threads.run(run, len(self.batch))
+        lost = self._threads.share(run, len(self.batch))
         if phases & OBSERVE:
             self.observer.is_stale &= bool(phases & ONLY_BEGUN)
             require_located(max(lost), self.agents)
+
+    def _memory_of(self, thread: int) -> tuple[Any, ...]:
+        """Return the memory of a thread for the compiled step."""
+        size = self.batch.max_objects, self.observer.sensing
+        known = self._memory.get(thread)
+        if known is None or known[0] != size[0] or known[1] is not size[1]:
+            sight = (SightMemory.of(size[0]),) if self._policies.follow_paths else ()
+            self._memory[thread] = known = *size, (Scratch.of(*size), *sight)
+        memory: tuple[Any, ...] = known[2]
+        return memory
 
     def _list_agents(self) -> None:
         """List the present agents, and let the observer know if they are others."""
@@ -315,8 +328,3 @@ class Simulation:
 
 _NO_VEHICLE = np.zeros((0, 0, NUM_COLUMNS)), 1
 """Vehicles and substeps for the compiled step of a backend that is not part of it."""
-
-
-def _unchecked(kernel: Any) -> Any:
-    """Return a kernel that does not check the types of its arguments, which are the same in every call."""
-    return kernel.unchecked if isinstance(kernel, Kernel) else kernel

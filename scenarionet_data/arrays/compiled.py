@@ -193,6 +193,11 @@ class Kernel(CompiledFunction):
         return entry
 
 
+def unchecked(function: Function) -> Function:
+    """Return a kernel as :attr:`Kernel.unchecked`, for calls whose arguments always have the same types."""
+    return cast(Function, function.unchecked) if isinstance(function, Kernel) else function
+
+
 def _load_array_functions() -> None:
     """Import Numba's array functions without SciPy, where neither is imported yet.
 

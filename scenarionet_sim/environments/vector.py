@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Object, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
 from scenarionet_sim.environments.config import VectorConfig, make_config
@@ -73,6 +73,9 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._has_ended = np.zeros(num_envs, np.bool_)
+        self._scenario_ids: Object = np.full(num_envs, "", dtype=object)
+        self._everywhere = np.ones(num_envs, np.bool_)
+        self._everywhere.flags.writeable = False  # one array for all infos
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetVectorEnv], tuple[Any, ...]]:
         return type(self), (self.num_envs, self.config, self._mode, self._episodes.seed, self.render_mode)
@@ -93,7 +96,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         first = next(iter(seed), None) if isinstance(seed, Sequence) else seed
         if self._episodes.restart(first):
             self._np_random, self._np_random_seed = self._episodes.rng, self._episodes.seed
-        worlds = [self._episodes.draw(slot) for slot in range(self.num_envs)]
+        worlds = self._drawn(list(range(self.num_envs)))
         core = self._episodes.prepare(worlds)
         if len(core.agents) != self.num_envs:
             raise BadParameter("expected one agent per world; use External(objects=ego) to drive the egos alone")
@@ -154,7 +157,10 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
 
     def _drawn(self, slots: list[int]) -> list[World]:
         """Draw the next scenarios for some slots."""
-        return [self._episodes.draw(slot) for slot in slots]
+        worlds = [self._episodes.draw(slot) for slot in slots]
+        self._scenario_ids = self._scenario_ids.copy()  # earlier infos have the array from before
+        self._scenario_ids[slots] = [world.scenario_id for world in worlds]
+        return worlds
 
     def _observed(self) -> Any:
         return self._episodes.observation.copy(self._episodes.observe())
@@ -175,9 +181,9 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
 
     def _infos(self) -> dict[str, Any]:
         """Return the infos of all slots as arrays (W,), each with a mask."""
-        core, columns, everywhere = self.core, self.core.numbers.copy(), np.ones(self.num_envs, np.bool_)
+        core, columns = self.core, self.core.numbers.copy()
         known: dict[str, Any] = {name: columns[:, number] for number, name in enumerate(NUMBERS)}
         known |= {name: core.status == code for name, code in ENDS.items()}
         known["timestep"] = core.simulation.state.timestep.copy()
-        known["scenario_id"] = np.array([world.scenario_id for world in core.simulation.batch.worlds], dtype=object)
-        return known | {f"_{name}": everywhere for name in known}
+        known["scenario_id"] = self._scenario_ids
+        return known | dict.fromkeys([f"_{name}" for name in known], self._everywhere)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, IntP
 from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
 from scenarionet_sim.kernels.log import HEADING, VX, VY
@@ -105,9 +106,9 @@ class RolloutRecorder:
         """Record the current moment of some slots (K,), in order."""
         core, simulation = self._core, self._core.simulation
         self._make_room(int(self._episodes.last[slots].max()) + 2)
-        record_moments(
+        unchecked(record_moments)(
             slots, np.searchsorted(core.agents[:, 0], slots), core.agents, simulation.batch.place,
-            simulation.state.moment, simulation.route, core.contacts, core.numbers[:, _COMPLETION], core.status,
+            simulation.state.moment, simulation.route, core.contacts, core.numbers, _COMPLETION, core.status,
             self._episodes,
         )  # fmt: skip
 

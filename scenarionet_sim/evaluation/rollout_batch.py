@@ -23,7 +23,7 @@ from scenarionet_sim.evaluation.rollout import Rollout, RolloutRecorder
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.worlds.world import World
 
-SLOTS = 16
+SLOTS = 32
 """Rollouts at once: more cost memory and save little, as the step's Python is shared by this many already."""
 
 

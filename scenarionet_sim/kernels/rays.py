@@ -9,10 +9,30 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_data.scenario.vocabulary import MapFeatureType, is_road_edge
 from scenarionet_sim.kernels.log import HEADING, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
-from scenarionet_sim.kernels.structures import CELLS, Lines
+from scenarionet_sim.kernels.structures import BLOCKS, CELLS, CELLS_IN_BLOCK, Lines
+
+_KINDS = (
+    (MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE, MapFeatureType.ROAD_LINE_SOLID_DOUBLE_WHITE),
+    (MapFeatureType.ROAD_LINE_SOLID_SINGLE_YELLOW, MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW),
+    [kind for kind in MapFeatureType if is_road_edge(np.array(kind))],
+    (MapFeatureType.STOP_LINE,),
+)
+"""Lines that sensors look for together, and all others."""
+
+
+def _line_bits() -> UInt8:
+    bits = np.full(256, 1 << len(_KINDS), np.uint8)
+    for number, kinds in enumerate(_KINDS):
+        bits[list(kinds)] = 1 << number
+    return bits
+
+
+LINE_BITS = _line_bits()
+"""(256,) one bit for each ``MapFeatureType``, see ``Lines.cell_types``."""
 
 _HUGE = 1e300
 """Substitute for 1 / 0: its product with 0 is 0, where infinity would give NaN."""
@@ -132,13 +152,13 @@ def nearest_segment(
     """Return the distance [m] from (x, y) along the unit vector (dx, dy) to the nearest visible segment.
 
     Traverses the grid cells along the ray, nearest first, and stops at the first with a hit; ``reach`` without a hit.
-    ``types`` are the visible types as ``Lines.cell_types`` has them.
+    ``types`` are the bits of the visible types, as ``Lines.cell_types`` has them.
     Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", 1987.
     """
     over_x, over_y = _inverse(dx), _inverse(dy)
     left, low, cell_size = lines.frame[w, 0], lines.frame[w, 1], lines.frame[w, 2]
     columns, rows = int(lines.frame[w, 3]), int(lines.frame[w, 4])
-    first_cell = lines.place[w, CELLS]
+    first_cell, first_block = lines.place[w, CELLS], lines.place[w, BLOCKS]
     width, height = columns * cell_size, rows * cell_size
     enter, leave = ray_through_box(x - left - width / 2, y - low - height / 2, dx, dy, width / 2, height / 2)
     start, best = larger(enter, 0.0), reach
@@ -151,9 +171,10 @@ def nearest_segment(
     next_y = (low + (row + (dy > 0)) * cell_size - y) * over_y
     along_x, along_y = cell_size * abs(over_x), cell_size * abs(over_y)
     while 0 <= column < columns and 0 <= row < rows:
-        cell = first_cell + row * columns + column
-        if lines.cell_types[cell] & types:
-            for s in range(lines.cell_start[cell], lines.cell_start[cell + 1]):
+        cell = row * columns + column
+        if lines.cell_types[first_cell + cell] & types:
+            filled = lines.block_start[first_block + cell // CELLS_IN_BLOCK] + lines.cell_rank[first_cell + cell]
+            for s in range(lines.filled_start[filled], lines.filled_start[filled + 1]):
                 if is_visible[lines.segment_type[s]]:
                     best = smaller(best, _ray_to_segment(x, y, dx, dy, lines.segments[s], best))
         if best <= smaller(next_x, next_y):
@@ -210,7 +231,7 @@ def ranges_to_lines(
     types = 0
     for kind in range(len(is_visible)):
         if is_visible[kind]:
-            types |= 1 << kind % 32
+            types |= LINE_BITS[kind]
     cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
     for ray in range(directions.shape[0]):
         forward, left = directions[ray, 0], directions[ray, 1]

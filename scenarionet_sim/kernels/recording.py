@@ -41,7 +41,8 @@ def record_moments(
     now: StateArrays,
     route: Float64,
     contacts: Bool,
-    completion: Float64,
+    numbers: Float64,
+    completion: int,
     status: UInt8,
     episodes: EpisodeArrays,
 ) -> None:
@@ -54,7 +55,8 @@ def record_moments(
         now: The state.
         route: (W, N, 2) location of the agents on their paths.
         contacts: (A, N) objects that they touch.
-        completion, status: (A,) results of the step.
+        numbers, completion: (A, ...) results of the step, and the column with the completed share of the route.
+        status: (A,) results of the step.
         episodes: With room for the moment.
     """
     for k in range(len(slots)):
@@ -66,6 +68,6 @@ def record_moments(
                 episodes.motion[w, m, n, column] = now.motion[w, n, column]
             episodes.present[w, m, n], episodes.contacts[w, m, n] = now.present[w, n], contacts[a, n]
         episodes.arc[w, m] = route[w, rows[a, 1], 0]
-        episodes.completion[w] = completion[a]
+        episodes.completion[w] = numbers[a, completion]
         if m and not episodes.status[w]:
             episodes.status[w], episodes.end_step[w] = status[a], m

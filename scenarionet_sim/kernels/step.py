@@ -1,6 +1,6 @@
 """One step of a simulation, world by world: traffic, agents, contacts, scores and observations.
 
-A world's step reads and writes rows of that world only, so ranges of worlds can run in threads, with the same result.
+A world's step reads and writes rows of that world only, so threads can share worlds out, with the same result.
 """
 
 from __future__ import annotations
@@ -11,15 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64, UInt8
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.episodes import copy_world
 from scenarionet_sim.kernels.idm import Law, SightMemory, drive_along_paths
+from scenarionet_sim.kernels.minmax import larger
 from scenarionet_sim.kernels.motion import move_on, replay
 from scenarionet_sim.kernels.observation import Scratch, Sensing, observe
 from scenarionet_sim.kernels.overlap import touch
 from scenarionet_sim.kernels.paths import PathRows, locate
 from scenarionet_sim.kernels.scoring import StepResult, score
+from scenarionet_sim.kernels.sharing import take
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
     NUM_OBJECTS,
@@ -75,105 +77,148 @@ class DrivenArrays(NamedTuple):
     hits: npt.NDArray[np.uint32]
 
 
+class StepArrays(NamedTuple):
+    """What a step reads and writes.
+
+    Attributes:
+        has_begun: (W,) worlds that have just begun an episode: they do not move in this step.
+        recorded, lines: Worlds.
+        now, then: Current and next state.
+        traffic: Policies.
+        agents: Agents and their contacts.
+        vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
+        task: (12,) see ``task.task_parameters``.
+        result: Scores.
+        sensing: Sensors.
+    """
+
+    has_begun: Bool
+    recorded: Recorded
+    lines: Lines
+    now: StateArrays
+    then: StateArrays
+    traffic: Traffic
+    agents: DrivenArrays
+    vehicles: Float64
+    task: Float64
+    result: StepResult
+    sensing: Sensing
+
+
 @kernel(nogil=True, allocates=False)
 def step_worlds(
-    span: tuple[int, int, int, int],
+    span: tuple[int, int, int],
     numbers: tuple[float, float, float, float],
-    has_begun: Bool,
-    recorded: Recorded,
-    lines: Lines,
-    now: StateArrays,
-    then: StateArrays,
-    traffic: Traffic,
-    agents: DrivenArrays,
-    vehicles: Float64,
-    task: Float64,
-    result: StepResult,
-    sensing: Sensing,
+    ranges: Int64,
+    arrays: StepArrays,
     scratch: Scratch,
 ) -> int:
     """Advance worlds by one step.
 
     Args:
-        span: First world and end; phases; substeps of the vehicle model.
+        span: Range of worlds that this thread takes first; phases; substeps of the vehicle model.
         numbers: Length of the step [s]; search window on a path behind and ahead of an agent [m]; 1 if the routes
             of the agents are those of the state, 0 if they have a location of their own.
-        has_begun: (W,) worlds that have just begun an episode: they do not move in this step.
-        recorded, lines: Worlds.
-        now, then: Current and next state.
-        traffic: Policies.
-        agents: DrivenArrays and their contacts.
-        vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
-        task: (12,) see ``task.task_parameters``.
-        result: Scores.
-        sensing: Sensors.
+        ranges: Worlds by thread, see ``kernels.sharing``.
+        arrays: What the step reads and writes.
         scratch: Memory of this call.
 
     Returns:
         An agent that is not located on its path, or -1.
     """
-    first, end, phases, substeps = span
-    dt, back, ahead, is_own = numbers
-    lost = -1
-    for w in range(first, end):
-        a0, a1 = agents.first[w], agents.first[w + 1]
-        if not has_begun[w]:
-            if phases & ONLY_BEGUN:
-                continue
-            if phases & MOVE:
-                _move(w, dt, recorded, now, then, traffic)
-            if phases & DRIVE:
-                for a in range(a0, a1):
-                    n, action = agents.rows[a, 1], agents.actions[a]
-                    drive_bicycle(
-                        action[0], action[1], dt, substeps, vehicles[w, n], then.size[w, n, 0], then.motion[w, n]
-                    )
-        if phases & LOCATE:
-            for a in range(a0, a1):
-                _locate(a, w, agents.rows[a, 1], back, ahead, is_own != 0.0, recorded, then, agents)
-        if phases & SCORE:
-            if has_begun[w]:
-                _begin(w, a0, a1, agents, result)
-            else:
-                for a in range(a0, a1):
-                    _score(a, w, agents.rows[a, 1], recorded, then, agents, task, result)
-        if phases & OBSERVE:
-            for a in range(a0, a1):
-                n = agents.rows[a, 1]
-                if np.isnan(agents.route[w, n, 0]):
-                    lost = a
-                observe(a, w, n, recorded, lines, then, agents.route, sensing, scratch)
+    own, phases, substeps = span
+    lost, w = -1, take(ranges, own)
+    while w >= 0:
+        if phases & MOVE and not arrays.has_begun[w]:
+            _move(w, numbers[0], arrays.recorded, arrays.now, arrays.then, arrays.traffic)
+        lost = larger(lost, _finish(w, phases, substeps, numbers, arrays, scratch))
+        w = take(ranges, own)
     return lost
 
 
 @kernel(nogil=True, allocates=False)
-def drive_by_idm(
-    first: int,
-    end: int,
+def step_reactive_worlds(
+    span: tuple[int, int, int],
+    numbers: tuple[float, float, float, float],
+    ranges: Int64,
+    arrays: StepArrays,
+    scratch: Scratch,
+    memory: SightMemory,
+) -> int:
+    """Advance worlds in which objects follow paths by IDM: a kernel of its own, as replays need not compile that.
+
+    Args:
+        span, numbers, ranges, arrays, scratch: See :func:`step_worlds`.
+        memory: Memory of this call.
+
+    Returns:
+        An agent that is not located on its path, or -1.
+    """
+    own, phases, substeps = span
+    lost, w = -1, take(ranges, own)
+    while w >= 0:
+        if phases & MOVE and not arrays.has_begun[w]:
+            _move(w, numbers[0], arrays.recorded, arrays.now, arrays.then, arrays.traffic)
+            _drive_by_idm(w, numbers[0], arrays.recorded, arrays.now, arrays.then, arrays.traffic, memory)
+        lost = larger(lost, _finish(w, phases, substeps, numbers, arrays, scratch))
+        w = take(ranges, own)
+    return lost
+
+
+@device_function(forceinline=True)
+def _finish(
+    w: int,
+    phases: int,
+    substeps: int,
+    numbers: tuple[float, float, float, float],
+    arrays: StepArrays,
+    scratch: Scratch,
+) -> int:
+    """Run the phases after the traffic's in a world; return an agent that is not located on its path, or -1."""
+    dt, back, ahead, is_own = numbers
+    agents, recorded, then, result = arrays.agents, arrays.recorded, arrays.then, arrays.result
+    a0, a1, has_begun, lost = agents.first[w], agents.first[w + 1], arrays.has_begun[w], -1
+    if phases & ONLY_BEGUN and not has_begun:
+        return lost
+    if phases & DRIVE and not has_begun:
+        for a in range(a0, a1):
+            n, action = agents.rows[a, 1], agents.actions[a]
+            vehicle, row = arrays.vehicles[w, n], then.motion[w, n]
+            drive_bicycle(action[0], action[1], dt, substeps, vehicle, then.size[w, n, 0], row)
+    if phases & LOCATE:
+        for a in range(a0, a1):
+            _locate(a, w, agents.rows[a, 1], back, ahead, is_own != 0.0, recorded, then, agents)
+    if phases & SCORE:
+        if has_begun:
+            _begin(w, a0, a1, agents, result)
+        else:
+            for a in range(a0, a1):
+                _score(a, w, agents.rows[a, 1], recorded, then, agents, arrays.task, result)
+    if phases & OBSERVE:
+        for a in range(a0, a1):
+            n = agents.rows[a, 1]
+            if np.isnan(agents.route[w, n, 0]):
+                lost = a
+            observe(a, w, n, recorded, arrays.lines, then, agents.route, arrays.sensing, scratch)
+    return lost
+
+
+@device_function(forceinline=True)
+def _drive_by_idm(
+    w: int,
     dt: float,
-    has_begun: Bool,
     recorded: Recorded,
     now: StateArrays,
     then: StateArrays,
     traffic: Traffic,
     memory: SightMemory,
 ) -> None:
-    """Write the next state of objects that follow paths by IDM; a kernel of its own, which replays need not compile.
-
-    Args:
-        first, end: Range of worlds, moved already by :func:`step_worlds`.
-        dt: Length of the step [s].
-        has_begun, recorded, now, then, traffic: See :func:`step_worlds`.
-        memory: Memory of this call.
-    """
-    for w in range(first, end):
-        for policy in range(len(traffic.movement)):
-            if has_begun[w] or traffic.movement[policy] != FOLLOW_PATH:
-                continue
-            if recorded.place[w, DRIVERS] >> policy & 1:
-                row = traffic.law[w, policy]
-                law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
-                drive_along_paths(w, recorded, now, then, traffic.driver, policy, dt, law, traffic.colors, memory)
+    """Write the next state of objects that follow paths by IDM."""
+    for policy in range(len(traffic.movement)):
+        if traffic.movement[policy] == FOLLOW_PATH and recorded.place[w, DRIVERS] >> policy & 1:
+            row = traffic.law[w, policy]
+            law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
+            drive_along_paths(w, recorded, now, then, traffic.driver, policy, dt, law, traffic.colors, memory)
 
 
 @device_function(forceinline=True)

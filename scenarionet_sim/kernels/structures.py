@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64, UInt8, UInt32
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64, UInt8
 
 
 class StateArrays(NamedTuple):
@@ -31,12 +31,13 @@ class StateArrays(NamedTuple):
 
 
 (
-    NUM_OBJECTS, NUM_STEPS, EGO, FIRST_STEP, DRIVERS, OBJECTS, LOG, LIGHTS, CELLS,
-) = range(9)  # fmt: skip
+    NUM_OBJECTS, NUM_STEPS, EGO, FIRST_STEP, DRIVERS, OBJECTS, LOG, LIGHTS, CELLS, BLOCKS,
+) = range(10)  # fmt: skip
 """Columns of ``Recorded.place``: numbers of objects and timesteps; row of the ego; first timestep with a valid ego;
-policies that drive at least one object, as bits; first rows in the arrays of objects, log, light states and cells."""
+policies that drive at least one object, as bits; first rows in the arrays of objects, log, light states, cells, and
+blocks of cells."""
 
-NUM_PLACES = 9
+NUM_PLACES = 10
 
 
 class Recorded(NamedTuple):
@@ -71,24 +72,34 @@ class Recorded(NamedTuple):
     light_state: UInt8
 
 
+CELLS_IN_BLOCK = 256
+"""Cells of a grid whose filled ones are counted from the same number, so that the count takes one byte a cell."""
+
+
 class Lines(NamedTuple):
     """Line segments of the maps of W slots, cell by cell of a grid each, so that a ray reads them in sequence.
 
-    Cell c of slot w has the segments ``cell_start[place[w, CELLS] + c]`` to that of the next cell.
+    Most cells are empty, so only filled ones have a place for the number of their first segment: cell c of slot w is
+    the filled cell ``f = block_start[place[w, BLOCKS] + c // CELLS_IN_BLOCK] + cell_rank[place[w, CELLS] + c]``, which
+    has the segments ``filled_start[f]`` to ``filled_start[f + 1]``.
 
     Attributes:
         place: (W, NUM_PLACES), see ``Recorded``.
         frame: (W, 5) x, y of the lower left corner and side of a cell [m]; numbers of columns and rows.
-        cell_start: (C,) first segment of each cell, with one more entry for every map.
-        cell_types: (C,) types in the cell: bit k is set for types of the code k modulo 32.
+        cell_types: (C,) types in the cell, as bits of ``LINE_BITS``; 0 for an empty cell.
+        cell_rank: (C,) number of filled cells before the cell in its block.
+        block_start: (D,) first filled cell of each block.
+        filled_start: (F,) first segment of each filled cell, with one more entry for every map.
         segments: (K, 4) x0, y0, x1, y1 [m]; a segment is in every cell that it touches.
         segment_type: (K,) codes of ``MapFeatureType``.
     """
 
     place: Int64
     frame: Float64
-    cell_start: Int32
-    cell_types: UInt32
+    cell_types: UInt8
+    cell_rank: UInt8
+    block_start: Int32
+    filled_start: Int32
     segments: Float32
     segment_type: UInt8
 

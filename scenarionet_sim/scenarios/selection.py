@@ -1,7 +1,8 @@
 """Picklable specification of the scenarios that an environment plays, and of their order.
 
-DuckDB selects once, when an environment is made; ``sampling`` draws and ``stream`` loads. This module must not import
-polars: its threads do not survive the fork with which vector environments start their processes.
+DuckDB selects once, when an environment is made, if there is a condition or an order; ``sampling`` draws and ``stream``
+loads. This module must not import polars: its threads do not survive the fork with which vector environments start
+their processes.
 """
 
 from __future__ import annotations
@@ -82,11 +83,18 @@ class Scenarios:
             UnsafeSql, QueryError: A condition is not a single valid SQL expression.
             BadParameter: No scenario is left.
         """
-        lake, rows = Lake(str(self.lake), self.snapshot).resolve(self.database)
-        selected = self._select(lake, rows["scenario_id"])
+        lake = Lake(str(self.lake), self.snapshot)
+        if self.where or self.order == "weighted" or self.curriculum is not None:
+            lake, rows = lake.resolve(self.database)
+            ids = rows["scenario_id"]
+            selected = self._select(lake, ids)
+        else:  # without DuckDB, which takes 30 MB
+            lake, members = lake.find(self.database)
+            ids = members.ids
+            selected = pa.table({"scenario_id": ids})
         share = selected.take(np.arange(self.worker, len(selected), self.num_workers))
         if not len(share):
-            raise BadParameter(f"no scenario to play: {self._why_empty(len(rows), len(selected))}")
+            raise BadParameter(f"no scenario to play: {self._why_empty(len(ids), len(selected))}")
         sampler: Sampler
         if self.curriculum is not None:
             sampler = CurriculumSampler(len(share), self.curriculum)

@@ -10,6 +10,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Float64, Int64, UInt8
 from scenarionet_sim.kernels.log import VALID
 from scenarionet_sim.kernels.structures import (
+    BLOCKS,
     CELLS,
     DRIVERS,
     EGO,
@@ -22,6 +23,7 @@ from scenarionet_sim.kernels.structures import (
     OBJECTS,
 )
 from scenarionet_sim.worlds.blocks import Blocks
+from scenarionet_sim.worlds.line_cells import LineCells
 from scenarionet_sim.worlds.world import World
 
 Prepare = Callable[[World, Hashable], tuple[World, UInt8]]
@@ -84,7 +86,9 @@ class WorldPool:
             "path": Blocks({"path": (np.float32, 5)}),
             "stops": Blocks({"stop_arc": np.float32, "stop_light": np.int32}),
             "lights": Blocks({"light_state": np.uint8}),
-            "cells": Blocks({"cell_start": np.int32, "cell_types": np.uint32}),
+            "cells": Blocks({"cell_types": np.uint8, "cell_rank": np.uint8}),
+            "blocks": Blocks({"block_start": np.int32}),
+            "filled": Blocks({"filled_start": np.int32}),
             "segments": Blocks({"segments": (np.float32, 4), "segment_type": np.uint8}),
         }  # fmt: skip
         self.arrays: dict[str, Array] = {}
@@ -120,12 +124,15 @@ class WorldPool:
         stops = self.kinds["stops"].put({"stop_arc": world.stops.stop_arc, "stop_light": world.stops.stop_light})
         items = grid.cell_items
         segment_type = world.roads.segment_type[items]
-        cell_types = _with_end(_types_by_cell(segment_type, grid.cell_start))
+        cells = LineCells.of(grid, segment_type)
         segments = self.kinds["segments"].put({"segments": world.roads.segments[items], "segment_type": segment_type})
+        filled = self.kinds["filled"].put({"filled_start": segments[0] + cells.filled_start})
         blocks = {
             "path": path,
             "stops": stops,
             "segments": segments,
+            "filled": filled,
+            "blocks": self.kinds["blocks"].put({"block_start": filled[0] + cells.block_start}),
             "objects": self.kinds["objects"].put({
                 "driver": _with_end(driver), "object_type": _with_end(world.object_type), "size": _with_end(world.size),
                 "top_speed": _with_end(world.top_speed), "path_offsets": path[0] + world.paths.path_offsets,
@@ -133,16 +140,14 @@ class WorldPool:
             }),
             "log": self.kinds["log"].put({"log": world.log.reshape(-1, 8)}),
             "lights": self.kinds["lights"].put({"light_state": world.light_state.ravel()}),
-            "cells": self.kinds["cells"].put({
-                "cell_start": segments[0] + grid.cell_start, "cell_types": cell_types
-            }),
+            "cells": self.kinds["cells"].put({"cell_types": cells.cell_types, "cell_rank": cells.cell_rank}),
         }  # fmt: skip
         place = np.empty(NUM_PLACES, np.int64)
         place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego
         place[FIRST_STEP] = int(np.argmax(world.log[:, world.ego, VALID] != 0))
         place[DRIVERS] = np.bitwise_or.reduce(np.left_shift(1, driver[driver < 63], dtype=np.int64), initial=0)
         place[OBJECTS], place[LOG] = blocks["objects"][0], blocks["log"][0]
-        place[LIGHTS], place[CELLS] = blocks["lights"][0], blocks["cells"][0]
+        place[LIGHTS], place[CELLS], place[BLOCKS] = blocks["lights"][0], blocks["cells"][0], blocks["blocks"][0]
         self.arrays = {name: array for kind in self.kinds.values() for name, array in kind.arrays.items()}
         self.max_objects = max(self.max_objects, count)
         pooled = PooledWorld((original, policies), world, place, grid.frame, blocks)
@@ -153,11 +158,3 @@ class WorldPool:
 def _with_end(rows: Array) -> Array:
     """Return rows with one more, of zeros."""
     return np.concatenate([rows, np.zeros_like(rows, shape=(1, *rows.shape[1:]))])
-
-
-def _types_by_cell(types: UInt8, cell_start: Array) -> Array:
-    """Return the types (C,) of the segments of each cell as bits, see ``kernels.structures.Lines``."""
-    cell = np.repeat(np.arange(len(cell_start) - 1), np.diff(cell_start))
-    found = np.zeros(len(cell_start) - 1, np.uint32)
-    np.bitwise_or.at(found, cell, np.left_shift(np.uint32(1), types % 32, dtype=np.uint32))
-    return found

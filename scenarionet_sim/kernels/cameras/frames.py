@@ -97,9 +97,14 @@ def draw_frames(
                 aim_rays(row, column, k, after, pose, lens, rays, scratch.exact)
                 k = after
             meet_ground(num, slot, pose, reach, ground, near, seen, scratch.exact)
-            label_pixels(frame, place, slot, pose, ground, seen, scratch, pictures)
+            label_pixels(
+                frame, place, slot, pose, ground, seen, scratch.labels, scratch.colors, scratch.exact, pictures
+            )
             if len(pictures.flow):
-                write_flow(frame, place, width, slot, pose, lens, dt, solids.motion, seen, scratch, pictures)
+                write_flow(
+                    frame, place, width, slot, pose, lens, dt, solids.motion, seen, scratch.labels, scratch.exact,
+                    pictures.flow,
+                )  # fmt: skip
             if is_colored:
                 color_tile(
                     place, slot, pose, size, lens, rays, num_shadows, ground, look.lights[frame], look.grain, seen,

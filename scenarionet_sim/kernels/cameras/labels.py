@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.kernels.cameras.ground import cell_of, height_at, paint_at, surface_at
 from scenarionet_sim.kernels.cameras.layout import (
     CROSSING,
     CROSSWALK,
     DISTANCE,
+    DISTORTED,
     DOWN,
     EYE,
     FORWARD,
@@ -36,7 +37,6 @@ from scenarionet_sim.kernels.cameras.layout import (
     TERRAIN,
     VELOCITY,
     YAW_SPEED,
-    FrameMemory,
     Ground,
     Pictures,
 )
@@ -69,11 +69,11 @@ def ground_class(ground: Ground, slot: int, x: float, y: float) -> int:
 
 @device_function(divides_by_zero=True)
 def label_pixels(
-    frame: int, first: int, slot: int, pose: Float64, ground: Ground, seen: Int32, scratch: FrameMemory,
-    pictures: Pictures,
+    frame: int, first: int, slot: int, pose: Float64, ground: Ground, seen: Int32, labels: Int32, colors: Float32,
+    exact: Float64, pictures: Pictures,
 ) -> None:  # fmt: skip
     """Write depth, class, instance and normal of pixels, from number ``first`` of the picture on, where wanted."""
-    count, exact, distances = len(seen), scratch.exact, scratch.exact[DISTANCE]
+    count, distances = len(seen), exact[DISTANCE]
     if len(pictures.depth):
         depth = pictures.depth[frame, first : first + count]
         for k in range(count):
@@ -83,7 +83,7 @@ def label_pixels(
         for k in range(count):
             found = SKY
             if seen[k] >= 0:
-                found = scratch.labels[seen[k], SEMANTIC]
+                found = labels[seen[k], SEMANTIC]
             elif seen[k] == ON_GROUND:
                 x, y = pose[EYE] + distances[k] * exact[RAY_X, k], pose[EYE + 1] + distances[k] * exact[RAY_Y, k]
                 found = ground_class(ground, slot, x, y)
@@ -91,14 +91,13 @@ def label_pixels(
     if len(pictures.instance):
         instance = pictures.instance[frame, first : first + count]
         for k in range(count):
-            instance[k] = scratch.labels[seen[k], INSTANCE_ROW] if seen[k] >= 0 else -1
+            instance[k] = labels[seen[k], INSTANCE_ROW] if seen[k] >= 0 else -1
     if len(pictures.normals):
         for k in range(count):
             normal = pictures.normals[frame, first + k]
             normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
             if seen[k] >= 0:
-                colors = scratch.colors[seen[k]]
-                normal[0], normal[1], normal[2] = colors[9], colors[10], colors[11]
+                normal[0], normal[1], normal[2] = colors[seen[k], 9], colors[seen[k], 10], colors[seen[k], 11]
             elif seen[k] == ON_GROUND:
                 x, y = pose[EYE] + distances[k] * exact[RAY_X, k], pose[EYE + 1] + distances[k] * exact[RAY_Y, k]
                 slope_x = (height_at(ground, slot, x + 0.05, y) - height_at(ground, slot, x - 0.05, y)) * 10.0
@@ -110,20 +109,20 @@ def label_pixels(
 @device_function(divides_by_zero=True)
 def write_flow(
     frame: int, first: int, width: int, slot: int, pose: Float64, lens: Float64, dt: float, motions: Float64,
-    seen: Int32, scratch: FrameMemory, pictures: Pictures,
+    seen: Int32, labels: Int32, exact: Float64, flow: Float32,
 ) -> None:  # fmt: skip
     """Write where each pixel's point will be in the picture after ``dt``, at constant velocities and yaw rates."""
-    exact, turn = scratch.exact, pose[YAW_SPEED] * dt
+    turn = pose[YAW_SPEED] * dt
     cos, sin = math.cos(turn), math.sin(turn)
     for k in range(len(seen)):
-        out = pictures.flow[frame, first + k]
+        out = flow[frame, first + k]
         out[0], out[1] = 0.0, 0.0
         far = exact[DISTANCE, k]
         x, y, z = far * exact[RAY_X, k], far * exact[RAY_Y, k], far * exact[RAY_Z, k]
         if seen[k] != NOTHING:
             x, y = x + pose[EYE], y + pose[EYE + 1]
-            if seen[k] >= 0 and scratch.labels[seen[k], INSTANCE_ROW] >= 0:
-                motion = motions[slot, scratch.labels[seen[k], INSTANCE_ROW]]
+            if seen[k] >= 0 and labels[seen[k], INSTANCE_ROW] >= 0:
+                motion = motions[slot, labels[seen[k], INSTANCE_ROW]]
                 angle = motion[YAW_RATE] * dt
                 c, s = math.cos(angle), math.sin(angle)
                 ax, ay = x - motion[X], y - motion[Y]
@@ -137,7 +136,7 @@ def write_flow(
         right = pose[RIGHT] * x + pose[RIGHT + 1] * y + pose[RIGHT + 2] * z
         down = pose[DOWN] * x + pose[DOWN + 1] * y + pose[DOWN + 2] * z
         ahead = pose[FORWARD] * x + pose[FORWARD + 1] * y + pose[FORWARD + 2] * z
-        if ahead > 1e-3 or (lens[KIND] != PINHOLE and lens[KIND] != 1.0):
+        if ahead > 1e-3 or (lens[KIND] != PINHOLE and lens[KIND] != DISTORTED):
             place = project(lens, right, down, ahead)
             row, column = (first + k) // width, (first + k) % width
             out[0], out[1] = place[0] - column - 0.5, place[1] - row - 0.5

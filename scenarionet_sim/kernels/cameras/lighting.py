@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64
 from scenarionet_sim.kernels.cameras.layout import (
@@ -21,6 +19,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     SUNLIGHT,
     ZENITH,
 )
+from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 
@@ -51,16 +50,16 @@ def _light_vertices(
     light: Float64, nx: Float64, ny: Float64, nz: Float64, red: Float32, green: Float32, blue: Float32
 ) -> None:
     """Write the light of sun, sky and ground that arrives (Lambert)."""
-    sx, sy, sz = np.float32(light[SUN]), np.float32(light[SUN + 1]), np.float32(light[SUN + 2])
+    sx, sy, sz = single(light[SUN]), single(light[SUN + 1]), single(light[SUN + 2])
     sun_r, sun_g, sun_b = (
-        np.float32(light[SUNLIGHT]), np.float32(light[SUNLIGHT + 1]), np.float32(light[SUNLIGHT + 2])
+        single(light[SUNLIGHT]), single(light[SUNLIGHT + 1]), single(light[SUNLIGHT + 2])
     )  # fmt: skip
     sky_r, sky_g, sky_b = (
-        np.float32(light[SKYLIGHT]), np.float32(light[SKYLIGHT + 1]), np.float32(light[SKYLIGHT + 2])
+        single(light[SKYLIGHT]), single(light[SKYLIGHT + 1]), single(light[SKYLIGHT + 2])
     )  # fmt: skip
-    low_r, low_g, low_b = np.float32(light[BOUNCE]), np.float32(light[BOUNCE + 1]), np.float32(light[BOUNCE + 2])
+    low_r, low_g, low_b = single(light[BOUNCE]), single(light[BOUNCE + 1]), single(light[BOUNCE + 2])
     for k in range(len(nx)):
-        x, y, z = np.float32(nx[k]), np.float32(ny[k]), np.float32(nz[k])
+        x, y, z = single(nx[k]), single(ny[k]), single(nz[k])
         above, direct = 0.5 + 0.5 * z, larger(x * sx + y * sy + z * sz, 0.0)
         below = 1.0 - above
         red[k] = sun_r * direct + sky_r * above + low_r * below
@@ -73,23 +72,24 @@ def _mirror(
     light: Float64, away_x: Float64, away_y: Float64, away_z: Float64, nx: Float64, ny: Float64, nz: Float64,
     mirror_r: Float32, mirror_g: Float32, mirror_b: Float32, gloss_r: Float32, gloss_g: Float32, gloss_b: Float32,
 ) -> None:  # fmt: skip
-    """Write what is mirrored towards the camera: sky or ground; and the share of it that depends on the angle of view
-    (Schlick), with the sun's highlight.
+    """Write what is mirrored towards the camera, and the part that depends on the angle of view, with the highlight.
+
+    Sky or ground is mirrored; its share grows with the angle (Schlick).
     """
-    sx, sy, sz = np.float32(light[SUN]), np.float32(light[SUN + 1]), np.float32(light[SUN + 2])
+    sx, sy, sz = single(light[SUN]), single(light[SUN + 1]), single(light[SUN + 2])
     sun_r, sun_g, sun_b = (
-        np.float32(light[SUNLIGHT]), np.float32(light[SUNLIGHT + 1]), np.float32(light[SUNLIGHT + 2])
+        single(light[SUNLIGHT]), single(light[SUNLIGHT + 1]), single(light[SUNLIGHT + 2])
     )  # fmt: skip
-    low_r, low_g, low_b = np.float32(light[HORIZON]), np.float32(light[HORIZON + 1]), np.float32(light[HORIZON + 2])
-    to_r = np.float32(light[ZENITH]) - low_r
-    to_g = np.float32(light[ZENITH + 1]) - low_g
-    to_b = np.float32(light[ZENITH + 2]) - low_b
+    low_r, low_g, low_b = single(light[HORIZON]), single(light[HORIZON + 1]), single(light[HORIZON + 2])
+    to_r = single(light[ZENITH]) - low_r
+    to_g = single(light[ZENITH + 1]) - low_g
+    to_b = single(light[ZENITH + 2]) - low_b
     ground_r, ground_g, ground_b = (
-        0.22 * np.float32(light[BOUNCE]), 0.22 * np.float32(light[BOUNCE + 1]), 0.22 * np.float32(light[BOUNCE + 2])
+        0.22 * single(light[BOUNCE]), 0.22 * single(light[BOUNCE + 1]), 0.22 * single(light[BOUNCE + 2])
     )  # fmt: skip
     for k in range(len(nx)):
-        x, y, z = np.float32(nx[k]), np.float32(ny[k]), np.float32(nz[k])
-        vx, vy, vz = np.float32(away_x[k]), np.float32(away_y[k]), np.float32(away_z[k])
+        x, y, z = single(nx[k]), single(ny[k]), single(nz[k])
+        vx, vy, vz = single(away_x[k]), single(away_y[k]), single(away_z[k])
         per = 1.0 / math.sqrt(vx * vx + vy * vy + vz * vz + 1e-9)
         vx, vy, vz = vx * per, vy * per, vz * per
         toward = smaller(larger(-(x * vx + y * vy + z * vz), 0.0), 1.0)

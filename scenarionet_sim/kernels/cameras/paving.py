@@ -36,6 +36,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     YELLOW_SHARE,
     Ground,
 )
+from scenarionet_sim.kernels.cameras.singles import rounded_down, single
 from scenarionet_sim.kernels.cameras.sky import GRAIN_SIZE, sky_gradient, smooth_noise
 from scenarionet_sim.kernels.cameras.strokes import draw_strokes
 from scenarionet_sim.kernels.minmax import larger, smaller
@@ -65,7 +66,7 @@ def color_ground(
     """
     frame, count = ground.frame[slot], len(seen)
     is_near = _measure_footprints(
-        count, np.float32(angle), exact[DISTANCE], exact[RAY_Z], shades[FAR], shades[ACROSS], shades[ALONG]
+        count, single(angle), exact[DISTANCE], exact[RAY_Z], shades[FAR], shades[ACROSS], shades[ALONG]
     )
     _find_cells(count, frame, int(ground.place[slot, 0]), shades[GROUND_X], shades[GROUND_Y], cells)
     _read_noise(count, frame, light[SHIFT], grain, is_near, texels, shades)
@@ -96,8 +97,8 @@ def _measure_footprints(
     """Write the extents [m] of pixels on the ground; return whether one is small enough to see fine noise."""
     is_near = False
     for k in range(count):
-        across[k] = np.float32(distances[k]) * angle
-        along[k] = smaller(angle * far[k] / larger(np.float32(-zs[k]), 1e-3), 30.0)
+        across[k] = single(distances[k]) * angle
+        along[k] = smaller(angle * far[k] / larger(single(-zs[k]), 1e-3), 30.0)
         is_near |= across[k] + along[k] < 0.1666
     return is_near
 
@@ -105,13 +106,13 @@ def _measure_footprints(
 @device_function(divides_by_zero=True, in_lanes=True)
 def _find_cells(count: int, frame: Float64, base: int, xs: Float32, ys: Float32, cells: Int32) -> None:
     """Write the cell of each pixel; beyond the grid, the one behind its last, which is terrain."""
-    inverse, columns, rows = np.float32(1.0 / frame[2]), np.float32(frame[3]), np.float32(frame[4])
+    inverse, columns, rows = single(1.0 / frame[2]), single(frame[3]), single(frame[4])
     first, last = np.int32(base), np.int32(base + int(frame[3]) * int(frame[4]))
     for k in range(count):
         u, v = xs[k] * inverse, ys[k] * inverse
         is_inside = (u >= 0.0) & (v >= 0.0) & (u < columns) & (v < rows)
         row, column = smaller(larger(v, 0.0), rows), smaller(larger(u, 0.0), columns)
-        cell = np.int32(np.floor(row) * columns + np.floor(column))
+        cell = np.int32(rounded_down(row) * columns + rounded_down(column))
         cells[k] = first + cell if is_inside else last
 
 
@@ -145,13 +146,13 @@ def _fade(count: int, across: Float32, along: Float32, fine: Float32) -> None:
 @device_function(divides_by_zero=True, in_lanes=True)
 def _center_fine(count: int, levels: Int32, fine: Float32) -> None:
     for k in range(count):
-        fine[k] *= np.float32(levels[k]) * (1.0 / 255.0) - 0.5
+        fine[k] *= single(levels[k]) * (1.0 / 255.0) - 0.5
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _center_coarse(count: int, levels: Int32, along: Float32, coarse: Float32) -> None:
     for k in range(count):
-        coarse[k] = (np.float32(levels[k]) * (1.0 / 255.0) - 0.5) * larger(1.0 - 0.1 * along[k], 0.15)
+        coarse[k] = (single(levels[k]) * (1.0 / 255.0) - 0.5) * larger(1.0 - 0.1 * along[k], 0.15)
 
 
 @device_function(divides_by_zero=True)
@@ -160,8 +161,8 @@ def _list_texels(
 ) -> None:
     """Write the texel of each pixel."""
     _list_texels_from(
-        count, np.float32(scale), np.float32((frame[0] * scale + shift) % GRAIN_SIZE + _AHEAD),
-        np.float32((frame[1] * scale + shift) % GRAIN_SIZE + _AHEAD), xs, ys, texels,
+        count, single(scale), single((frame[0] * scale + shift) % GRAIN_SIZE + _AHEAD),
+        single((frame[1] * scale + shift) % GRAIN_SIZE + _AHEAD), xs, ys, texels,
     )  # fmt: skip
 
 
@@ -182,26 +183,26 @@ def _list_surfaces(count: int, seen: Int32, bits: Int32, on_road: Float32, on_wa
         here = bits[k] if seen[k] == ON_GROUND else np.int32(0)
         bits[k] = here
         found |= here
-        on_road[k] = np.float32(here & _ROAD)
+        on_road[k] = 1.0 if here & _ROAD else 0.0
         on_walk[k] = 1.0 if here & _SIDEWALK else 0.0
-    return found
+    return int(found)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _pave(
-    count: int, light: Float64, x: float, y: float, xs: Float32, ys: Float32, along: Float32, fine: Float32, coarse: Float32,
-    on_road: Float32, on_walk: Float32, shade: Float32, red: Float32, green: Float32, blue: Float32,
+    count: int, light: Float64, x: float, y: float, xs: Float32, ys: Float32, along: Float32, fine: Float32,
+    coarse: Float32, on_road: Float32, on_walk: Float32, shade: Float32, red: Float32, green: Float32, blue: Float32,
 ) -> None:  # fmt: skip
     """Write the light of terrain, pavement and road by their shares."""
-    x, y, per_slab = np.float32(x), np.float32(y), 1.0 / 1.5
-    up = np.float32(light[SUN + 2])
-    sun_r, sky_r = np.float32(light[SUNLIGHT]) * up, np.float32(light[SKYLIGHT])
-    sun_g, sky_g = np.float32(light[SUNLIGHT + 1]) * up, np.float32(light[SKYLIGHT + 1])
-    sun_b, sky_b = np.float32(light[SUNLIGHT + 2]) * up, np.float32(light[SKYLIGHT + 2])
+    x, y, per_slab = single(x), single(y), 1.0 / 1.5
+    up = single(light[SUN + 2])
+    sun_r, sky_r = single(light[SUNLIGHT]) * up, single(light[SKYLIGHT])
+    sun_g, sky_g = single(light[SUNLIGHT + 1]) * up, single(light[SKYLIGHT + 1])
+    sun_b, sky_b = single(light[SUNLIGHT + 2]) * up, single(light[SKYLIGHT + 2])
     for k in range(count):
         rest, walk, road = 1.0 - on_road[k], on_walk[k], on_road[k]
         u, v = (xs[k] + x) * per_slab, (ys[k] + y) * per_slab
-        is_joint = ((u - np.floor(u) < 0.0167) | (v - np.floor(v) < 0.0167)) & (along[k] < 0.3)
+        is_joint = ((u - rounded_down(u) < 0.0167) | (v - rounded_down(v) < 0.0167)) & (along[k] < 0.3)
         slab = rest * walk * (0.72 if is_joint else 1.0) * (1.0 + 0.12 * coarse[k] + 0.25 * fine[k])
         grass = rest * (1.0 - walk) * (1.0 + 0.5 * coarse[k] + 0.87 * fine[k])
         asphalt = road * (1.0 + 0.22 * coarse[k] + 0.75 * fine[k])
@@ -218,10 +219,10 @@ def _paint_over(
     shade: Float32, red: Float32, green: Float32, blue: Float32,
 ) -> None:  # fmt: skip
     """Cover the ground with kerbs, then with paint, which is worn."""
-    up = np.float32(light[SUN + 2])
-    sun_r, sky_r = np.float32(light[SUNLIGHT]) * up, np.float32(light[SKYLIGHT])
-    sun_g, sky_g = np.float32(light[SUNLIGHT + 1]) * up, np.float32(light[SKYLIGHT + 1])
-    sun_b, sky_b = np.float32(light[SUNLIGHT + 2]) * up, np.float32(light[SKYLIGHT + 2])
+    up = single(light[SUN + 2])
+    sun_r, sky_r = single(light[SUNLIGHT]) * up, single(light[SKYLIGHT])
+    sun_g, sky_g = single(light[SUNLIGHT + 1]) * up, single(light[SKYLIGHT + 1])
+    sun_b, sky_b = single(light[SUNLIGHT + 2]) * up, single(light[SKYLIGHT + 2])
     for k in range(count):
         worn = 1.0 - 0.25 * larger(coarse[k] + 0.2, 0.0) - 0.5 * larger(fine[k], 0.0)
         white, yellow = whites[k] * worn, yellows[k] * worn

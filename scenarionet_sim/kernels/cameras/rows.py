@@ -32,6 +32,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     SQUARE,
     Ground,
 )
+from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger
 
 
@@ -39,7 +40,7 @@ from scenarionet_sim.kernels.minmax import larger
 def aim_rays(
     row: int, start: int, first: int, end: int, pose: Float64, lens: Float64, rays: Float64, exact: Float64
 ) -> None:
-    """Write the directions of a tile's pixels that are in a row from column ``start`` on, and their lengths' squares."""
+    """Write rays of a tile, of pixels of a row from column ``start`` on, and the squares of their lengths."""
     xs, ys, zs = exact[RAY_X, first:end], exact[RAY_Y, first:end], exact[RAY_Z, first:end]
     squares = exact[SQUARE, first:end]
     if lens[KIND] == PINHOLE:
@@ -109,8 +110,8 @@ def _choose_nearest(count: int, reach: float, squares: Float64, near: Float64, s
 def place_points(count: int, pose: Float64, frame: Float64, exact: Float64, shades: Float32) -> None:
     """Write the distances of what the pixels of a tile see, and its places in the frame of the ground's grid."""
     _place_points(
-        count, pose[EYE] - frame[0], pose[EYE + 1] - frame[1], exact[DISTANCE], exact[RAY_X], exact[RAY_Y], exact[SQUARE],
-        shades[FAR], shades[GROUND_X], shades[GROUND_Y],
+        count, pose[EYE] - frame[0], pose[EYE + 1] - frame[1], exact[DISTANCE], exact[RAY_X], exact[RAY_Y],
+        exact[SQUARE], shades[FAR], shades[GROUND_X], shades[GROUND_Y],
     )  # fmt: skip
 
 
@@ -120,6 +121,6 @@ def _place_points(
     far: Float32, xs: Float32, ys: Float32,
 ) -> None:  # fmt: skip
     for k in range(count):
-        far[k] = np.float32(distances[k]) * math.sqrt(np.float32(squares[k]))
-        xs[k] = np.float32(x + distances[k] * ray_x[k])
-        ys[k] = np.float32(y + distances[k] * ray_y[k])
+        far[k] = single(distances[k]) * math.sqrt(single(squares[k]))
+        xs[k] = single(x + distances[k] * ray_x[k])
+        ys[k] = single(y + distances[k] * ray_y[k])

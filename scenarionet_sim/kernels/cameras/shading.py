@@ -25,6 +25,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     RED,
     VIGNETTE,
 )
+from scenarionet_sim.kernels.cameras.singles import rounded_down, single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 _NONE = np.int32(0)
@@ -43,7 +44,7 @@ def cast_shadows(
         if first < end:
             shadow = shadows[n]
             _cast(
-                np.float32(strength), np.float32(shadow[0] - frame[0]), np.float32(shadow[1] - frame[1]), shadow,
+                single(strength), single(shadow[0] - frame[0]), single(shadow[1] - frame[1]), shadow,
                 xs[first:end], ys[first:end], shade[first:end],
             )  # fmt: skip
 
@@ -51,9 +52,9 @@ def cast_shadows(
 @device_function(divides_by_zero=True, in_lanes=True)
 def _cast(strength: float, x0: float, y0: float, shadow: Float64, xs: Float32, ys: Float32, shade: Float32) -> None:
     """Cast the shadow of a box, swept along the light, with an edge that softens with the distance from the box."""
-    cos, sin = np.float32(shadow[2]), np.float32(shadow[3])
-    half_length, half_width = np.float32(shadow[4]), np.float32(shadow[5])
-    sweep_x, sweep_y = np.float32(shadow[6]), np.float32(shadow[7])
+    cos, sin = single(shadow[2]), single(shadow[3])
+    half_length, half_width = single(shadow[4]), single(shadow[5])
+    sweep_x, sweep_y = single(shadow[6]), single(shadow[7])
     inverse = 1.0 / (sweep_x * sweep_x + sweep_y * sweep_y + 1e-9)
     for k in range(len(xs)):
         dx, dy = xs[k] - x0, ys[k] - y0
@@ -71,9 +72,9 @@ def color_triangles(
     row: int, start: int, colors: Float32, seen: Int32, red: Float32, green: Float32, blue: Float32
 ) -> None:
     """Write the light of triangles in pixels of a row from column ``start`` on."""
-    y = np.float32(row)
+    y = single(row)
     for k in range(len(seen)):
-        x = np.float32(start + k)
+        x = single(start + k)
         is_triangle = seen[k] >= 0
         color = colors[np.uint32(seen[k] if is_triangle else _NONE)]
         r, g = color[0] + color[1] * x + color[2] * y, color[3] + color[4] * x + color[5] * y
@@ -100,8 +101,8 @@ def open_windows(
             end += 1
         nx, ny = colors[triangle, 9] * 1.0, colors[triangle, 10] * 1.0
         _open_windows(
-            np.float32(nx / 3.2), np.float32(ny / 3.2), np.float32((nx * frame[1] - ny * frame[0]) / 3.2 % 1.0),
-            np.float32(pose[EYE + 2]), np.float32(0.8 / lens[FX]), exact[DISTANCE, first:end], exact[RAY_Z, first:end],
+            single(nx / 3.2), single(ny / 3.2), single((nx * frame[1] - ny * frame[0]) / 3.2 % 1.0),
+            single(pose[EYE + 2]), single(0.8 / lens[FX]), exact[DISTANCE, first:end], exact[RAY_Z, first:end],
             shades[GROUND_X, first:end], shades[GROUND_Y, first:end], shades[RED, first:end], shades[GREEN, first:end],
             shades[BLUE, first:end],
         )  # fmt: skip
@@ -114,9 +115,9 @@ def _open_windows(
     ys: Float32, red: Float32, green: Float32, blue: Float32,
 ) -> None:  # fmt: skip
     for k in range(len(xs)):
-        far = np.float32(distances[k])
-        u, v = nx * ys[k] - ny * xs[k] + offset, (level + far * np.float32(zs[k])) * (1.0 / 3.3)
-        u, v = u - np.floor(u), v - np.floor(v)
+        far = single(distances[k])
+        u, v = nx * ys[k] - ny * xs[k] + offset, (level + far * single(zs[k])) * (1.0 / 3.3)
+        u, v = u - rounded_down(u), v - rounded_down(v)
         is_window = (u > 0.22) & (u < 0.78) & (v > 0.28) & (v < 0.80)
         share = smaller(larger(1.2 - far * angle, 0.0), 1.0)
         bright = 1.0 - 0.72 * ((1.0 if is_window else 0.0) * share + 0.29 * (1.0 - share))
@@ -156,8 +157,8 @@ def expose(
 @device_function(divides_by_zero=True, in_lanes=True)
 def _add_haze(light: Float64, seen: Int32, far: Float32, red: Float32, green: Float32, blue: Float32) -> None:
     """Blend what is far away with the light of the horizon, and scale to the exposure."""
-    haze, gain = np.float32(light[HAZE]), np.float32(light[EXPOSURE])
-    r, g, b = np.float32(light[HORIZON]), np.float32(light[HORIZON + 1]), np.float32(light[HORIZON + 2])
+    haze, gain = single(light[HAZE]), single(light[EXPOSURE])
+    r, g, b = single(light[HORIZON]), single(light[HORIZON + 1]), single(light[HORIZON + 2])
     for k in range(len(seen)):
         mist = 0.0 if seen[k] == NOTHING else far[k] * haze
         clear = 1.0 / (1.0 + mist * (1.0 + 0.5 * mist))

@@ -13,6 +13,7 @@ of a call, each over all frames:
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from scenarionet_data.arrays.compiled import device_function
@@ -29,8 +30,11 @@ from scenarionet_sim.kernels.cameras.labels import label_pixels, write_flow
 from scenarionet_sim.kernels.cameras.layout import (
     BAND,
     HIDDEN,
+    INSTANCE_ROW,
     KIND,
+    MATERIAL,
     PINHOLE,
+    SEMANTIC,
     SHADOW,
     SKY_STEP,
     FrameMemory,
@@ -41,12 +45,13 @@ from scenarionet_sim.kernels.cameras.layout import (
     Solids,
 )
 from scenarionet_sim.kernels.cameras.lighting import light_vertices
-from scenarionet_sim.kernels.cameras.placement import SMALL, mesh_for, place_vertices, screen_radius, write_triangle
+from scenarionet_sim.kernels.cameras.placement import SMALL, color_triangle, mesh_for, screen_radius, write_normal
 from scenarionet_sim.kernels.cameras.rows import aim_rays, meet_ground
 from scenarionet_sim.kernels.cameras.shading import expose
 from scenarionet_sim.kernels.cameras.shadows import add_shadow
 from scenarionet_sim.kernels.cameras.sky import light_node
-from scenarionet_sim.kernels.cameras.triangles import inverse_distance, span_of
+from scenarionet_sim.kernels.cameras.triangles import add_triangle, inverse_distance, span_of
+from scenarionet_sim.kernels.cameras.vertices import place_vertex
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 SPIN, STEER, NUM_BOX = 7, 8, 9
@@ -202,23 +207,29 @@ def place_part(
     frame: int, place: int, part: int, num_parts: int, is_colored: bool, shots: Shots, meshes: Meshes, look: Look,
     items: Items, triangles: Triangles,
 ) -> None:  # fmt: skip
-    """Write one of ``num_parts`` parts of the vertices of an instance, and the light on them."""
+    """Write every ``num_parts``-th vertex of an instance from number ``part`` on, and the light on it."""
     item = items.drawn[frame, place]
     box, mesh = items.boxes[frame, item], int(items.kinds[frame, item, MESH])
-    ranges = meshes.ranges[mesh]
-    count = int(ranges[1] - ranges[0])
-    begin, end = part * count // num_parts, (part + 1) * count // num_parts
-    if begin == end:
-        return
+    turn, ranges = (math.cos(box[3]), math.sin(box[3])), meshes.ranges[mesh]
     first = triangles.first[frame, 1] + items.instances[frame, place, FIRST_VERTEX]
-    vertices = triangles.vertices[:, first + begin : first + end]
-    place_vertices(
-        meshes, mesh, ranges[0] + begin, ranges[0] + end, box, box[SPIN], box[STEER], shots.poses[frame], shots.lens,
-        vertices,
-    )  # fmt: skip
-    if is_colored:
-        lights = triangles.lights[:, first + begin : first + end]
-        light_vertices(look.lights[frame], end - begin, ranges[6] > 0, vertices, lights)
+    for number in range(part, ranges[1] - ranges[0], num_parts):
+        vertex = triangles.vertices[:, first + number : first + number + 1]
+        place_vertex(
+            meshes,
+            mesh,
+            ranges[0] + number,
+            0,
+            box,
+            turn,
+            box[SPIN],
+            box[STEER],
+            shots.poses[frame],
+            shots.lens,
+            vertex,
+        )
+        if is_colored:
+            lights = triangles.lights[:, first + number : first + number + 1]
+            light_vertices(look.lights[frame], 1, ranges[6] > 0, vertex, lights)
 
 
 @device_function(divides_by_zero=True)
@@ -229,24 +240,30 @@ def set_up_part(
     """Write every ``num_parts``-th triangle of an instance whose vertices are placed, from number ``part`` on."""
     item, instance = items.drawn[frame, place], items.instances[frame, place]
     kind = items.kinds[frame, item]
-    mesh, row = int(kind[MESH]), item if item < num_objects else -1
-    first, first_vertex = (
-        triangles.first[frame, 0] + instance[FIRST],
-        triangles.first[frame, 1] + instance[FIRST_VERTEX],
-    )
-    num_vertices = meshes.ranges[mesh, 1] - meshes.ranges[mesh, 0]
-    vertices = triangles.vertices[:, first_vertex : first_vertex + num_vertices]
-    lights = triangles.lights[:, first_vertex : first_vertex + num_vertices]
-    for number in range(part, instance[END] - instance[FIRST], num_parts):
-        triangle = first + number
-        bounds = triangles.bounds[triangle]
-        if not write_triangle(
-            meshes, mesh, meshes.ranges[mesh, 2] + number, kind[PAINT], kind[GLOW], row, kind[ITEM_CLASS], shots.lens,
-            shots.rings, size[1], size[0], look.lights[frame], is_colored, kind[IS_SMALL] == 1, vertices, lights,
-            triangles.edges[triangle], triangles.spans[triangle], triangles.colors[triangle],
-            triangles.labels[triangle], bounds,
-        ):  # fmt: skip
+    ranges, is_flat = meshes.ranges[kind[MESH]], kind[IS_SMALL] == 1
+    first, begin = triangles.first[frame, 0] + instance[FIRST], triangles.first[frame, 1] + instance[FIRST_VERTEX]
+    vertices = triangles.vertices[:, begin : begin + ranges[1] - ranges[0]]
+    lights = triangles.lights[:, begin : begin + ranges[1] - ranges[0]]
+    for number in range(part, ranges[3] - ranges[2], num_parts):
+        triangle, source = first + number, ranges[2] + number
+        corners, bounds = meshes.corners[source], triangles.bounds[triangle]
+        a, b, c = corners[0] - ranges[0], corners[1] - ranges[0], corners[2] - ranges[0]
+        found = add_triangle(
+            vertices, a, b, c, shots.lens, shots.rings, size[1], size[0], triangles.edges[triangle],
+            triangles.spans[triangle], bounds,
+        )  # fmt: skip
+        if found == 0:
             bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, 0, 0
+            continue
+        labels, colors, material = triangles.labels[triangle], triangles.colors[triangle], meshes.material[source]
+        labels[INSTANCE_ROW] = item if item < num_objects else -1
+        labels[SEMANTIC], labels[MATERIAL] = kind[ITEM_CLASS], material
+        write_normal(vertices, a, b, c, colors)
+        if is_colored:
+            color_triangle(
+                meshes, material, kind[PAINT], kind[GLOW], is_flat or found == 1, look.lights[frame], vertices, lights,
+                (a, b, c), colors,
+            )  # fmt: skip
 
 
 @device_function(divides_by_zero=True)
@@ -330,9 +347,11 @@ def draw_pixel(
     memory.near[0], seen[0] = trace_pixel(frame, row, column, shots, items, triangles)
     aim_rays(row, column, 0, 1, pose, lens, rays, memory.exact)
     meet_ground(1, slot, pose, reach, ground, memory.near, seen, memory.exact)
-    label_pixels(frame, number, slot, pose, ground, seen, scratch, pictures)
+    label_pixels(frame, number, slot, pose, ground, seen, triangles.labels, triangles.colors, memory.exact, pictures)
     if len(pictures.flow):
-        write_flow(frame, number, size[1], slot, pose, lens, dt, motion, seen, scratch, pictures)
+        write_flow(
+            frame, number, size[1], slot, pose, lens, dt, motion, seen, triangles.labels, memory.exact, pictures.flow
+        )
     if is_colored:
         num_shadows = items.counts[frame, NUM_SHADOWS]
         color_tile(number, slot, pose, size, lens, rays, num_shadows, ground, light, look.grain, seen, scratch)

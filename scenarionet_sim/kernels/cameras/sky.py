@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.cameras.layout import (
@@ -32,6 +30,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     SUNLIGHT,
     ZENITH,
 )
+from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 GRAIN_SIZE = 512
@@ -98,7 +97,7 @@ def color_sky(
 ) -> None:  # fmt: skip
     """Write the light of the sky in a tile's pixels that are in a row from column ``start`` on, between nodes."""
     top = row // BAND * BAND
-    share = np.float32((row - top) * (1.0 / BAND))
+    share = single((row - top) * (1.0 / BAND))
     first = begin
     while first < stop:
         column = start + first - begin
@@ -141,7 +140,7 @@ def _blend_nodes(
     step_g = (above_right[1] + share * (below_right[1] - above_right[1]) - g) * (1.0 / 8.0)
     step_b = (above_right[2] + share * (below_right[2] - above_right[2]) - b) * (1.0 / 8.0)
     for k in range(len(seen)):
-        at, is_sky = np.float32(offset + k), seen[k] == NOTHING
+        at, is_sky = single(offset + k), seen[k] == NOTHING
         red[k] = r + step_r * at if is_sky else red[k]
         green[k] = g + step_g * at if is_sky else green[k]
         blue[k] = b + step_b * at if is_sky else blue[k]

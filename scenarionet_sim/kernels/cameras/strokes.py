@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.kernels.cameras.layout import (
@@ -28,6 +26,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     YELLOW,
     Ground,
 )
+from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 
@@ -63,7 +62,7 @@ def draw_strokes(count: int, ground: Ground, slot: int, cells: Int32, exact: Flo
 def _aim(ray_x: Float64, ray_y: Float64, view_x: Float32, view_y: Float32) -> None:
     """Write the horizontal directions of view."""
     for k in range(len(view_x)):
-        x, y = np.float32(ray_x[k]), np.float32(ray_y[k])
+        x, y = single(ray_x[k]), single(ray_y[k])
         per = 1.0 / math.sqrt(x * x + y * y + 1e-12)
         view_x[k], view_y[k] = x * per, y * per
 
@@ -118,7 +117,7 @@ def _paint(stroke: Float32, frame: Float64, widest: float, shades: Float32, shar
     if smaller(rear, front) > limit or larger(rear, front) < -limit:
         return
     _cover(
-        np.float32(x0), np.float32(y0), np.float32(ux), np.float32(uy), np.float32(half), np.float32(half_length), xs,
+        single(x0), single(y0), single(ux), single(uy), single(half), single(half_length), xs,
         ys, shades[VIEW_X], shades[VIEW_Y], shades[ACROSS], shades[ALONG], shares,
     )  # fmt: skip
 
@@ -157,12 +156,12 @@ def _cross(stroke: Float32, frame: Float64, number: int, shades: Float32, shares
     per_y = ex / ey if ey != 0.0 else 0.0
     xs, ys = shades[GROUND_X], shades[GROUND_Y]
     _turn_over(
-        np.float32(smaller(y0, y1)), np.float32(larger(y0, y1)), np.float32(x0), np.float32(y0), np.float32(per_y),
-        np.float32(corner_x), np.float32(above), xs, ys, shares,
+        single(smaller(y0, y1)), single(larger(y0, y1)), single(x0), single(y0), single(per_y),
+        single(corner_x), single(above), xs, ys, shares,
     )  # fmt: skip
     length = math.sqrt(ex * ex + ey * ey + 1e-12)
     _measure_edge(
-        np.float32(x0), np.float32(y0), np.float32(ex / length), np.float32(ey / length), np.float32(length), xs, ys,
+        single(x0), single(y0), single(ex / length), single(ey / length), single(length), xs, ys,
         shades[VIEW_X], shades[VIEW_Y], shades[ACROSS], shades[ALONG], edges,
     )  # fmt: skip
 

@@ -31,11 +31,8 @@ from scenarionet_sim.kernels.cameras.layout import (
     VIEW,
     FrameMemory,
 )
-from scenarionet_sim.kernels.cameras.lens import project
+from scenarionet_sim.kernels.cameras.vertices import NEAREST
 from scenarionet_sim.kernels.minmax import larger, smaller
-
-NEAREST = 0.05
-"""Distance [m] below which corners are not projected: the bounds are those of the picture."""
 
 SHORT = 8
 """Longest span of a triangle in a row [pixels] that is not worth setting up a computation of several at once."""
@@ -182,7 +179,7 @@ def span_of(bounds: Int32, spans: Float64, row: int) -> tuple[float, float]:
     """Return the first column and the end of a triangle in a row of a pinhole's picture, from its bounds and spans."""
     left, right = bounds[0] * 1.0, bounds[2] * 1.0
     for edge in range(0, 9, 3):
-        crossing = np.ceil(spans[edge] + spans[edge + 1] * row)
+        crossing = np.ceil(spans[edge] + spans[edge + 1] * row)  # beyond all integers where an edge is level
         if spans[edge + 2] > 0.0:
             left = larger(left, crossing)
         else:
@@ -214,11 +211,11 @@ def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, ne
     if end - first > SHORT:
         _cover(triangle, inverse, step, near[first:end], seen[first:end])
         return
-    for k in range(first, end):
-        if inverse > near[k]:
-            near[k] = inverse
-            seen[k] = triangle
-        inverse += step
+    for k in range(end - first):
+        here = inverse + step * k
+        if here > near[first + k]:
+            near[first + k] = here
+            seen[first + k] = triangle
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -260,23 +257,3 @@ def _test(
         if inverse > near[start + column]:
             near[start + column] = inverse
             seen[start + column] = triangle
-
-
-@device_function(divides_by_zero=True)
-def project_vertices(lens: Float64, count: int, vertices: Float64) -> None:
-    """Write columns and rows of the first vertices that are in front of the camera."""
-    xs, ys, zs = vertices[VIEW, :count], vertices[VIEW + 1, :count], vertices[VIEW + 2, :count]
-    columns, rows = vertices[COLUMN, :count], vertices[ROW, :count]
-    if lens[KIND] == PINHOLE:
-        _project_straight(lens, xs, ys, zs, columns, rows)
-    elif lens[KIND] != RINGS:
-        for k in range(count):
-            columns[k], rows[k] = project(lens, xs[k], ys[k], zs[k])
-
-
-@device_function(divides_by_zero=True, in_lanes=True)
-def _project_straight(lens: Float64, xs: Float64, ys: Float64, zs: Float64, columns: Float64, rows: Float64) -> None:
-    fx, fy, cx, cy = lens[FX], lens[FY], lens[CX], lens[CY]
-    for k in range(len(xs)):
-        inverse = 1.0 / larger(zs[k], NEAREST)
-        columns[k], rows[k] = fx * xs[k] * inverse + cx, fy * ys[k] * inverse + cy

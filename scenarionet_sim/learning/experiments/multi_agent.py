@@ -14,7 +14,7 @@ ALGORITHMS = ("ippo", "td3", "copo", "gail", "airl")
 EXPERTS = "multi-agent-experts"
 """Run with the experts' observations."""
 
-SMALL = {"steps": 49_152, "worlds": 16, "seats": 24, "checkpoint_every": 2}
+SMALL = {"steps": 245_760, "worlds": 16, "seats": 24, "checkpoint_every": 2}
 """Settings of the small form, on top of ``config.SMALL``."""
 
 SMALL_EVERY = {"td3": 12}

@@ -6,7 +6,17 @@ from functools import cache
 
 import numpy as np
 
-from scenarionet_sim.kernels.structures import CELLS, LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS, OBJECTS
+from scenarionet_sim.kernels.rays import LINE_BITS
+from scenarionet_sim.kernels.structures import (
+    BLOCKS,
+    CELLS,
+    CELLS_IN_BLOCK,
+    LIGHTS,
+    LOG,
+    NUM_OBJECTS,
+    NUM_STEPS,
+    OBJECTS,
+)
 from scenarionet_sim.worlds.blocks import Blocks
 from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch
@@ -59,18 +69,18 @@ def check(batch: WorldBatch, slot: int, world: World) -> None:
     np.testing.assert_array_equal(
         recorded.light_state[place[LIGHTS] : place[LIGHTS] + lights], world.light_state.ravel()
     )
-    grid, cells = world.roads.segment_grid, place[CELLS]
+    grid = world.roads.segment_grid
     np.testing.assert_array_equal(lines.frame[slot], grid.frame)
-    starts = lines.cell_start[cells : cells + len(grid.cell_start)]
-    np.testing.assert_array_equal(starts - starts[0], grid.cell_start)
-    np.testing.assert_array_equal(lines.segments[starts[0] : starts[-1]], world.roads.segments[grid.cell_items])
     types = world.roads.segment_type[grid.cell_items]
-    np.testing.assert_array_equal(lines.segment_type[starts[0] : starts[-1]], types)
     for cell in range(len(grid.cell_start) - 1):
-        bits = np.bitwise_or.reduce(
-            1 << (types[grid.cell_start[cell] : grid.cell_start[cell + 1]].astype(np.int64) % 32), initial=0
-        )
-        assert lines.cell_types[cells + cell] == bits
+        inside = slice(grid.cell_start[cell], grid.cell_start[cell + 1])
+        bits = np.bitwise_or.reduce(LINE_BITS[types[inside]], initial=0)
+        assert lines.cell_types[place[CELLS] + cell] == bits
+        if bits:
+            filled = lines.block_start[place[BLOCKS] + cell // CELLS_IN_BLOCK] + lines.cell_rank[place[CELLS] + cell]
+            found = slice(lines.filled_start[filled], lines.filled_start[filled + 1])
+            np.testing.assert_array_equal(lines.segments[found], world.roads.segments[grid.cell_items[inside]])
+            np.testing.assert_array_equal(lines.segment_type[found], types[inside])
 
 
 def test_every_array_of_every_world_is_in_the_pool():

@@ -19,6 +19,7 @@ from numba.extending import intrinsic
 
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.storage.read.parquet.byte_kernels import double_at, pointer_to
 
 _POLYNOMIAL = 0x104C11DB7
 _CAN_MULTIPLY = bool(llvm.get_host_cpu_features().get("pclmul"))
@@ -57,16 +58,6 @@ _POWER_LOW, _POWER_HIGH = _power(128 + 32), _power(128 - 32)
 
 
 @_intrinsic
-def _double(_: Any, data: Any, at: Any) -> Any:
-    """Eight bytes as a number, the least significant first."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.load(_pointer(context, builder, signature, arguments, ir.IntType(64)), align=1)
-
-    return _types.uint64(data, at), generate
-
-
-@_intrinsic
 def _fold(_context: Any, data: Any, at: Any, stop: Any, first: Any) -> Any:
     """Two doubles whose remainder is that of the blocks from ``at`` on that end by ``stop``.
 
@@ -80,7 +71,7 @@ def _fold(_context: Any, data: Any, at: Any, stop: Any, first: Any) -> Any:
         array, begin, end, seed = arguments
 
         def block(position: Any) -> Any:
-            return builder.load(_pointer(context, builder, signature, (array, position), pair), align=1)
+            return builder.load(pointer_to(context, builder, signature.args[0], array, position, pair), align=1)
 
         start = builder.insert_element(ir.Constant(pair, [0, 0]), seed, ir.Constant(ir.IntType(32), 0))
         folded = _cgutils.alloca_once_value(builder, builder.xor(block(begin), start))
@@ -99,12 +90,6 @@ def _fold(_context: Any, data: Any, at: Any, stop: Any, first: Any) -> Any:
     return _types.UniTuple(_types.uint64, 2)(data, at, stop, first), generate
 
 
-def _pointer(context: Any, builder: Any, signature: Any, arguments: Any, kind: Any) -> Any:
-    """Address of a value of a kind at a position in an array of bytes."""
-    array = context.make_array(signature.args[0])(context, builder, arguments[0])
-    return builder.bitcast(builder.gep(array.data, [arguments[1]]), kind.as_pointer())
-
-
 @device_function
 def crc32(data: Array, start: int, end: int) -> Any:
     """CRC-32 of ``data[start:end]`` as int64; bounds must be within the data."""
@@ -114,7 +99,7 @@ def crc32(data: Array, start: int, end: int) -> Any:
         remainder = _through_tables(low, high)
         at = stop - (stop - at) % _BLOCK
     while at + _BLOCK <= stop:
-        remainder = _through_tables(_double(data, at) ^ _Double(remainder), _double(data, at + _EIGHT))
+        remainder = _through_tables(double_at(data, at) ^ _Double(remainder), double_at(data, at + _EIGHT))
         at += _BLOCK
     while at < stop:
         remainder = _TABLES[_Double((remainder ^ _Word(data[at])) & _Word(255))] ^ remainder >> _Word(8)

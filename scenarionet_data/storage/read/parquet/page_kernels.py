@@ -1,9 +1,8 @@
 """Compiled decoder of Parquet pages: a column of many row groups in one call.
 
 Format: https://parquet.apache.org/docs/file-format/ (data pages of version 1; levels and dictionary indices in the
-RLE/bit-packed hybrid; values PLAIN or in BYTE_STREAM_SPLIT) and LZ4 blocks,
-https://github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md. Pages of sealed files are compared with their
-CRC-32. Damaged bytes result in ``UNKNOWN`` or ``DAMAGED``; nothing is read or written out of bounds.
+RLE/bit-packed hybrid; values PLAIN or in BYTE_STREAM_SPLIT). Pages of sealed files are compared with their CRC-32.
+Damaged bytes result in ``UNKNOWN`` or ``DAMAGED``; nothing is read or written out of bounds.
 
 The kernels release the interpreter lock, so that threads decode in parallel.
 
@@ -20,6 +19,7 @@ import numpy as np
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.crc_kernels import crc32
+from scenarionet_data.storage.read.parquet.lz4_kernels import decompress
 from scenarionet_data.storage.read.parquet.thrift_kernels import (
     DATA_PAGE,
     DICTIONARY_PAGE,
@@ -95,7 +95,7 @@ def _load_page(data: Array, base: int, chunk: Array, page: Array, scratch: Array
             return UNKNOWN
         if chunk[IS_CHECKED] and checksum != crc32(data, middle - stored_size, middle):
             return DAMAGED
-        if not _decompress(data, middle - stored_size, middle, scratch, at, at + size):
+        if not decompress(data, middle - stored_size, middle, scratch, at, at + size):
             return DAMAGED
         page[WORDS_START], page[WORDS_END], page[NUM_WORDS] = at, at + size, count
         at += size
@@ -108,50 +108,9 @@ def _load_page(data: Array, base: int, chunk: Array, page: Array, scratch: Array
     page[END], page[LEVELS], page[ENCODING] = at + size, count, encoding
     if codec == ZSTD:
         page[STORED], page[STORED_END] = end - stored_size, end
-    elif not _decompress(data, end - stored_size, end, scratch, at, at + size):
+    elif not decompress(data, end - stored_size, end, scratch, at, at + size):
         return DAMAGED
     return at
-
-
-@device_function
-def _decompress(data: Array, at: int, end: int, target: Array, first: int, stop: int) -> bool:
-    """Decompress an LZ4 block into ``target[first:stop]``; returns whether it fills exactly this."""
-    to = first
-    while at < end:
-        token = _byte(data, at)
-        length, at = _extended(data, at + 1, end, token >> 4)
-        if length > end - at or length > stop - to:
-            return False
-        for k in range(length):
-            target[to + k] = data[at + k]
-        at, to = at + length, to + length
-        if at == end:  # the last sequence has no match
-            return to == stop
-        if end - at < 2:
-            return False
-        distance = _byte(data, at) | _byte(data, at + 1) << 8
-        length, at = _extended(data, at + 2, end, token & 15)
-        length += 4
-        if distance == 0 or distance > to - first or length > stop - to:
-            return False
-        for k in range(length):  # the match may overlap the bytes being written
-            target[to + k] = target[to + k - distance]
-        to += length
-    return False
-
-
-@device_function
-def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
-    """A length that continues in further bytes when its four bits are set."""
-    length = nibble
-    if length == 15:
-        while at < end:
-            byte = _byte(data, at)
-            at += 1
-            length += byte
-            if byte != 255:
-                break
-    return length, at
 
 
 @kernel(nogil=True)
