@@ -20,6 +20,7 @@ import operator
 from typing import Any
 
 import numba
+import numpy as np
 from llvmlite import ir as llvm
 from numba import _dynfunc, types
 from numba.core import (
@@ -49,14 +50,23 @@ _MEMINFO, _PARENT, _COUNT, _ITEMSIZE, _DATA, _SHAPE, _STRIDES = range(7)
 """Members of Numba's structure of an array."""
 
 
-def loop_compiler() -> Any:
-    """Return the compiler class for functions that create no arrays: Numba's own for versions that were not tested."""
+def loop_compiler(*, in_lanes: bool = False) -> Any:
+    """Return the compiler class for functions that create no arrays: Numba's own for versions that were not tested.
+
+    Args:
+        in_lanes: No memory that the function writes to is reached by two of its arguments, and its constants are
+            float32.
+    """
     version = tuple(map(int, numba.__version__.split(".")[:2]))
-    return LoopCompiler if _TESTED[0] <= version <= _TESTED[1] else compiler.Compiler
+    if not _TESTED[0] <= version <= _TESTED[1]:
+        return compiler.Compiler
+    return LaneCompiler if in_lanes else LoopCompiler
 
 
 class LoopCompiler(compiler.CompilerBase):
     """Compiles one function for one combination of argument types."""
+
+    is_in_lanes = False
 
     def __init__(self, typing_context: Any, *rest: Any) -> None:
         super().__init__(typing_context, *rest)
@@ -74,11 +84,20 @@ class LoopCompiler(compiler.CompilerBase):
             )
         with ConfigStack().enter(state.flags.copy()):
             _translate(state)
+            if self.is_in_lanes:
+                state.flags.noalias = True
+                _shorten_constants(state.func_ir)
             typed_passes.NopythonTypeInference().run_pass(state)
             state.func_ir = typed_passes.PreLowerStripPhis()._strip_phi_nodes(state.func_ir)
             state.cr = _lower(state)
         state.pipeline = None
         return state.cr
+
+
+class LaneCompiler(LoopCompiler):
+    """Compiles functions for the processor to compute several elements at once, of 4 bytes rather than 8."""
+
+    is_in_lanes = True
 
 
 class _Typing(Context):
@@ -125,6 +144,15 @@ def _translate(state: Any) -> None:
     rewrite_registry.apply("before-inference", state)
     state.func_ir = reconstruct_ssa(code)
     state.func_ir._definitions = ir_utils.build_definitions(state.func_ir.blocks)
+
+
+def _shorten_constants(code: Any) -> None:
+    """Make constants float32: one float64 makes the whole expression float64."""
+    for block in code.blocks.values():
+        for statement in block.find_insts(ir.Assign):
+            source = statement.value
+            if isinstance(source, (ir.Const, ir.Global, ir.FreeVar)) and isinstance(source.value, float):
+                source.value = np.float32(source.value)
 
 
 def _lower(state: Any) -> Any:

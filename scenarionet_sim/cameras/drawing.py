@@ -18,8 +18,11 @@ from scenarionet_sim.kernels.cameras.layout import (
     BAND,
     EYE,
     FORWARD,
-    KERB_SHARE,
+    NUM_EXACT,
+    NUM_LIGHTS,
     NUM_POSE,
+    NUM_SHADES,
+    NUM_VERTEX,
     PIVOT,
     RIGHT,
     SKY_STEP,
@@ -108,7 +111,10 @@ def draw(
     order: Int64 = np.concatenate([np.arange(start, bands, threads) for start in range(threads)])
     rays = rays_of(tuple(optics.lens.tolist()), width, height) if optics.rays is None else optics.rays
     rings = np.zeros(0) if optics.rings is None else optics.rings
-    solids, pictures, meshes = stage.solids(batch, state), Pictures(**made), library()
+    pictures = Pictures(**{
+        name: picture.reshape(len(picture), height * width, *picture.shape[3:]) for name, picture in made.items()
+    })  # fmt: skip
+    solids, meshes = stage.solids(batch, state), library()
     options = optics.are_boxes, optics.reach, optics.flow_time
 
     def draw_bands(first: int, end: int) -> int:
@@ -135,23 +141,24 @@ def _scratch(width: int) -> FrameMemory:
     """Return the memory of this thread for rows of some width."""
     columns = max(width, 16)
     found: FrameMemory | None = getattr(_memory, "scratch", None)
-    if found is None or len(found.near) < columns:
+    if found is None or len(found.near) < BAND * columns:
         found = _memory.scratch = FrameMemory(
-            vertices=np.zeros((_MAX_VERTICES, 12)),
+            vertices=np.zeros((NUM_VERTEX, _MAX_VERTICES)),
+            lights=np.zeros((NUM_LIGHTS, _MAX_VERTICES), np.float32),
             edges=np.empty((MAX_TRIANGLES, 12)),
             spans=np.empty((MAX_TRIANGLES, 12)),
-            colors=np.empty((MAX_TRIANGLES, 12), np.float32),
-            labels=np.empty((MAX_TRIANGLES, 4), np.int32),
+            colors=np.zeros((MAX_TRIANGLES, 12), np.float32),
+            labels=np.empty((MAX_TRIANGLES, 3), np.int32),
             bounds=np.empty((MAX_TRIANGLES, 4), np.int32),
-            instances=np.empty((_MAX_INSTANCES, 6), np.int32),
-            active=np.empty(MAX_TRIANGLES, np.int32),
+            instances=np.empty((_MAX_INSTANCES, 4), np.int32),
             shadows=np.empty((_MAX_INSTANCES, 12)),
-            near=np.empty(columns),
-            seen=np.empty(columns, np.int32),
-            row=np.zeros((KERB_SHARE + 1, TILE)),
+            near=np.empty(BAND * columns),
+            seen=np.empty(BAND * columns, np.int32),
+            exact=np.zeros((NUM_EXACT, TILE)),
+            shades=np.zeros((NUM_SHADES, TILE), np.float32),
             cells=np.zeros(TILE, np.int32),
             texels=np.zeros(TILE, np.int32),
-            sky=np.zeros((2, columns // SKY_STEP + 2, 4)),
+            sky=np.zeros((2, columns // SKY_STEP + 2, 4), np.float32),
         )
     return found
 

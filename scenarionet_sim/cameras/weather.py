@@ -117,7 +117,7 @@ def _light(weather: Weather) -> Float64:
 
 @lru_cache
 def _grain() -> UInt8:
-    """Return fine and coarse noise (2, S, S) that repeats without seams."""
+    """Return fine and coarse noise (2, S * S) that repeats without seams."""
     rng = np.random.default_rng(11)
     size = GRAIN_SIZE
     waves = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.fftfreq(size)[None, :])
@@ -127,7 +127,7 @@ def _grain() -> UInt8:
         spectrum *= np.exp(-((waves / high) ** 2)) * (waves > low) / np.maximum(waves, 0.006) ** 0.35
         noise = np.real(np.fft.ifft2(spectrum))
         noise = (noise - noise.mean()) / noise.std()
-        tables.append(np.clip(127.5 + 50.0 * noise, 0, 255))
+        tables.append(np.clip(127.5 + 50.0 * noise, 0, 255).ravel())
     grain: UInt8 = np.array(tables).astype(np.uint8)
     grain.flags.writeable = False
     return grain

@@ -62,11 +62,15 @@ _TINY = {
 """Meshes for tiny pictures, where they differ."""
 
 
+_GLOSSY = (at.BODY, at.GLASS, at.METAL)
+"""Materials that mirror."""
+
+
 @lru_cache
 def library() -> Meshes:
     """Return all meshes as kernels take them."""
     sources = _sources()
-    ranges = np.zeros((len(sources), 6), np.int32)
+    ranges = np.zeros((len(sources), 7), np.int32)
     wheels: Float32 = np.zeros((len(sources), 4, 5), np.float32)
     vertices, parts, corners, materials = [], [], [], []
     num_vertices = num_triangles = 0
@@ -77,7 +81,7 @@ def library() -> Meshes:
         vertex, split, vertex_part = with_normals(points, triangles, part, size, _CREASE)
         ranges[mesh] = (
             num_vertices, num_vertices + len(vertex), num_triangles, num_triangles + len(split), _FAR.get(mesh, mesh),
-            _TINY.get(mesh, mesh)
+            _TINY.get(mesh, mesh), np.isin(material, _GLOSSY).any()
         )  # fmt: skip
         for wheel in range(4):
             on_it = vertex[vertex_part == wheel + 1, :3]
@@ -91,7 +95,7 @@ def library() -> Meshes:
         num_vertices, num_triangles = num_vertices + len(vertex), num_triangles + len(split)
     colors = [MATERIAL_COLORS[material] for material in sorted(MATERIAL_COLORS)]
     return Meshes(
-        ranges, np.concatenate(vertices).astype(np.float32), np.concatenate(parts),
+        ranges, np.ascontiguousarray(np.concatenate(vertices).astype(np.float32).T), np.concatenate(parts),
         np.concatenate(corners).astype(np.int32), np.concatenate(materials), wheels,
         np.array([*colors, *PAINTS], np.float32),
     )  # fmt: skip

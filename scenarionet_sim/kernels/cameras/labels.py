@@ -15,8 +15,6 @@ from scenarionet_sim.kernels.cameras.layout import (
     DOWN,
     EYE,
     FORWARD,
-    GROUND_X,
-    GROUND_Y,
     HAS_STROKES,
     INSTANCE_ROW,
     KERB,
@@ -70,34 +68,38 @@ def ground_class(ground: Ground, slot: int, x: float, y: float) -> int:
 
 
 @device_function(divides_by_zero=True)
-def label_row(
-    frame: int, row: int, start: int, count: int, slot: int, ground: Ground, seen: Int32, labels: Int32,
-    colors: Float32, values: Float64, pictures: Pictures,
+def label_pixels(
+    frame: int, first: int, slot: int, pose: Float64, ground: Ground, seen: Int32, labels: Int32, colors: Float32,
+    exact: Float64, pictures: Pictures,
 ) -> None:  # fmt: skip
-    """Write depth, class, instance and normal of the pixels of a tile's row, where wanted."""
+    """Write depth, class, instance and normal of pixels, from number ``first`` of the picture on, where wanted."""
+    count, distances = len(seen), exact[DISTANCE]
     if len(pictures.depth):
-        depth = pictures.depth[frame, row, start : start + count]
+        depth = pictures.depth[frame, first : first + count]
         for k in range(count):
-            depth[k] = values[DISTANCE, k]
+            depth[k] = distances[k]
     if len(pictures.semantic):
+        semantic = pictures.semantic[frame, first : first + count]
         for k in range(count):
             found = SKY
             if seen[k] >= 0:
                 found = labels[seen[k], SEMANTIC]
             elif seen[k] == ON_GROUND:
-                found = ground_class(ground, slot, values[GROUND_X, k], values[GROUND_Y, k])
-            pictures.semantic[frame, row, start + k] = found
+                x, y = pose[EYE] + distances[k] * exact[RAY_X, k], pose[EYE + 1] + distances[k] * exact[RAY_Y, k]
+                found = ground_class(ground, slot, x, y)
+            semantic[k] = found
     if len(pictures.instance):
+        instance = pictures.instance[frame, first : first + count]
         for k in range(count):
-            pictures.instance[frame, row, start + k] = labels[seen[k], INSTANCE_ROW] if seen[k] >= 0 else -1
+            instance[k] = labels[seen[k], INSTANCE_ROW] if seen[k] >= 0 else -1
     if len(pictures.normals):
         for k in range(count):
-            normal = pictures.normals[frame, row, start + k]
+            normal = pictures.normals[frame, first + k]
             normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
             if seen[k] >= 0:
                 normal[0], normal[1], normal[2] = colors[seen[k], 9], colors[seen[k], 10], colors[seen[k], 11]
             elif seen[k] == ON_GROUND:
-                x, y = values[GROUND_X, k], values[GROUND_Y, k]
+                x, y = pose[EYE] + distances[k] * exact[RAY_X, k], pose[EYE + 1] + distances[k] * exact[RAY_Y, k]
                 slope_x = (height_at(ground, slot, x + 0.05, y) - height_at(ground, slot, x - 0.05, y)) * 10.0
                 slope_y = (height_at(ground, slot, x, y + 0.05) - height_at(ground, slot, x, y - 0.05)) * 10.0
                 unit = 1.0 / math.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
@@ -105,24 +107,22 @@ def label_row(
 
 
 @device_function(divides_by_zero=True)
-def flow_row(
-    frame: int, row: int, start: int, count: int, slot: int, pose: Float64, lens: Float64, dt: float, motions: Float64,
-    seen: Int32, labels: Int32, values: Float64, flow: Float32,
+def write_flow(
+    frame: int, first: int, width: int, slot: int, pose: Float64, lens: Float64, dt: float, motions: Float64,
+    seen: Int32, labels: Int32, exact: Float64, flow: Float32,
 ) -> None:  # fmt: skip
     """Write where each pixel's point will be in the picture after ``dt``, at constant velocities and yaw rates."""
     turn = pose[YAW_SPEED] * dt
     cos, sin = math.cos(turn), math.sin(turn)
-    for k in range(count):
-        out, row_seen = flow[frame, row, start + k], -1
-        if seen[k] >= 0:
-            row_seen = labels[seen[k], INSTANCE_ROW]
+    for k in range(len(seen)):
+        out = flow[frame, first + k]
         out[0], out[1] = 0.0, 0.0
-        far = values[DISTANCE, k]
-        x, y, z = far * values[RAY_X, k], far * values[RAY_Y, k], far * values[RAY_Z, k]
+        far = exact[DISTANCE, k]
+        x, y, z = far * exact[RAY_X, k], far * exact[RAY_Y, k], far * exact[RAY_Z, k]
         if seen[k] != NOTHING:
             x, y = x + pose[EYE], y + pose[EYE + 1]
-            if row_seen >= 0:
-                motion = motions[slot, row_seen]
+            if seen[k] >= 0 and labels[seen[k], INSTANCE_ROW] >= 0:
+                motion = motions[slot, labels[seen[k], INSTANCE_ROW]]
                 angle = motion[YAW_RATE] * dt
                 c, s = math.cos(angle), math.sin(angle)
                 ax, ay = x - motion[X], y - motion[Y]
@@ -138,4 +138,5 @@ def flow_row(
         ahead = pose[FORWARD] * x + pose[FORWARD + 1] * y + pose[FORWARD + 2] * z
         if ahead > 1e-3 or (lens[KIND] != PINHOLE and lens[KIND] != DISTORTED):
             place = project(lens, right, down, ahead)
-            out[0], out[1] = place[0] - (start + k) - 0.5, place[1] - row - 0.5
+            row, column = (first + k) // width, (first + k) % width
+            out[0], out[1] = place[0] - column - 0.5, place[1] - row - 0.5

@@ -48,20 +48,38 @@ x, y, direction x, y, length and half the width."""
 ) = range(20)  # fmt: skip
 """Classes of the semantic channel, see ``cameras.classes``."""
 
-TRI_FIRST, TRI_END, LEFT, TOP, RIGHT_END, BOTTOM = range(6)
-"""Columns of an instance in view: its triangles, and its bounds on the screen [pixels]."""
+TRI_FIRST, TRI_END, TOP, BOTTOM = range(4)
+"""Columns of an instance in view: its triangles, and its first and end row on the screen."""
 
-INSTANCE_ROW, SEMANTIC, MATERIAL, IS_FLAT = range(4)
-"""Columns of ``FrameMemory.labels``: row in the state or -1, class, material, whether it has one colour."""
+INSTANCE_ROW, SEMANTIC, MATERIAL = range(3)
+"""Columns of ``FrameMemory.labels``: row in the state or -1, class, material."""
 
+VIEW, COLUMN, ROW, AWAY, NORMAL = 0, 3, 4, 5, 8
+"""First rows of ``FrameMemory.vertices``: right, below and ahead of the camera [m]; place on the screen [pixels]; from
+the camera in the scenario's frame [m]; normal (unit vector) in that frame."""
+
+NUM_VERTEX = 11
+
+DIFFUSE, MIRROR, GLOSS = 0, 3, 6
+"""First rows of ``FrameMemory.lights``, linear RGB: light that arrives; what is mirrored; and mirrored in addition by
+the angle of view."""
+
+NUM_LIGHTS = 9
+
+DISTANCE, RAY_X, RAY_Y, RAY_Z, SQUARE = range(5)
+"""Rows of ``FrameMemory.exact``: distance in lengths of the ray, ray, and the square of its length."""
+
+NUM_EXACT = 5
 
 (
-    DISTANCE, GROUND_X, GROUND_Y, SHADE, RAY_X, RAY_Y, RAY_Z, UNIT, RED, GREEN, BLUE, ACROSS, ALONG, FINE, COARSE,
-    ON_ROAD, ON_WALK, ROAD_EDGE, WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE,
-) = range(22)  # fmt: skip
-"""Rows of ``FrameMemory.row``: distance along the ray, point of the ground, sunlight that arrives, ray, its length,
-light; then of the ground: footprint across and along the direction of view [m], noise, shares of road and pavement,
-distances to their borders, and shares of paint."""
+    FAR, GROUND_X, GROUND_Y, SHADE, RED, GREEN, BLUE, ACROSS, ALONG, FINE, COARSE, ON_ROAD, ON_WALK, ROAD_EDGE,
+    WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE,
+) = range(18)  # fmt: skip
+"""Rows of ``FrameMemory.shades``: distance [m], point seen in the frame of the ground's grid [m], sunlight that
+arrives, light; then of the ground: footprint across and along the direction of view [m], noise, shares of road and
+pavement, distances to their borders, and shares of paint."""
+
+NUM_SHADES = 18
 
 NOTHING, ON_GROUND = -2, -1
 """Values of ``FrameMemory.seen`` besides triangles, which are 0 and above."""
@@ -69,8 +87,8 @@ NOTHING, ON_GROUND = -2, -1
 BAND = 8
 """Rows of a band, the part of a frame that a thread draws at a time."""
 
-TILE = 128
-"""Columns drawn at a time: their values stay in the processor's cache."""
+TILE = 256
+"""Pixels of a band drawn at a time: their values stay in the processor's cache."""
 
 SKY_STEP = 8
 """The sky is computed at every eighth row and column, and interpolated between."""
@@ -132,8 +150,9 @@ class Meshes(NamedTuple):
     """Meshes in the unit box: x from -0.5 (rear) to 0.5, y from -0.5 (right) to 0.5, z from 0 to 1.
 
     Attributes:
-        ranges: (M, 6) first and end vertex, first and end triangle, and the meshes to draw when small and when tiny.
-        vertices: (V, 6) position and normal.
+        ranges: (M, 7) first and end vertex, first and end triangle, the meshes to draw when small and when tiny, and
+            whether a material mirrors.
+        vertices: (6, V) position and normal.
         part: (V,) 0, or 1 + the wheel that the vertex is on.
         corners: (T, 3) vertices of each triangle, counter-clockwise from outside.
         material: (T,) material.
@@ -155,7 +174,7 @@ class Look(NamedTuple):
 
     Attributes:
         lights: (B, NUM_LIGHT) light and weather of each frame.
-        grain: (2, S, S) uint8 fine and coarse noise.
+        grain: (2, S * S) uint8 fine and coarse noise, row by row.
         tone: (4096,) uint8 sRGB values of linear light.
     """
 
@@ -176,53 +195,55 @@ NUM_LIGHT = 26
 
 
 class FrameMemory(NamedTuple):
-    """Memory of one thread: triangles in view of a frame, shadows, and the rows of a band.
+    """Memory of one thread: triangles in view of a frame, shadows, and the pixels of a band.
 
     Attributes:
-        vertices: (V, 12) of one mesh in view.
+        vertices: (NUM_VERTEX, V) of one mesh in view, see above.
+        lights: (NUM_LIGHTS, V) light on them, see above.
         edges: (T, 12) three edge functions and the inverse depth, each over the direction of a ray.
         spans: (T, 12) of a pinhole: column at row 0 and slope of each edge, 1 where it is a left edge; inverse depth at
             the first pixel, and its steps along a row and a column.
-        colors: (T, 12) linear RGB at three corners, and the normal.
-        labels: (T, 4), see above.
+        colors: (T, 12) linear RGB at column and row 0, each with its steps along a row and a column; and the normal.
+        labels: (T, 3), see above.
         bounds: (T, 4) on the screen: left, top, right end, bottom end.
-        instances: (I, 6), see above.
-        active: (T,) triangles that touch a band of rows.
+        instances: (I, 4), see above.
         shadows: (I, 12) x, y, cos, sin, half length, half width, sweep x, y in its frame, and its screen bounds.
-        near: (columns,) inverse depth of the nearest triangle.
-        seen: (columns,) the nearest triangle or -1.
-        row: (22, TILE) values of the pixels of a part of a row, see above.
+        near: (BAND * columns,) inverse depth of the nearest triangle.
+        seen: (BAND * columns,) the nearest triangle or -1.
+        exact: (NUM_EXACT, TILE) values of the pixels of a tile, see above.
+        shades: (NUM_SHADES, TILE) values of the pixels of a tile for their colour, see above.
         cells, texels: (TILE,) cells of the ground and texels of its noise, or levels of colour.
         sky: (2, columns / SKY_STEP + 2, 4) light of the sky above and below a band, and 1 where it is known.
     """
 
     vertices: Float64
+    lights: Float32
     edges: Float64
     spans: Float64
     colors: Float32
     labels: Int32
     bounds: Int32
     instances: Int32
-    active: Int32
     shadows: Float64
     near: Float64
     seen: Int32
-    row: Float64
+    exact: Float64
+    shades: Float32
     cells: Int32
     texels: Int32
-    sky: Float64
+    sky: Float32
 
 
 class Pictures(NamedTuple):
-    """Outputs; arrays of channels that are not wanted have no rows.
+    """Outputs, row by row; arrays of channels that are not wanted have no frames.
 
     Attributes:
-        rgb: (B, H, W, 3) uint8.
-        depth: (B, H, W) float32 [m].
-        semantic: (B, H, W) uint8 class.
-        instance: (B, H, W) int32 row of the state, or -1.
-        normals: (B, H, W, 3) float32 unit vectors in the scenario's frame, 0 in the sky.
-        flow: (B, H, W, 2) float32 [pixels].
+        rgb: (B, H * W, 3) uint8.
+        depth: (B, H * W) float32 [m].
+        semantic: (B, H * W) uint8 class.
+        instance: (B, H * W) int32 row of the state, or -1.
+        normals: (B, H * W, 3) float32 unit vectors in the scenario's frame, 0 in the sky.
+        flow: (B, H * W, 2) float32 [pixels].
     """
 
     rgb: UInt8

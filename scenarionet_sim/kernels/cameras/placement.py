@@ -7,28 +7,33 @@ import math
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64
 from scenarionet_sim.kernels.cameras.layout import (
+    AWAY,
     BODY,
     BOTTOM,
+    COLUMN,
     CX,
     CY,
+    DIFFUSE,
     DOWN,
     EYE,
     FACADE,
     FORWARD,
     FX,
     FY,
+    GLASS,
+    GLOSS,
     HEADLAMP,
     INSTANCE_ROW,
-    IS_FLAT,
     KIND,
     LAMP_GREEN,
     LAMP_RED,
     LAMPS,
-    LEFT,
     MATERIAL,
+    METAL,
+    MIRROR,
     PINHOLE,
     RIGHT,
-    RIGHT_END,
+    ROW,
     SEMANTIC,
     TAIL_LAMP,
     TOP,
@@ -37,8 +42,9 @@ from scenarionet_sim.kernels.cameras.layout import (
     FrameMemory,
     Meshes,
 )
-from scenarionet_sim.kernels.cameras.lighting import lit
-from scenarionet_sim.kernels.cameras.triangles import add_triangle, project_vertex
+from scenarionet_sim.kernels.cameras.lighting import light_vertices
+from scenarionet_sim.kernels.cameras.triangles import add_triangle
+from scenarionet_sim.kernels.cameras.vertices import place_vertices
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 NUM_MATERIALS = 21
@@ -48,6 +54,9 @@ triangle."""
 
 TINY = 6.0
 """Radius below which the mesh for tiny pictures is drawn."""
+
+LEAST_AREA = 0.5
+"""Twice the area [pixels] of triangles below which their light is the same everywhere."""
 
 
 @device_function(forceinline=True, divides_by_zero=True)
@@ -81,87 +90,83 @@ def mesh_for(meshes: Meshes, mesh: int, radius: float) -> int:
     return int(meshes.ranges[mesh, 4]) if radius < SMALL else mesh
 
 
-@device_function(forceinline=True, divides_by_zero=True)
-def place_vertex(
-    meshes: Meshes, mesh: int, number: int, box: Float64, turn: tuple[float, float], spin: float, steer: float,
-    pose: Float64, lens: Float64, vertex: Float64,
-) -> None:  # fmt: skip
-    """Write a vertex (12,) of a mesh in view.
-
-    Args:
-        meshes, mesh, number: The vertex of the mesh.
-        box: (7,) x, y, z, heading, length, width, height.
-        turn: Cosine and sine of the heading.
-        spin, steer: Of the wheels, see ``instances.wheels_of``.
-        pose, lens: The camera.
-        vertex: (12,) see ``FrameMemory.vertices``.
-    """
-    cos, sin = turn
-    source = meshes.vertices[number]
-    sx, sy, sz = box[4], box[5], box[6]
-    x, y, z = source[0] * sx, source[1] * sy, source[2] * sz
-    nx, ny, nz = source[3] / sx, source[4] / sy, source[5] / sz
-    part = meshes.part[number]
-    if part > 0:
-        wheel = meshes.wheels[mesh, part - 1]
-        cx, cy, cz, radius = wheel[0] * sx, wheel[1] * sy, wheel[2] * sz, wheel[4] * sz
-        angle = spin / larger(radius, 0.05)
-        c, s = math.cos(angle), math.sin(angle)
-        dx, dz = (x - cx) / larger(sx * wheel[3], 1e-3), (z - cz) / larger(radius, 1e-3)
-        x, z = cx + radius * (c * dx + s * dz), cz + radius * (c * dz - s * dx)
-        nx, nz = c * nx + s * nz, c * nz - s * nx
-        if part <= 2:
-            c, s = math.cos(steer), math.sin(steer)
-            dx, dy = x - cx, y - cy
-            x, y = cx + c * dx - s * dy, cy + s * dx + c * dy
-            nx, ny = c * nx - s * ny, s * nx + c * ny
-    unit = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)
-    vertex[3], vertex[4], vertex[5] = (cos * nx - sin * ny) * unit, (sin * nx + cos * ny) * unit, nz * unit
-    wx = box[0] + cos * x - sin * y - pose[EYE]
-    wy = box[1] + sin * x + cos * y - pose[EYE + 1]
-    wz = box[2] + z - pose[EYE + 2]
-    vertex[6], vertex[7], vertex[8] = wx, wy, wz
-    vertex[0] = pose[RIGHT] * wx + pose[RIGHT + 1] * wy + pose[RIGHT + 2] * wz
-    vertex[1] = pose[DOWN] * wx + pose[DOWN + 1] * wy + pose[DOWN + 2] * wz
-    vertex[2] = pose[FORWARD] * wx + pose[FORWARD + 1] * wy + pose[FORWARD + 2] * wz
-    project_vertex(lens, vertex)
-
-
-@device_function(forceinline=True, divides_by_zero=True)
-def color_triangle(
-    meshes: Meshes, material: int, paint: int, glow: int, is_flat: bool, light: Float64, vertices: Float64,
-    corners: tuple[int, int, int], colors: Float32,
-) -> None:  # fmt: skip
-    """Write the light on the corners of a triangle, or on the first one only, into ``colors`` (12,)."""
-    color = meshes.colors[NUM_MATERIALS + paint if material in (BODY, FACADE) else material]
-    strength = 0.0
-    if material == TAIL_LAMP and glow == TAIL_LAMP:
-        strength = 5.0
-    elif material in (HEADLAMP, TAIL_LAMP):
-        strength = light[LAMPS] * (3.0 if material == HEADLAMP else 1.2)
-    elif LAMP_RED <= material <= LAMP_GREEN:
-        strength = 6.0 if glow == material else -0.85
-    faint, extra = 1.0 + smaller(strength, 0.0), larger(strength, 0.0)
-    for corner in range(1 if is_flat else 3):
-        vertex = vertices[corners[0] if corner == 0 else (corners[1] if corner == 1 else corners[2])]
-        red, green, blue = lit(light, material, color[0], color[1], color[2], vertex)
-        colors[3 * corner] = larger(red * faint + extra * color[0], 0.0)
-        colors[3 * corner + 1] = larger(green * faint + extra * color[1], 0.0)
-        colors[3 * corner + 2] = larger(blue * faint + extra * color[2], 0.0)
-
-
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def write_normal(vertices: Float64, a: int, b: int, c: int, colors: Float32) -> None:
     """Write the normal of a triangle into the last columns of ``colors`` (12,)."""
-    pa, pb, pc = vertices[a], vertices[b], vertices[c]
-    ux, uy, uz = pb[6] - pa[6], pb[7] - pa[7], pb[8] - pa[8]
-    vx, vy, vz = pc[6] - pa[6], pc[7] - pa[7], pc[8] - pa[8]
+    xs, ys, zs = vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2]
+    ux, uy, uz = xs[b] - xs[a], ys[b] - ys[a], zs[b] - zs[a]
+    vx, vy, vz = xs[c] - xs[a], ys[c] - ys[a], zs[c] - zs[a]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     unit = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz + 1e-30)
     colors[9], colors[10], colors[11] = nx * unit, ny * unit, nz * unit
 
 
+@device_function(divides_by_zero=True)
+def color_triangle(
+    meshes: Meshes, material: int, paint: int, glow: int, is_flat: bool, light: Float64, vertices: Float64,
+    lights: Float32, corners: tuple[int, int, int], colors: Float32,
+) -> None:  # fmt: skip
+    """Write the light of a triangle, the same everywhere or a plane through that at its corners, to ``colors`` (12,).
+
+    Args:
+        meshes: Colours.
+        material: Material.
+        paint: Colour of ``BODY``.
+        glow: Material that shines, or -1.
+        is_flat: Whether the light is the same everywhere; it must be if a corner has no place on the screen.
+        light: Light of the frame.
+        vertices, lights: See ``FrameMemory``.
+        corners: Vertices.
+        colors: See ``FrameMemory``.
+    """
+    color = meshes.colors[NUM_MATERIALS + paint if material in (BODY, FACADE) else material]
+    strength = strength_of(material, glow, light)
+    a, b, c = corners
+    columns, rows = vertices[COLUMN], vertices[ROW]
+    ux, uy, vx, vy = columns[b] - columns[a], rows[b] - rows[a], columns[c] - columns[a], rows[c] - rows[a]
+    area = ux * vy - vx * uy
+    for channel in range(3):
+        albedo, along, down = color[channel] * 1.0, 0.0, 0.0
+        start = corner_light(material, albedo, strength, lights, a, channel)
+        if not is_flat and abs(area) >= LEAST_AREA:
+            to_b = corner_light(material, albedo, strength, lights, b, channel) - start
+            to_c = corner_light(material, albedo, strength, lights, c, channel) - start
+            along, down = (to_b * vy - to_c * uy) / area, (to_c * ux - to_b * vx) / area
+            start -= along * (columns[a] - 0.5) + down * (rows[a] - 0.5)
+        colors[3 * channel], colors[3 * channel + 1], colors[3 * channel + 2] = start, along, down
+
+
+@device_function(divides_by_zero=True)
+def strength_of(material: int, glow: int, light: Float64) -> float:
+    """Return how brightly a material shines by itself, or that it is darker (below 0), by the material that glows."""
+    if material == TAIL_LAMP and glow == TAIL_LAMP:
+        return 5.0
+    if material in (HEADLAMP, TAIL_LAMP):
+        return float(light[LAMPS] * (3.0 if material == HEADLAMP else 1.2))
+    if LAMP_RED <= material <= LAMP_GREEN:
+        return 6.0 if glow == material else -0.85
+    return 0.0
+
+
 @device_function(forceinline=True, divides_by_zero=True)
+def corner_light(material: int, color: float, strength: float, lights: Float32, corner: int, channel: int) -> float:
+    """Return the light that a corner of a triangle sends to the camera, in one channel.
+
+    Args:
+        material, color: Material and its linear colour.
+        strength: See :func:`strength_of`.
+        lights: (NUM_LIGHTS, V) light on vertices, see ``FrameMemory.lights``.
+        corner: Vertex.
+        channel: 0 to 2.
+    """
+    sent = color * lights[DIFFUSE + channel, corner]
+    if material in (BODY, GLASS, METAL):
+        share = 0.10 if material == GLASS else 0.045
+        sent += share * lights[MIRROR + channel, corner] + lights[GLOSS + channel, corner]
+    return float(larger(sent * (1.0 + smaller(strength, 0.0)) + larger(strength, 0.0) * color, 0.0))
+
+
+@device_function(divides_by_zero=True)
 def add_mesh(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, lens: Float64,
     rings: Float64, width: int, height: int, light: Float64, scratch: FrameMemory, num_triangles: int, is_colored: bool,
@@ -184,23 +189,25 @@ def add_mesh(
         if num_triangles >= len(scratch.labels):
             return num_triangles
         a, b, c = meshes.corners[t, 0] - first, meshes.corners[t, 1] - first, meshes.corners[t, 2] - first
-        if not add_triangle(
+        found = add_triangle(
             vertices, a, b, c, lens, rings, width, height, scratch.edges[num_triangles], scratch.spans[num_triangles],
             scratch.bounds[num_triangles],
-        ):  # fmt: skip
+        )  # fmt: skip
+        if found == 0:
             continue
         material = meshes.material[t]
         labels, colors = scratch.labels[num_triangles], scratch.colors[num_triangles]
         labels[INSTANCE_ROW], labels[SEMANTIC], labels[MATERIAL] = row, semantic, material
-        labels[IS_FLAT] = 1 if is_flat else 0
-        write_normal(vertices, a, b, c, colors)
         num_triangles += 1
+        write_normal(vertices, a, b, c, colors)
         if is_colored:
-            color_triangle(meshes, material, paint, glow, is_flat, light, vertices, (a, b, c), colors)
+            color_triangle(
+                meshes, material, paint, glow, is_flat or found == 1, light, vertices, scratch.lights, (a, b, c), colors
+            )
     return num_triangles
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def add_instance(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, box: Float64, spin: float,
     steer: float, pose: Float64, lens: Float64, rings: Float64, width: int, height: int, radius: float,
@@ -210,21 +217,19 @@ def add_instance(
     num_triangles, num_instances = count
     if num_instances >= len(scratch.instances):
         return count
-    mesh = mesh_for(meshes, mesh, radius)
-    turn, first = (math.cos(box[3]), math.sin(box[3])), meshes.ranges[mesh, 0]
-    for number in range(first, meshes.ranges[mesh, 1]):
-        place_vertex(meshes, mesh, number, box, turn, spin, steer, pose, lens, scratch.vertices[number - first])
+    mesh, turn = mesh_for(meshes, mesh, radius), (math.cos(box[3]), math.sin(box[3]))
+    num_vertices = place_vertices(meshes, mesh, box, turn, spin, steer, pose, lens, scratch.vertices)
+    if is_colored:
+        light_vertices(light, num_vertices, meshes.ranges[mesh, 6] > 0, scratch.vertices, scratch.lights)
     after = add_mesh(
         meshes, mesh, paint, glow, row, semantic, lens, rings, width, height, light, scratch, num_triangles,
         is_colored, radius < SMALL,
     )  # fmt: skip
     if after == num_triangles:
         return count
-    instance = scratch.instances[num_instances]
-    instance[TRI_FIRST], instance[TRI_END] = num_triangles, after
-    left, top, right, bottom = width * 2, height, -width, 0
+    top, bottom = height, 0
     for t in range(num_triangles, after):
-        left, top = smaller(left, scratch.bounds[t, 0]), smaller(top, scratch.bounds[t, 1])
-        right, bottom = larger(right, scratch.bounds[t, 2]), larger(bottom, scratch.bounds[t, 3])
-    instance[LEFT], instance[TOP], instance[RIGHT_END], instance[BOTTOM] = left, top, right, bottom
+        top, bottom = smaller(top, int(scratch.bounds[t, 1])), larger(bottom, int(scratch.bounds[t, 3]))
+    instance = scratch.instances[num_instances]
+    instance[TRI_FIRST], instance[TRI_END], instance[TOP], instance[BOTTOM] = num_triangles, after, top, bottom
     return after, num_instances + 1

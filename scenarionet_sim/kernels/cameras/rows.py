@@ -1,4 +1,4 @@
-"""Parts of rows: the rays of their pixels, and whether a triangle, the ground or the sky is seen along them."""
+"""Pixels of a tile: their rays, and whether a triangle, the ground or the sky is seen along them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.kernels.cameras.ground import meet_heights
 from scenarionet_sim.kernels.cameras.layout import (
     CX,
@@ -15,6 +15,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     DISTANCE,
     DOWN,
     EYE,
+    FAR,
     FORWARD,
     FX,
     FY,
@@ -28,71 +29,98 @@ from scenarionet_sim.kernels.cameras.layout import (
     RAY_Y,
     RAY_Z,
     RIGHT,
-    SHADE,
-    UNIT,
+    SQUARE,
     Ground,
 )
+from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger
-
-# One output per loop, and no load behind a condition: the compiler then computes several pixels at once.
 
 
 @device_function(divides_by_zero=True)
-def aim_rays(row: int, start: int, count: int, pose: Float64, lens: Float64, rays: Float64, values: Float64) -> None:
-    """Write the directions of the pixels of a tile's row, and their lengths."""
-    rx, ry, rz = pose[RIGHT], pose[RIGHT + 1], pose[RIGHT + 2]
-    if lens[KIND] != PINHOLE:
-        for k in range(count):
-            x, y, z = rays[row, start + k, 0], rays[row, start + k, 1], rays[row, start + k, 2]
-            values[RAY_X, k] = x * rx + y * pose[DOWN] + z * pose[FORWARD]
-            values[RAY_Y, k] = x * ry + y * pose[DOWN + 1] + z * pose[FORWARD + 1]
-            values[RAY_Z, k] = x * rz + y * pose[DOWN + 2] + z * pose[FORWARD + 2]
-            values[UNIT, k] = math.sqrt(x * x + y * y + z * z)
+def aim_rays(
+    row: int, start: int, first: int, end: int, pose: Float64, lens: Float64, rays: Float64, exact: Float64
+) -> None:
+    """Write rays of a tile, of pixels of a row from column ``start`` on, and the squares of their lengths."""
+    xs, ys, zs = exact[RAY_X, first:end], exact[RAY_Y, first:end], exact[RAY_Z, first:end]
+    squares = exact[SQUARE, first:end]
+    if lens[KIND] == PINHOLE:
+        v, step = (row + 0.5 - lens[CY]) / lens[FY], 1.0 / lens[FX]
+        _aim_straight((start + 0.5 - lens[CX]) * step, step, v, pose, xs, ys, zs, squares)
         return
-    v, step = (row + 0.5 - lens[CY]) / lens[FY], 1.0 / lens[FX]
-    first = (start + 0.5 - lens[CX]) * step
+    for k in range(len(xs)):
+        x, y, z = rays[row, start + k, 0], rays[row, start + k, 1], rays[row, start + k, 2]
+        xs[k] = x * pose[RIGHT] + y * pose[DOWN] + z * pose[FORWARD]
+        ys[k] = x * pose[RIGHT + 1] + y * pose[DOWN + 1] + z * pose[FORWARD + 1]
+        zs[k] = x * pose[RIGHT + 2] + y * pose[DOWN + 2] + z * pose[FORWARD + 2]
+        squares[k] = x * x + y * y + z * z
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _aim_straight(
+    first: float, step: float, v: float, pose: Float64, xs: Float64, ys: Float64, zs: Float64, squares: Float64
+) -> None:
+    rx, ry, rz = pose[RIGHT], pose[RIGHT + 1], pose[RIGHT + 2]
     bx, by = v * pose[DOWN] + pose[FORWARD], v * pose[DOWN + 1] + pose[FORWARD + 1]
     bz = v * pose[DOWN + 2] + pose[FORWARD + 2]
     rest = v * v + 1.0
-    for k in range(count):
-        values[RAY_X, k] = (first + step * k) * rx + bx
-    for k in range(count):
-        values[RAY_Y, k] = (first + step * k) * ry + by
-    for k in range(count):
-        values[RAY_Z, k] = (first + step * k) * rz + bz
-    for k in range(count):
+    for k in range(len(xs)):
         u = first + step * k
-        values[UNIT, k] = math.sqrt(u * u + rest)
+        xs[k], ys[k], zs[k], squares[k] = u * rx + bx, u * ry + by, u * rz + bz, u * u + rest
 
 
 @device_function(divides_by_zero=True)
 def meet_ground(
-    count: int, slot: int, pose: Float64, reach: float, ground: Ground, near: Float64, seen: Int32,
-    values: Float64,
-) -> None:  # fmt: skip
-    """Write how far the pixels of a tile's row see, and what: the nearer of ground and triangle."""
-    ex, ey, ez = pose[EYE], pose[EYE + 1], pose[EYE + 2]
-    inverse = 1.0 / (ground.level[slot] - ez)
+    count: int, slot: int, pose: Float64, reach: float, ground: Ground, near: Float64, seen: Int32, exact: Float64
+) -> None:
+    """Write how far the pixels of a tile see, and what: the nearer of ground and triangle."""
+    ez = pose[EYE + 2]
+    zs, distances = exact[RAY_Z], exact[DISTANCE]
     if ground.height_frame[slot, 3] > 0.0:
         for k in range(count):
-            values[SHADE, k] = 1.0 / meet_heights(
-                ground, slot, ex, ey, ez, values[RAY_X, k], values[RAY_Y, k], values[RAY_Z, k], reach
+            distances[k] = 1.0 / meet_heights(
+                ground, slot, pose[EYE], pose[EYE + 1], ez, exact[RAY_X, k], exact[RAY_Y, k], zs[k], reach
             )
     else:
-        for k in range(count):
-            values[SHADE, k] = values[RAY_Z, k] * inverse
-    for k in range(count):  # inverse distances to the ground in reach, else 0
-        near_ground = values[SHADE, k]
-        values[SHADE, k] = near_ground if values[UNIT, k] < reach * near_ground else 0.0
+        _meet_level(count, 1.0 / (ground.level[slot] - ez), zs, distances)
+    _choose_nearest(count, reach, exact[SQUARE], near, seen, distances)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _meet_level(count: int, inverse: float, zs: Float64, distances: Float64) -> None:
+    """Write the inverse distances at which rays meet level ground."""
     for k in range(count):
-        nearest = larger(near[k], values[SHADE, k])
-        values[DISTANCE, k] = 1.0 / nearest if nearest > 0.0 else reach
+        distances[k] = zs[k] * inverse
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _choose_nearest(count: int, reach: float, squares: Float64, near: Float64, seen: Int32, distances: Float64) -> None:
+    """Replace the inverse distances to the ground by the distances to what is seen; write what that is."""
+    most = reach * reach
     for k in range(count):
-        ground_or_sky = ON_GROUND if values[SHADE, k] > 0.0 else NOTHING
+        to_ground = larger(distances[k], 0.0)
+        to_ground = to_ground if squares[k] < most * to_ground * to_ground else 0.0
+        nearest = larger(near[k], to_ground)
         before = seen[k]
-        is_triangle = (near[k] >= values[SHADE, k]) & (before >= 0)
-        seen[k] = before if is_triangle else np.int32(ground_or_sky)
+        is_triangle = (near[k] >= to_ground) & (before >= 0)
+        seen[k] = before if is_triangle else np.int32(ON_GROUND if to_ground > 0.0 else NOTHING)
+        distances[k] = 1.0 / nearest if nearest > 0.0 else reach
+
+
+@device_function(divides_by_zero=True)
+def place_points(count: int, pose: Float64, frame: Float64, exact: Float64, shades: Float32) -> None:
+    """Write the distances of what the pixels of a tile see, and its places in the frame of the ground's grid."""
+    _place_points(
+        count, pose[EYE] - frame[0], pose[EYE + 1] - frame[1], exact[DISTANCE], exact[RAY_X], exact[RAY_Y],
+        exact[SQUARE], shades[FAR], shades[GROUND_X], shades[GROUND_Y],
+    )  # fmt: skip
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _place_points(
+    count: int, x: float, y: float, distances: Float64, ray_x: Float64, ray_y: Float64, squares: Float64,
+    far: Float32, xs: Float32, ys: Float32,
+) -> None:  # fmt: skip
     for k in range(count):
-        values[GROUND_X, k] = ex + values[DISTANCE, k] * values[RAY_X, k]
-    for k in range(count):
-        values[GROUND_Y, k] = ey + values[DISTANCE, k] * values[RAY_Y, k]
+        far[k] = single(distances[k]) * math.sqrt(single(squares[k]))
+        xs[k] = single(x + distances[k] * ray_x[k])
+        ys[k] = single(y + distances[k] * ray_y[k])

@@ -17,7 +17,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     RIGHT,
     SUN,
 )
-from scenarionet_sim.kernels.cameras.triangles import NEAREST
+from scenarionet_sim.kernels.cameras.vertices import NEAREST
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 SHADOW_REACH = 120.0

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.cameras.layout import (
     BAND,
+    BLUE,
     CLOUD,
     CX,
     CY,
@@ -15,6 +16,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     FORWARD,
     FX,
     FY,
+    GREEN,
     HORIZON,
     KIND,
     NOTHING,
@@ -28,6 +30,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     SUNLIGHT,
     ZENITH,
 )
+from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 GRAIN_SIZE = 512
@@ -41,8 +44,8 @@ def smooth_noise(grain: UInt8, x: float, y: float) -> float:
     u, v = x - column, y - row
     i, j = int(column) & (GRAIN_SIZE - 1), int(row) & (GRAIN_SIZE - 1)
     k, m = (i + 1) & (GRAIN_SIZE - 1), (j + 1) & (GRAIN_SIZE - 1)
-    above = grain[1, j, i] * (1.0 - u) + grain[1, j, k] * u
-    below = grain[1, m, i] * (1.0 - u) + grain[1, m, k] * u
+    above = grain[1, j * GRAIN_SIZE + i] * (1.0 - u) + grain[1, j * GRAIN_SIZE + k] * u
+    below = grain[1, m * GRAIN_SIZE + i] * (1.0 - u) + grain[1, m * GRAIN_SIZE + k] * u
     return float(above * (1.0 - v) + below * v) * (1.0 / 255.0)
 
 
@@ -89,42 +92,63 @@ def sky_color(light: Float64, grain: UInt8, x: float, y: float, z: float) -> tup
 
 @device_function(divides_by_zero=True)
 def color_sky(
-    row: int, start: int, count: int, size: tuple[int, int], pose: Float64, lens: Float64, rays: Float64,
-    light: Float64, grain: UInt8, seen: Int32, nodes: Float64, values: Float64,
+    row: int, start: int, begin: int, stop: int, size: tuple[int, int], pose: Float64, lens: Float64, rays: Float64,
+    light: Float64, grain: UInt8, seen: Int32, nodes: Float32, shades: Float32,
 ) -> None:  # fmt: skip
-    """Write the light of the sky in pieces of a tile's row that see it, interpolated between the nodes of its band."""
+    """Write the light of the sky in a tile's pixels that are in a row from column ``start`` on, between nodes."""
     top = row // BAND * BAND
-    share = (row - top) * (1.0 / BAND)
-    past = start % SKY_STEP  # columns of the first piece that are left of this part of the row
-    for piece in range(-past, count, SKY_STEP):
-        first, end = larger(piece, 0), smaller(piece + SKY_STEP, count)
-        is_sky = False
-        for k in range(first, end):
-            is_sky |= seen[k] == NOTHING
-        if not is_sky:
-            continue
-        node = (start + piece) // SKY_STEP
-        for side in range(2):
-            for place in (node, node + 1):
-                if nodes[side, place, 3] == 0.0:
-                    nodes[side, place, 3] = 1.0
-                    light_node(
-                        smaller(top + side * BAND, size[0] - 1), smaller(place * SKY_STEP, size[1] - 1), pose, lens,
-                        rays, light, grain, nodes[side, place],
-                    )  # fmt: skip
-        for channel in range(3):
-            above, below = nodes[0, node, channel], nodes[1, node, channel]
-            left = above + share * (below - above)
-            above, below = nodes[0, node + 1, channel], nodes[1, node + 1, channel]
-            step = (above + share * (below - above) - left) * (1.0 / SKY_STEP)
-            part = values[RED + channel, first:end]
-            for k in range(end - first):
-                part[k] = left + step * (k + first - piece)
+    share = single((row - top) * (1.0 / BAND))
+    first = begin
+    while first < stop:
+        column = start + first - begin
+        node = column // SKY_STEP
+        end = smaller(first + (node + 1) * SKY_STEP - column, stop)
+        if _is_sky_seen(seen[first:end]):
+            for side in range(2):
+                for place in (node, node + 1):
+                    if nodes[side, place, 3] == 0.0:
+                        nodes[side, place, 3] = 1.0
+                        light_node(
+                            smaller(top + side * BAND, size[0] - 1), smaller(place * SKY_STEP, size[1] - 1), pose,
+                            lens, rays, light, grain, nodes[side, place],
+                        )  # fmt: skip
+            _blend_nodes(
+                share, column - node * SKY_STEP, nodes[0, node], nodes[0, node + 1], nodes[1, node],
+                nodes[1, node + 1], seen[first:end], shades[RED, first:end], shades[GREEN, first:end],
+                shades[BLUE, first:end],
+            )  # fmt: skip
+        first = end
+
+
+@device_function(divides_by_zero=True)
+def _is_sky_seen(seen: Int32) -> bool:
+    is_seen = False
+    for k in range(len(seen)):
+        is_seen |= seen[k] == NOTHING
+    return is_seen
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _blend_nodes(
+    share: float, offset: int, above: Float32, above_right: Float32, below: Float32, below_right: Float32,
+    seen: Int32, red: Float32, green: Float32, blue: Float32,
+) -> None:  # fmt: skip
+    """Write the light between four nodes where the sky is seen, from column ``offset`` of the left ones on."""
+    r, g = above[0] + share * (below[0] - above[0]), above[1] + share * (below[1] - above[1])
+    b = above[2] + share * (below[2] - above[2])
+    step_r = (above_right[0] + share * (below_right[0] - above_right[0]) - r) * (1.0 / 8.0)
+    step_g = (above_right[1] + share * (below_right[1] - above_right[1]) - g) * (1.0 / 8.0)
+    step_b = (above_right[2] + share * (below_right[2] - above_right[2]) - b) * (1.0 / 8.0)
+    for k in range(len(seen)):
+        at, is_sky = single(offset + k), seen[k] == NOTHING
+        red[k] = r + step_r * at if is_sky else red[k]
+        green[k] = g + step_g * at if is_sky else green[k]
+        blue[k] = b + step_b * at if is_sky else blue[k]
 
 
 @device_function(divides_by_zero=True)
 def light_node(
-    row: int, column: int, pose: Float64, lens: Float64, rays: Float64, light: Float64, grain: UInt8, node: Float64
+    row: int, column: int, pose: Float64, lens: Float64, rays: Float64, light: Float64, grain: UInt8, node: Float32
 ) -> None:
     """Write the light of the sky along the ray of a pixel."""
     x, y, z = (column + 0.5 - lens[CX]) / lens[FX], (row + 0.5 - lens[CY]) / lens[FY], 1.0

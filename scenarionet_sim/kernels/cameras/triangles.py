@@ -16,6 +16,7 @@ from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_sim.kernels.cameras.layout import (
     BOTTOM,
+    COLUMN,
     CX,
     CY,
     FX,
@@ -23,16 +24,18 @@ from scenarionet_sim.kernels.cameras.layout import (
     KIND,
     PINHOLE,
     RINGS,
+    ROW,
     TOP,
     TRI_END,
     TRI_FIRST,
+    VIEW,
     FrameMemory,
 )
-from scenarionet_sim.kernels.cameras.lens import project
+from scenarionet_sim.kernels.cameras.vertices import NEAREST
 from scenarionet_sim.kernels.minmax import larger, smaller
 
-NEAREST = 0.05
-"""Distance [m] below which corners are not projected: the bounds are those of the picture."""
+SHORT = 8
+"""Longest span of a triangle in a row [pixels] that is not worth setting up a computation of several at once."""
 
 WIDE = 0.35
 """Angle [rad] under which a triangle's edges are bent too much by a lens to be bounded by its corners."""
@@ -41,41 +44,47 @@ WIDE = 0.35
 @device_function(divides_by_zero=True)
 def bound_triangle(
     vertices: Float64, a: int, b: int, c: int, lens: Float64, rings: Float64, width: int, height: int, bounds: Int32
-) -> None:
-    """Write the screen bounds (4,) of a triangle."""
+) -> bool:
+    """Write the screen bounds (4,) of a triangle; return whether its corners have places on the screen."""
     kind = lens[KIND]
     bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, width, height
     if kind == RINGS:
         _bound_on_rings(vertices, a, b, c, rings, width, bounds)
-        return
+        return False
     if kind == PINHOLE:
-        if smaller(vertices[a, 2], smaller(vertices[b, 2], vertices[c, 2])) < NEAREST:
-            return
+        ahead = vertices[VIEW + 2]
+        if smaller(ahead[a], smaller(ahead[b], ahead[c])) < NEAREST:
+            return False
     elif _is_wide(vertices, a, b) or _is_wide(vertices, b, c) or _is_wide(vertices, c, a):
-        return
-    low_x = smaller(vertices[a, 9], smaller(vertices[b, 9], vertices[c, 9]))
-    high_x = larger(vertices[a, 9], larger(vertices[b, 9], vertices[c, 9]))
-    low_y = smaller(vertices[a, 10], smaller(vertices[b, 10], vertices[c, 10]))
-    high_y = larger(vertices[a, 10], larger(vertices[b, 10], vertices[c, 10]))
+        return False
+    low_x = smaller(vertices[COLUMN, a], smaller(vertices[COLUMN, b], vertices[COLUMN, c]))
+    high_x = larger(vertices[COLUMN, a], larger(vertices[COLUMN, b], vertices[COLUMN, c]))
+    low_y = smaller(vertices[ROW, a], smaller(vertices[ROW, b], vertices[ROW, c]))
+    high_y = larger(vertices[ROW, a], larger(vertices[ROW, b], vertices[ROW, c]))
     if kind == PINHOLE:  # rows and columns whose middle is inside
         bounds[0] = int(smaller(larger(math.ceil(low_x - 0.501), 0.0), width))
         bounds[1] = int(smaller(larger(math.ceil(low_y - 0.501), 0.0), height))
         bounds[2] = int(smaller(larger(math.floor(high_x + 0.501), 0.0), width))
         bounds[3] = int(smaller(larger(math.floor(high_y + 0.501), 0.0), height))
-        return
+        return True
     pad_x = pad_y = 1.0 + 0.1 * larger(high_x - low_x, high_y - low_y)
     bounds[0] = int(smaller(larger(math.floor(low_x - pad_x), 0.0), width))
     bounds[1] = int(smaller(larger(math.floor(low_y - pad_y), 0.0), height))
     bounds[2] = int(smaller(larger(math.ceil(high_x + pad_x), 0.0), width))
     bounds[3] = int(smaller(larger(math.ceil(high_y + pad_y), 0.0), height))
+    return True
 
 
 @device_function(divides_by_zero=True)
 def _is_wide(vertices: Float64, a: int, b: int) -> bool:
     """Whether the camera sees two vertices more than ``WIDE`` apart, or one of them from closer than ``NEAREST``."""
-    dot = vertices[a, 0] * vertices[b, 0] + vertices[a, 1] * vertices[b, 1] + vertices[a, 2] * vertices[b, 2]
-    first = vertices[a, 0] ** 2 + vertices[a, 1] ** 2 + vertices[a, 2] ** 2
-    second = vertices[b, 0] ** 2 + vertices[b, 1] ** 2 + vertices[b, 2] ** 2
+    dot = (
+        vertices[VIEW, a] * vertices[VIEW, b]
+        + vertices[VIEW + 1, a] * vertices[VIEW + 1, b]
+        + vertices[VIEW + 2, a] * vertices[VIEW + 2, b]
+    )
+    first = vertices[VIEW, a] ** 2 + vertices[VIEW + 1, a] ** 2 + vertices[VIEW + 2, a] ** 2
+    second = vertices[VIEW, b] ** 2 + vertices[VIEW + 1, b] ** 2 + vertices[VIEW + 2, b] ** 2
     is_near = smaller(first, second) < NEAREST * NEAREST
     return bool(is_near or dot < math.cos(WIDE) * math.sqrt(first * second))
 
@@ -85,14 +94,14 @@ def _bound_on_rings(vertices: Float64, a: int, b: int, c: int, rings: Float64, w
     """Bound a triangle on a lidar's rings (descending elevations); columns may exceed the picture on either side."""
     if _is_wide(vertices, a, b) or _is_wide(vertices, b, c) or _is_wide(vertices, c, a):
         return
-    start = math.atan2(-vertices[a, 0], vertices[a, 2])
+    start = math.atan2(-vertices[VIEW, a], vertices[VIEW + 2, a])
     low = high = 0.0
     down, up = math.pi, -math.pi
     for corner in (a, b, c):
-        turn = math.atan2(-vertices[corner, 0], vertices[corner, 2]) - start
+        turn = math.atan2(-vertices[VIEW, corner], vertices[VIEW + 2, corner]) - start
         turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
         low, high = smaller(low, turn), larger(high, turn)
-        rise = math.atan2(-vertices[corner, 1], math.hypot(vertices[corner, 0], vertices[corner, 2]))
+        rise = math.atan2(-vertices[VIEW + 1, corner], math.hypot(vertices[VIEW, corner], vertices[VIEW + 2, corner]))
         down, up = smaller(down, rise), larger(up, rise)
     if high - low > 1.0:
         return
@@ -112,18 +121,22 @@ def _bound_on_rings(vertices: Float64, a: int, b: int, c: int, rings: Float64, w
 def add_triangle(
     vertices: Float64, a: int, b: int, c: int, lens: Float64, rings: Float64, width: int, height: int, edges: Float64,
     spans: Float64, bounds: Int32,
-) -> bool:  # fmt: skip
-    """Write edge functions (12,), spans (12,) and bounds (4,) of a triangle, if it may be in view."""
-    ax, ay, az = vertices[a, 0], vertices[a, 1], vertices[a, 2]
-    bx, by, bz = vertices[b, 0], vertices[b, 1], vertices[b, 2]
-    cx, cy, cz = vertices[c, 0], vertices[c, 1], vertices[c, 2]
+) -> int:  # fmt: skip
+    """Write edge functions (12,), spans (12,) and bounds (4,) of a triangle, if it may be in view.
+
+    Returns:
+        0 if it is not in view, 2 if its corners have places on the screen, else 1.
+    """
+    ax, ay, az = vertices[VIEW, a], vertices[VIEW + 1, a], vertices[VIEW + 2, a]
+    bx, by, bz = vertices[VIEW, b], vertices[VIEW + 1, b], vertices[VIEW + 2, b]
+    cx, cy, cz = vertices[VIEW, c], vertices[VIEW + 1, c], vertices[VIEW + 2, c]
     ex, ey, ez = cy * bz - cz * by, cz * bx - cx * bz, cx * by - cy * bx  # -(b x c)
     volume = ax * ex + ay * ey + az * ez
     if volume <= 1e-12:
-        return False
-    bound_triangle(vertices, a, b, c, lens, rings, width, height, bounds)
+        return 0
+    is_placed = bound_triangle(vertices, a, b, c, lens, rings, width, height, bounds)
     if bounds[0] >= bounds[2] or bounds[1] >= bounds[3]:
-        return False
+        return 0
     fx, fy, fz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx  # -(c x a)
     gx, gy, gz = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax  # -(a x b)
     edges[0], edges[1], edges[2] = ex, ey, ez
@@ -132,38 +145,33 @@ def add_triangle(
     edges[9], edges[10], edges[11] = (ex + fx + gx) / volume, (ey + fy + gy) / volume, (ez + fz + gz) / volume
     if lens[KIND] == PINHOLE:
         write_spans(edges, lens, spans)
-    return True
+    return 2 if is_placed else 1
 
 
 @device_function(divides_by_zero=True)
-def list_band(first: int, end: int, num_instances: int, instances: Int32, bounds: Int32, active: Int32) -> int:
-    """List the triangles whose bounds touch a band of rows, in ``active``; return their number."""
-    count = 0
-    for place in range(num_instances):
-        if instances[place, TOP] < end and instances[place, BOTTOM] > first:
-            for triangle in range(instances[place, TRI_FIRST], instances[place, TRI_END]):
-                if bounds[triangle, 1] < end and bounds[triangle, 3] > first:
-                    active[count] = triangle
-                    count += 1
-    return count
-
-
-@device_function(divides_by_zero=True)
-def trace_row(row: int, num_active: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory) -> None:
-    """Find the nearest of the listed triangles along the ray of every pixel of a row."""
-    near, seen, bounds, active = scratch.near, scratch.seen, scratch.bounds, scratch.active
-    for column in range(width):
-        near[column] = 0.0
-    for column in range(width):
-        seen[column] = -1
+def trace_band(
+    top: int, end: int, num_instances: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory
+) -> None:
+    """Find the nearest triangle along the ray of every pixel of a band of rows."""
+    near, seen, bounds, instances = scratch.near, scratch.seen, scratch.bounds, scratch.instances
+    for k in range((end - top) * width):
+        near[k] = 0.0
+    for k in range((end - top) * width):
+        seen[k] = -1
     is_pinhole = lens[KIND] == PINHOLE
-    for place in range(num_active):
-        triangle = active[place]
-        if bounds[triangle, 1] <= row < bounds[triangle, 3]:
-            if is_pinhole:
-                _scan(triangle, row, bounds, scratch.spans, near, seen)
-            else:
-                _test(triangle, row, lens, rays, width, scratch.edges, bounds, near, seen)
+    for place in range(num_instances):
+        if instances[place, TOP] >= end or instances[place, BOTTOM] <= top:
+            continue
+        for triangle in range(instances[place, TRI_FIRST], instances[place, TRI_END]):
+            first, last = larger(int(bounds[triangle, 1]), top), smaller(int(bounds[triangle, 3]), end)
+            for row in range(first, last):
+                if is_pinhole:
+                    _scan(triangle, row, (row - top) * width, bounds[triangle], scratch.spans[triangle], near, seen)
+                else:
+                    _test(
+                        triangle, row, (row - top) * width, lens, rays, width, scratch.edges[triangle],
+                        bounds[triangle], near, seen,
+                    )  # fmt: skip
 
 
 @device_function(forceinline=True, divides_by_zero=True)
@@ -171,7 +179,7 @@ def span_of(bounds: Int32, spans: Float64, row: int) -> tuple[float, float]:
     """Return the first column and the end of a triangle in a row of a pinhole's picture, from its bounds and spans."""
     left, right = bounds[0] * 1.0, bounds[2] * 1.0
     for edge in range(0, 9, 3):
-        crossing = math.ceil(spans[edge] + spans[edge + 1] * row)
+        crossing = np.ceil(spans[edge] + spans[edge + 1] * row)  # beyond all integers where an edge is level
         if spans[edge + 2] > 0.0:
             left = larger(left, crossing)
         else:
@@ -192,20 +200,32 @@ def inverse_distance(edges: Float64, x: float, y: float, z: float) -> float:
 
 
 @device_function(forceinline=True, divides_by_zero=True)
-def _scan(triangle: int, row: int, bounds: Int32, spans: Float64, near: Float64, seen: Int32) -> None:
-    """Cover the span of a triangle in a row of a pinhole's picture."""
-    left, right = span_of(bounds[triangle], spans[triangle], row)
+def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, near: Float64, seen: Int32) -> None:
+    """Cover the span of a triangle in a row of a pinhole's picture, whose first pixel is number ``start``."""
+    left, right = span_of(bounds, spans, row)
     if left >= right:
         return
-    step = spans[triangle, 10] + 0.0
-    start = spans[triangle, 9] + spans[triangle, 11] * row + step * left
-    near, seen = near[int(left) : int(right)], seen[int(left) : int(right)]
-    # One output per loop, and no load behind a condition: the compiler then computes several pixels at once.
+    step = spans[10] + 0.0
+    inverse = spans[9] + spans[11] * row + step * left
+    first, end = start + int(left), start + int(right)
+    if end - first > SHORT:
+        _cover(triangle, inverse, step, near[first:end], seen[first:end])
+        return
+    for k in range(end - first):
+        here = inverse + step * k
+        if here > near[first + k]:
+            near[first + k] = here
+            seen[first + k] = triangle
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _cover(triangle: int, inverse: float, step: float, near: Float64, seen: Int32) -> None:
+    """Cover pixels of a row where a triangle is nearest."""
+    number = np.int32(triangle)
     for k in range(len(near)):
-        before = seen[k]
-        seen[k] = np.int32(triangle) if start + step * k > near[k] else before
-    for k in range(len(near)):
-        near[k] = larger(near[k], start + step * k)
+        here, before = inverse + step * k, near[k]
+        seen[k] = number if here > before else seen[k]
+        near[k] = larger(before, here)
 
 
 @device_function(divides_by_zero=True)
@@ -225,23 +245,15 @@ def write_spans(edges: Float64, lens: Float64, spans: Float64) -> None:
 
 @device_function(divides_by_zero=True)
 def _test(
-    triangle: int, row: int, lens: Float64, rays: Float64, width: int, all_edges: Float64, bounds: Int32, near: Float64,
-    seen: Int32,
+    triangle: int, row: int, start: int, lens: Float64, rays: Float64, width: int, edges: Float64, bounds: Int32,
+    near: Float64, seen: Int32,
 ) -> None:  # fmt: skip
     """Cover the pixels of a row whose rays hit a triangle, for any lens."""
-    edges = all_edges[triangle]
-    for place in range(bounds[triangle, 0], bounds[triangle, 2]):
+    for place in range(bounds[0], bounds[2]):
         column = place
         if lens[KIND] == RINGS:
             column = place % width
         inverse = inverse_distance(edges, rays[row, column, 0], rays[row, column, 1], rays[row, column, 2])
-        if inverse > near[column]:
-            near[column] = inverse
-            seen[column] = triangle
-
-
-@device_function(divides_by_zero=True)
-def project_vertex(lens: Float64, vertex: Float64) -> None:
-    """Write column and row of a vertex in front of the camera behind its position and normal."""
-    if lens[KIND] != RINGS and (lens[KIND] != PINHOLE or vertex[2] >= NEAREST):
-        vertex[9], vertex[10] = project(lens, vertex[0], vertex[1], vertex[2])
+        if inverse > near[start + column]:
+            near[start + column] = inverse
+            seen[start + column] = triangle

@@ -87,8 +87,9 @@ def command(
     ):
         try:
             run_comparison(
-                lake, comparison, workers=num_workers, executor=execution.executor, on_progress=progress.update
-            )
+                lake, comparison, workers=num_workers, executor=execution.executor,
+                on_progress=lambda done, total, _: progress.update(done, total),
+            )  # fmt: skip
         except KeyboardInterrupt as error:
             raise Interrupted("checkpoints are kept; run the same command again to continue") from error
     page = write_page(Lake(lake), comparison, out, begun.read_text("utf-8"))

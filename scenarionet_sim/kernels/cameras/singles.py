@@ -1,0 +1,19 @@
+"""Numbers of 4 bytes, of which the processor computes twice as many at once as of 8."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarionet_data.arrays.compiled import device_function
+
+
+@device_function(forceinline=True)
+def single(value: float) -> float:
+    """Return a number as float32."""
+    return np.float32(value)  # type: ignore[return-value]  # compiled functions calculate with it as with a float
+
+
+@device_function(forceinline=True)
+def rounded_down(value: float) -> float:
+    """Return the largest whole number that is not larger, as a number of the same type."""
+    return np.floor(value)  # type: ignore[no-any-return]

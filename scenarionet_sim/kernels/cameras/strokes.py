@@ -1,0 +1,198 @@
+"""Strokes on the ground: borders of surfaces and paint, over the footprints of pixels."""
+
+from __future__ import annotations
+
+import math
+
+from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
+from scenarionet_sim.kernels.cameras.layout import (
+    ACROSS,
+    ALONG,
+    CROSSWALK_BORDER,
+    GROUND_X,
+    GROUND_Y,
+    KERB,
+    KERB_SHARE,
+    ON_ROAD,
+    RAY_X,
+    RAY_Y,
+    ROAD_BORDER,
+    ROAD_EDGE,
+    WHITE,
+    WHITE_SHARE,
+    YELLOW,
+    Ground,
+)
+from scenarionet_sim.kernels.cameras.singles import single
+from scenarionet_sim.kernels.minmax import larger, smaller
+
+
+@device_function(divides_by_zero=True)
+def draw_strokes(count: int, ground: Ground, slot: int, cells: Int32, exact: Float64, shades: Float32) -> None:
+    """Write the shares of road, pavement and paint in the pixels of cells with strokes, a run in one cell at a time.
+
+    The direction of view and the footprint are those in the middle of the run.
+
+    Args:
+        count: Pixels of the tile.
+        ground, slot: Ground and world.
+        cells: Cell of each pixel, -1 where it has no strokes.
+        exact, shades: Memory of the tile.
+    """
+    for row in range(WHITE_SHARE, KERB_SHARE + 1):
+        shares = shades[row]
+        for k in range(count):
+            shares[k] = 0.0
+    first = 0
+    while first < count:
+        cell = cells[first]
+        if cell < 0:
+            first += 1
+            continue
+        end = first + 1
+        while end < count and cells[end] == cell:
+            end += 1
+        middle = (first + end) // 2
+        vx, vy = exact[RAY_X, middle], exact[RAY_Y, middle]
+        flat = 1.0 / math.sqrt(vx * vx + vy * vy + 1e-12)
+        _draw_cell(
+            ground, slot, int(cell), first, end, vx * flat, vy * flat, shades[ACROSS, middle] * 1.0,
+            shades[ALONG, middle] * 1.0, shades,
+        )  # fmt: skip
+        first = end
+
+
+@device_function(divides_by_zero=True)
+def _draw_cell(
+    ground: Ground, slot: int, cell: int, first: int, end: int, vx: float, vy: float, across: float, along: float,
+    shades: Float32,
+) -> None:  # fmt: skip
+    """Draw the strokes of a cell on a run of pixels."""
+    frame = ground.frame[slot]
+    xs, ys = shades[GROUND_X, first:end], shades[GROUND_Y, first:end]
+    has_borders = False
+    for n in range(ground.cell_start[cell], ground.cell_start[cell + 1]):
+        kind, stroke = ground.stroke_kind[n], ground.strokes[n]
+        if kind >= WHITE:
+            target = WHITE_SHARE + (1 if kind == YELLOW else (2 if kind == KERB else 0))
+            _paint(stroke, frame, vx, vy, across, along, xs, ys, shades[target, first:end])
+        elif kind != CROSSWALK_BORDER:
+            if not has_borders:
+                has_borders = True
+                for row in range(ROAD_EDGE, ROAD_EDGE + 2):
+                    edges = shades[row, first:end]
+                    for k in range(len(edges)):
+                        edges[k] = 1e9
+            side = 0 if kind == ROAD_BORDER else 1
+            _cross(
+                stroke, frame, cell - int(ground.place[slot, 0]), vx, vy, across, along, xs, ys,
+                shades[ON_ROAD + side, first:end], shades[ROAD_EDGE + side, first:end],
+            )  # fmt: skip
+    if has_borders:
+        for side in range(2):
+            _soften(shades[ROAD_EDGE + side, first:end], shades[ON_ROAD + side, first:end])
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _soften(edges: Float32, shares: Float32) -> None:
+    """Blend both sides of a border in the pixels that it passes through."""
+    for k in range(len(shares)):
+        shares[k] += larger(0.5 - edges[k], 0.0) * (1.0 - 2.0 * shares[k])
+
+
+@device_function(divides_by_zero=True)
+def _paint(
+    stroke: Float32, frame: Float64, vx: float, vy: float, across: float, along: float, xs: Float32, ys: Float32,
+    shares: Float32,
+) -> None:  # fmt: skip
+    """Cover a run of pixels at points of the ground with a painted rectangle."""
+    x0, y0, ux, uy = stroke[0] - frame[0], stroke[1] - frame[1], stroke[2] * 1.0, stroke[3] * 1.0
+    straight, beside = abs(ux * vx + uy * vy), abs(ux * vy - uy * vx)
+    wide, deep = straight * across + beside * along + 1e-6, straight * along + beside * across + 1e-6
+    half, half_length, last = stroke[5] * 1.0, 0.5 * stroke[4], len(xs) - 1
+    limit = half + 0.5 * wide
+    left, right = (ys[0] - y0) * ux - (xs[0] - x0) * uy, (ys[last] - y0) * ux - (xs[last] - x0) * uy
+    if smaller(left, right) > limit or larger(left, right) < -limit:
+        return
+    limit = half_length + 0.5 * deep
+    rear = (xs[0] - x0) * ux + (ys[0] - y0) * uy - half_length
+    front = (xs[last] - x0) * ux + (ys[last] - y0) * uy - half_length
+    if smaller(rear, front) > limit or larger(rear, front) < -limit:
+        return
+    _cover(
+        single(x0), single(y0), single(ux), single(uy), single(wide), single(deep),
+        single(half), single(half_length), xs, ys, shares,
+    )  # fmt: skip
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _cover(
+    x0: float, y0: float, ux: float, uy: float, wide: float, deep: float, half: float, half_length: float,
+    xs: Float32, ys: Float32, shares: Float32,
+) -> None:  # fmt: skip
+    """Raise the shares of a rectangle in pixels to the part of their footprints, wide and deep, that it covers."""
+    per_area = 1.0 / (wide * deep)
+    for k in range(len(xs)):
+        dx, dy = xs[k] - x0, ys[k] - y0
+        off, on = dy * ux - dx * uy, dx * ux + dy * uy - half_length
+        part = smaller(off + 0.5 * wide, half) - larger(off - 0.5 * wide, -half)
+        rest = smaller(on + 0.5 * deep, half_length) - larger(on - 0.5 * deep, -half_length)
+        shares[k] = larger(shares[k], larger(part, 0.0) * larger(rest, 0.0) * per_area)
+
+
+@device_function(divides_by_zero=True)
+def _cross(
+    stroke: Float32, frame: Float64, number: int, vx: float, vy: float, across: float, along: float, xs: Float32,
+    ys: Float32, shares: Float32, edges: Float32,
+) -> None:  # fmt: skip
+    """Change the surface at the pixels of a run beyond a border, and write their distance to it in footprints.
+
+    Beyond means that the way from the corner of the cell, first along y and then along x, crosses the border.
+    """
+    columns = int(frame[3])
+    corner_x, corner_y = frame[2] * (number % columns), frame[2] * (number // columns)
+    x0, y0, x1, y1 = stroke[0] - frame[0], stroke[1] - frame[1], stroke[2] - frame[0], stroke[3] - frame[1]
+    ex, ey = x1 - x0, y1 - y0
+    above = math.inf  # a crossing of the cell's left side changes all points above it
+    if (x0 <= corner_x) != (x1 <= corner_x):
+        crossing = y0 + (corner_x - x0) / ex * ey
+        above = crossing if corner_y < crossing else math.inf
+    per_y = ex / ey if ey != 0.0 else 0.0
+    _turn_over(
+        single(smaller(y0, y1)), single(larger(y0, y1)), single(x0), single(y0), single(per_y),
+        single(corner_x), single(above), xs, ys, shares,
+    )  # fmt: skip
+    length = math.sqrt(ex * ex + ey * ey + 1e-12)
+    ux, uy = ex / length, ey / length
+    straight = abs(ux * vx + uy * vy)
+    per = 1.0 / (straight * across + math.sqrt(larger(1.0 - straight * straight, 0.0)) * along + 1e-6)
+    _measure_edge(
+        single(x0), single(y0), single(ux), single(uy), single(length), single(per), xs, ys,
+        edges,
+    )  # fmt: skip
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _turn_over(
+    low: float, high: float, x0: float, y0: float, per_y: float, left: float, above: float, xs: Float32,
+    ys: Float32, shares: Float32,
+) -> None:  # fmt: skip
+    """Turn over the shares of a surface beyond a border."""
+    for k in range(len(xs)):
+        crossing = x0 + (ys[k] - y0) * per_y
+        is_right = (low <= ys[k]) & (ys[k] < high) & (left < crossing) & (crossing <= xs[k])
+        before = shares[k]
+        shares[k] = 1.0 - before if is_right != (above <= ys[k]) else before
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _measure_edge(
+    x0: float, y0: float, ux: float, uy: float, length: float, per: float, xs: Float32, ys: Float32, edges: Float32
+) -> None:
+    """Write the distances to a border in footprints where it is nearer than others."""
+    for k in range(len(xs)):
+        dx, dy = xs[k] - x0, ys[k] - y0
+        at = dx * ux + dy * uy
+        far = abs(dy * ux - dx * uy) * per
+        edges[k] = smaller(edges[k], far if (at >= -0.3) & (at <= length + 0.3) else 1e9)
