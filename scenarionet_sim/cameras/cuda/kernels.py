@@ -14,8 +14,8 @@ from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
 from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_square
 from scenarionet_sim.kernels.cameras.layout import NUM_EXACT, NUM_SHADES, Ground, Look, Meshes, Pictures, Solids
 from scenarionet_sim.kernels.cameras.single_threads import (
+    DrawingOptions,
     Items,
-    Options,
     PixelMemory,
     Shots,
     Triangles,
@@ -48,7 +48,7 @@ def launch(kernel: Any, count: int, *arguments: object) -> None:
 
 @cuda.jit
 def find(
-    count: int, num_items: int, size: tuple[int, int], options: Options, shots: Shots, solids: Solids, ground: Ground,
+    count: int, num_items: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, solids: Solids, ground: Ground,
     meshes: Meshes, look: Look, items: Items,
 ) -> None:  # fmt: skip
     """One thread for each of ``num_items`` objects and fixtures of every frame."""
@@ -113,7 +113,7 @@ def light(count: int, size: tuple[int, int], shots: Shots, look: Look, sky: Floa
 
 @cuda.jit
 def draw(
-    count: int, size: tuple[int, int], options: Options, shots: Shots, motion: Float64, ground: Ground, look: Look,
+    count: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, motion: Float64, ground: Ground, look: Look,
     items: Items, triangles: Triangles, sky: Float32, pictures: Pictures,
 ) -> None:  # fmt: skip
     """One thread for each pixel of every frame."""

@@ -68,7 +68,7 @@ FIRST, END, FIRST_VERTEX, LEFT, TOP, RIGHT, BOTTOM, NUM_INSTANCE = range(8)
 NUM_INSTANCES, NUM_SHADOWS, NUM_TRIANGLES, NUM_VERTICES, NUM_COUNTS = range(5)
 """Columns of ``Items.counts``, and their number."""
 
-Options = tuple[bool, bool, float, float]
+DrawingOptions = tuple[bool, bool, float, float]
 """Whether objects are boxes, whether colours are wanted, reach [m], time of the flow [s]."""
 
 
@@ -147,7 +147,7 @@ class PixelMemory(NamedTuple):
 
 @device_function(divides_by_zero=True)
 def find_item(
-    frame: int, item: int, size: tuple[int, int], options: Options, shots: Shots, solids: Solids, ground: Ground,
+    frame: int, item: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, solids: Solids, ground: Ground,
     meshes: Meshes, look: Look, items: Items,
 ) -> None:  # fmt: skip
     """Write whether and how an object or a fixture is in view, and its shadow."""
@@ -324,7 +324,7 @@ def trace_pixel(
 
 @device_function(divides_by_zero=True)
 def draw_pixel(
-    frame: int, row: int, column: int, size: tuple[int, int], options: Options, shots: Shots, motion: Float64,
+    frame: int, row: int, column: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, motion: Float64,
     ground: Ground, look: Look, items: Items, triangles: Triangles, sky: Float32, memory: PixelMemory,
     pictures: Pictures,
 ) -> None:  # fmt: skip
