@@ -48,8 +48,8 @@ def launch(kernel: Any, count: int, *arguments: object) -> None:
 
 @cuda.jit
 def find(
-    count: int, num_items: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, solids: Solids, ground: Ground,
-    meshes: Meshes, look: Look, items: Items,
+    count: int, num_items: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, solids: Solids,
+    ground: Ground, meshes: Meshes, look: Look, items: Items,
 ) -> None:  # fmt: skip
     """One thread for each of ``num_items`` objects and fixtures of every frame."""
     thread = cuda.grid(1)
@@ -113,8 +113,8 @@ def light(count: int, size: tuple[int, int], shots: Shots, look: Look, sky: Floa
 
 @cuda.jit
 def draw(
-    count: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, motion: Float64, ground: Ground, look: Look,
-    items: Items, triangles: Triangles, sky: Float32, pictures: Pictures,
+    count: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, motion: Float64, ground: Ground,
+    look: Look, items: Items, triangles: Triangles, sky: Float32, pictures: Pictures,
 ) -> None:  # fmt: skip
     """One thread for each pixel of every frame."""
     thread = cuda.grid(1)
