@@ -17,8 +17,8 @@ from scenarionet_sim.worlds.world import World
 
 _ENDS = {code: name for name, code in ENDS.items()}
 _COMPLETION = NUMBERS.index("route_completion")
-_MOMENTS = 256
-"""Moments of an episode that a recorder has room for at first."""
+_MOMENTS = 512
+"""Moments of an episode that a recorder has room for at first; those that are not written take no memory."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.worlds.world import World
 
 SLOTS = 32
-"""Rollouts at once: more cost memory and save little, as the step's Python is shared by this many already."""
+"""Rollouts at once: as many as a part of an evaluation has, so that no slot rests while others play twice."""
 
 
 @dataclass(frozen=True, eq=False)

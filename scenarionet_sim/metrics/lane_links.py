@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.compiled import kernel, unchecked
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.roads.roads import Roads
@@ -77,15 +77,22 @@ class LaneLinks:
 
     def _along(self, lane: int, point: Float64, heading: float) -> float:
         """Cosine of the angle between a lane at its nearest point and a heading."""
-        x, y = point.tolist()
-        return _cosine_along(self.roads.lanes[lane], x, y, math.cos(heading), math.sin(heading))
+        lanes, (x, y) = self.roads.lanes, point.tolist()
+        rows = lanes.offsets[lane], lanes.offsets[lane + 1]
+        return unchecked(_cosine_along)(lanes.values, *rows, x, y, math.cos(heading), math.sin(heading))
 
 
 @kernel(allocates=False)
-def _cosine_along(line: Float32, x: float, y: float, cos: float, sin: float) -> float:
-    """Return the cosine of the angle between a direction and a line (n, 2) at its point nearest to (x, y), or -1."""
+def _cosine_along(line: Float32, first: int, end: int, x: float, y: float, cos: float, sin: float) -> float:
+    """Return the cosine of the angle between a direction and a line at its point nearest to (x, y), or -1.
+
+    Args:
+        line, first, end: (P, 2) points [m], and the rows of the line among them.
+        x, y: The point [m].
+        cos, sin: The direction.
+    """
     cosine, best = -1.0, np.inf
-    for n in range(len(line) - 1):
+    for n in range(first, end - 1):
         x0, y0 = np.float64(line[n, 0]), np.float64(line[n, 1])
         dx, dy = line[n + 1, 0] - x0, line[n + 1, 1] - y0
         square = max(dx * dx + dy * dy, 1e-12)

@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Generic, TypeVar
 
+import pyarrow as pa
+
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_sim.scenarios.sampling import Sampler
@@ -115,6 +117,12 @@ class ScenarioStream(Generic[Prepared]):
         self._cache.clear()
         self._drawn.clear()
 
+    def _prepared(self, index: int) -> Prepared:
+        """Load and prepare a scenario."""
+        prepared = self._prepare(self._load(index))
+        pa.default_memory_pool().release_unused()  # some 10 MB that were needed to decode it
+        return prepared
+
     def _submit(self, index: int) -> Future[Prepared]:
         """Return the cached or pending scenario; without prefetching, load it in the calling thread."""
         if index in self._cache:
@@ -123,10 +131,10 @@ class ScenarioStream(Generic[Prepared]):
         if self._prefetch:
             if self._thread is None:
                 self._thread = ThreadPoolExecutor(1, thread_name_prefix="scenarios")
-            future = self._thread.submit(lambda: self._prepare(self._load(index)))
+            future = self._thread.submit(self._prepared, index)
         else:
             future = Future()
-            future.set_result(self._prepare(self._load(index)))
+            future.set_result(self._prepared(index))
         self._cache[index] = future
         while len(self._cache) > max(self._cache_size, self._prefetch + 1):
             self._cache.popitem(last=False)

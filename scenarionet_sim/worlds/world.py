@@ -17,7 +17,7 @@ from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.building import resample
 from scenarionet_data.scenario.description import ScenarioDescription, Tracks
 from scenarionet_data.scenario.stop_points import light_places
-from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z
+from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z, write_log
 from scenarionet_sim.roads.heights import Heights
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
@@ -118,7 +118,7 @@ class World:
         """
         scenario = resample(scenario, dt)
         tracks = scenario.tracks
-        log = _log(tracks, scenario.timestamps)
+        log, extents = _log(tracks, scenario.timestamps)
         roads, paths = Roads.from_map(scenario.map), Paths.from_log(log)
         lane, stop = light_places(scenario.lights, roads.lane_ids, roads.lanes)
         return cls(
@@ -136,35 +136,19 @@ class World:
             light_stop=stop,
             light_state=scenario.lights.state,
             roads=roads,
-            extents=_extents(log),
+            extents=extents,
             heights=Heights.from_map(scenario.map, _ground_level(log, tracks)) if scenario.has_z else None,
         )
 
 
-def _log(tracks: Tracks, timestamps: Float64) -> Float32:
-    """Return the tracks as a log (T, N, 8), with yaw rates by central differences over valid neighbours."""
-    valid, steps = tracks.valid, np.arange(len(timestamps))
-    before, after = np.tile(steps, (len(tracks), 1)), np.tile(steps, (len(tracks), 1))
-    before[:, 1:] -= valid[:, :-1]
-    after[:, :-1] += valid[:, 1:]
-    heading = tracks.heading.astype(np.float64)
-    turn = np.take_along_axis(heading, after, axis=1) - np.take_along_axis(heading, before, axis=1)
-    turn -= 2.0 * np.pi * np.floor(turn / (2.0 * np.pi) + 0.5)
-    span = timestamps[after] - timestamps[before]
-    log = np.zeros((len(tracks), len(timestamps), 8), np.float32)
-    log[..., :3], log[..., HEADING], log[..., VX : VX + 2] = tracks.position, tracks.heading, tracks.velocity
-    log[..., YAW_RATE] = np.divide(turn, span, out=np.zeros_like(turn), where=span > 0)
-    log[..., VALID] = 1.0
-    log[~valid] = 0.0
-    return np.ascontiguousarray(log.transpose(1, 0, 2))
+def _log(tracks: Tracks, timestamps: Float64) -> tuple[Float32, Float32]:
+    """Return the tracks as a log (T, N, 8), and its extents (4,)."""
+    log, extents = np.empty((len(timestamps), len(tracks), 8), np.float32), np.empty(4, np.float32)
+    write_log(tracks.position, tracks.heading, tracks.velocity, tracks.valid, timestamps, log, extents)
+    return log, extents
 
 
 def _ground_level(log: Float32, tracks: Tracks) -> float:
     """Return the median height of the bottoms of the boxes [m]."""
     heights = median_sizes(tracks.size, tracks.valid)[:, 2]
     return float(np.median((log[..., Z] - heights / 2)[log[..., VALID] != 0]))
-
-
-def _extents(log: Float32) -> Float32:
-    where = log[..., :2][log[..., VALID] != 0]
-    return np.concatenate([where.min(axis=0), where.max(axis=0)])

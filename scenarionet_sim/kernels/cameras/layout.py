@@ -73,13 +73,13 @@ NUM_EXACT = 5
 
 (
     FAR, GROUND_X, GROUND_Y, SHADE, RED, GREEN, BLUE, ACROSS, ALONG, FINE, COARSE, ON_ROAD, ON_WALK, ROAD_EDGE,
-    WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE,
-) = range(18)  # fmt: skip
+    WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE, VIEW_X, VIEW_Y,
+) = range(20)  # fmt: skip
 """Rows of ``FrameMemory.shades``: distance [m], point seen in the frame of the ground's grid [m], sunlight that
 arrives, light; then of the ground: footprint across and along the direction of view [m], noise, shares of road and
-pavement, distances to their borders, and shares of paint."""
+pavement, distances to their borders, shares of paint, and horizontal directions of view."""
 
-NUM_SHADES = 18
+NUM_SHADES = 20
 
 NOTHING, ON_GROUND = -2, -1
 """Values of ``FrameMemory.seen`` besides triangles, which are 0 and above."""

@@ -40,7 +40,7 @@ def _copy(size: int) -> Any:
 
     def copy(_: Any, target: Any, to: Any, source: Any, at: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            block = ir.VectorType(ir.IntType(8), size)
+            block = ir.IntType(8 * size)
             written, first, read, place = arguments
             found = pointer_to(context, builder, signature.args[2], read, place, block)
             wanted = pointer_to(context, builder, signature.args[0], written, first, block)

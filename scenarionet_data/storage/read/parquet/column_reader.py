@@ -1,9 +1,10 @@
 """Decode columns of many row groups as NumPy arrays.
 
 Arrow takes 5-10 us to set up a column of a row group, 30 us with zstd, and decodes the same list lengths for each
-column; a scenario has 40 columns. The kernels decode a column of all requested row groups in one call. They know what
-our writer produces; other encodings (several pages, data pages of version 2, other codecs) are decoded by Arrow, and so
-are the first row groups of a process, because the kernels take seconds to compile where they are not cached.
+column; a scenario has 40 columns. Here a row group is two calls of kernels: one decompresses its pages, which stay in
+the processor's cache until the other has decoded all columns. The kernels know what our writer produces; other
+encodings (several pages, data pages of version 2, other codecs) are decoded by Arrow, and so are the first row groups
+of a process, because the kernels take seconds to compile where they are not cached.
 """
 
 from __future__ import annotations
@@ -11,8 +12,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import accumulate, groupby
-from typing import NamedTuple
+from itertools import chain, groupby
 
 import numpy as np
 import pyarrow as pa
@@ -20,12 +20,13 @@ import pyarrow.parquet as pq
 import zstandard
 
 from scenarionet_data.arrays.columns import Columns, ColumnType, Lists
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.storage.footers.thrift import Malformed
-from scenarionet_data.storage.read.parquet import page_kernels as kernels
+from scenarionet_data.storage.read.parquet import page_kernels as pages
+from scenarionet_data.storage.read.parquet import value_kernels as values
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, UnreadableFile
-from scenarionet_data.storage.read.parquet.level_kernels import read_levels
 from scenarionet_data.storage.read.parquet.page_checks import check_pages
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
@@ -33,21 +34,12 @@ COMPILE_AFTER = 64
 """Row groups that a reader leaves to Arrow before it compiles the kernels: compiling costs as much as 1,500."""
 _TEXT = ("string", "json")
 _NULLS = {"float32": np.float32(np.nan), "bool": np.int8(-1), "dictionary": np.int32(-1), **dict.fromkeys(_TEXT)}
-_POSITIONS = [kernels.START, kernels.END, kernels.STORED, kernels.STORED_END]
+_KINDS = {"bool": values.BITS, "dictionary": values.INDICES, **dict.fromkeys(_TEXT, values.TEXTS)}
+_POSITIONS = [pages.START, pages.END, pages.STORED, pages.STORED_END]
 
 
 class _Damaged(Exception):
     """The bytes of a column are damaged."""
-
-
-class _Pages(NamedTuple):
-    """The pages of a column in all row groups, with the lengths and offsets of its rows and the number of values."""
-
-    column: ColumnType
-    pages: Array
-    lengths: Array
-    offsets: Array
-    num_values: int
 
 
 class ColumnReader:
@@ -63,7 +55,9 @@ class ColumnReader:
         self, columns: Sequence[ColumnType], memory: Memory | None = None, compile_after: int = COMPILE_AFTER
     ) -> None:
         self._columns = list(columns)
-        self._shapes = np.array([kernels.LIST * c.is_list + kernels.NULLABLE * c.nullable for c in self._columns])
+        self._texts = [place for place, column in enumerate(self._columns) if column.element in _TEXT]
+        self._dictionaries = [place for place, column in enumerate(self._columns) if column.element == "dictionary"]
+        self._plan = np.array([_described(column) for column in self._columns], np.int64)
         self._zstd = zstandard.ZstdDecompressor()
         self._left_to_arrow = compile_after
         self._memory = memory or Memory()
@@ -87,7 +81,7 @@ class ColumnReader:
         Raises:
             UnreadableFile: A page is damaged.
         """
-        if self._left_to_arrow > 0 and not kernels.is_compiled():
+        if self._left_to_arrow > 0 and not pages.is_compiled():
             self._left_to_arrow -= len(groups)
             return _read_by_arrow(groups, self._columns)
         try:
@@ -99,47 +93,52 @@ class ColumnReader:
             raise UnreadableFile(groups[0].footer.url, str(error)) from error
 
     def _read(self, groups: Sequence[RowGroup]) -> Columns:
-        pages, data = self._load_pages(groups)
-        num_rows = sum(group.num_rows for group in groups)
-        known, others = self._read_levels(pages, data, num_rows)
-        texts = [each for each in known if each.column.element in _TEXT]
-        values = dict(zip([each.column.name for each in texts], _texts(texts, data), strict=True))
-        words: dict[str, Sequence[str]] = {}
-        flat: dict[str, Array] = {}
-        lists: dict[str, Lists] = {}
-        for each in known:
-            name = each.column.name
-            if each.column.element == "dictionary":
-                words[name], values[name] = _indices(each, data)
-            elif name not in values:
-                values[name] = self._numbers(each, data)
-            if each.column.is_list:
-                lists[name] = Lists(each.lengths, each.offsets, values[name])
-            else:
-                flat[name] = _with_nulls(each, values[name])
-        if others:
-            read = _read_by_arrow(groups, others)
-            flat, lists, words = flat | {**read.flat}, lists | {**read.lists}, words | {**read.words}
-        return Columns(num_rows, flat, lists, words)
+        plan, out = self._reserved(groups)
+        scratch = self._memory.empty(max(group.footer.size(group.number) for group in groups) + pages.SPARE, np.uint8)
+        found = np.zeros((len(groups), len(self._columns), pages.NUM_PAGE_FIELDS), np.int64)
+        counts = np.zeros((len(groups) + 1, len(self._columns)), np.int64)
+        row, dictionaries, decode = 0, [], unchecked(values.decode_pages)
+        for index, group in enumerate(groups):
+            self._load_pages(group, found[index], scratch)
+            dictionaries.append([_dictionary(found[index, place], scratch) for place in self._dictionaries])
+            damaged = decode(scratch, found[index], plan, row, group.num_rows, out)
+            if damaged >= 0:
+                raise self._damaged(damaged)
+            row += group.num_rows
+            counts[index + 1] = out.counts
+        return self._columns_of(groups, plan, out, counts, dictionaries)
 
-    def _load_pages(self, groups: Sequence[RowGroup]) -> tuple[Array, Array]:
-        """Pages by column and row group, (columns, groups, NUM_PAGE_FIELDS) int64, and their decompressed bytes."""
+    def _reserved(self, groups: Sequence[RowGroup]) -> tuple[Array, values.Decoded]:
+        """The columns with places for their values, and memory for these."""
         chunks = [group.footer.chunks(group.number) for group in groups]
-        size = sum(group.footer.size(group.number) for group in groups)
-        data = self._memory.empty(size + kernels.SPARE, np.uint8)
-        pages = np.zeros((len(self._columns), len(groups), kernels.NUM_PAGE_FIELDS), np.int64)
-        end = 0
-        for index, (group, positions) in enumerate(zip(groups, chunks, strict=True)):
-            end = kernels.load_pages(group.content, group.base, positions, pages, index, data, end)
-        contents, target = [group.content.data for group in groups], data.data
-        columns, indices = np.nonzero(pages[:, :, kernels.STORED_END] > 0)
-        places = pages[columns[:, None], indices[:, None], _POSITIONS].tolist()
-        for column, index, (start, stop, first, last) in zip(columns.tolist(), indices.tolist(), places, strict=True):
-            if not self._decompress(contents[index][first:last], target[start:stop]):
-                pages[column, index, kernels.START] = kernels.DAMAGED
-        self._require(pages[:, :, kernels.START] != kernels.DAMAGED)
-        data.flags.writeable = False  # like mapped files: kernels are compiled for each kind of array
-        return pages, data
+        total = chunks[0] if len(chunks) == 1 else np.sum(chunks, axis=0)
+        plan, empty = self._plan.copy(), self._memory.empty
+        num_words, num_bits, num_texts, size = unchecked(values.reserve)(total, plan)
+        ends = empty(num_texts + 1, np.int64)
+        ends[0] = 0
+        return plan, values.Decoded(
+            empty((2, len(plan), sum(group.num_rows for group in groups) + 1), np.int32),
+            np.zeros(len(plan), np.int64),
+            empty(num_words, np.uint32),
+            empty(num_bits, np.int8),
+            ends,
+            empty(size, np.uint8),
+            np.zeros(1, np.int64),
+        )
+
+    def _load_pages(self, group: RowGroup, found: Array, scratch: Array) -> None:
+        """Locate the pages of a row group in ``found``, and decompress them into ``scratch``."""
+        chunks = group.footer.chunks(group.number)
+        stored = unchecked(pages.load_pages)(group.content, group.base, chunks, found, scratch)
+        if stored > 0:  # in files of earlier versions
+            columns = np.flatnonzero(found[:, pages.STORED_END] > 0)
+            content, target = group.content.data, scratch.data
+            places = found[columns[:, None], _POSITIONS].tolist()
+            for column, (start, stop, first, last) in zip(columns.tolist(), places, strict=True):
+                if not self._decompress(content[first:last], target[start:stop]):
+                    raise self._damaged(column)
+        if stored < 0:
+            raise self._damaged(int(np.argmax(found[:, pages.START] == pages.DAMAGED)))
 
     def _decompress(self, stored: memoryview, target: memoryview) -> bool:
         """Decompress a zstd page; returns whether it fills the target exactly."""
@@ -150,52 +149,94 @@ class ColumnReader:
         except zstandard.ZstdError:
             return False
 
-    def _read_levels(self, pages: Array, data: Array, num_rows: int) -> tuple[list[_Pages], list[ColumnType]]:
-        """Lengths and offsets of the columns that the kernels know, and the columns that are left to Arrow."""
-        lists = self._memory.empty((2, len(pages), num_rows + 1), np.int32)
-        found = np.empty((2, len(pages)), np.int64)
-        read_levels(data, pages, self._shapes, lists, found)
-        self._require((found[0] == num_rows) | (found[0] == UNKNOWN))
-        known: list[_Pages] = []
+    def _columns_of(
+        self,
+        groups: Sequence[RowGroup],
+        plan: Array,
+        out: values.Decoded,
+        counts: Array,
+        dictionaries: Sequence[Sequence[Sequence[str]]],
+    ) -> Columns:
+        """The decoded columns, and those that are left to Arrow.
+
+        Args:
+            groups: The row groups.
+            plan: Places of the values.
+            out: The values.
+            counts: (1 + groups, columns) number of values before each row group, and of all.
+            dictionaries: Words of each row group's dictionary columns.
+        """
+        flat: dict[str, Array] = {}
+        lists: dict[str, Lists] = {}
+        words: dict[str, Sequence[str]] = {}
         others: list[ColumnType] = []
-        for index, (column, rows, count) in enumerate(zip(self._columns, *found.tolist(), strict=True)):
-            if rows == UNKNOWN:
+        texts = self._strings(out, counts)
+        numbers = {"float32": out.words.view(np.float32), "int32": out.words.view(np.int32), "bool": out.bits}
+        rows = zip(self._columns, plan[:, values.FIRST].tolist(), counts[-1].tolist(), strict=True)
+        for place, (column, first, count) in enumerate(rows):
+            name, element = column.name, column.element
+            if count == UNKNOWN:
                 others.append(column)
+                continue
+            if element in _TEXT:
+                found = texts[place]
+            elif element == "dictionary":
+                found = numbers["int32"][first : first + count]
+                number = self._dictionaries.index(place)
+                words[name] = _joined([each[number] for each in dictionaries], found, np.diff(counts[:, place]))
             else:
-                known.append(_Pages(column, pages[index], lists[0, index, :-1], lists[1, index], count))
-        return known, others
+                found = numbers[element][first : first + count]
+            if column.is_list:
+                found = found.view(np.bool_) if element == "bool" else found
+                lists[name] = Lists(out.lists[0, place, :-1], out.lists[1, place], found)
+            else:
+                found = found.view(np.bool_) if element == "bool" and not column.nullable else found
+                flat[name] = _with_nulls(column, out.lists[0, place, :-1], found)
+        if others:
+            read = _read_by_arrow(groups, others)
+            flat, lists, words = flat | {**read.flat}, lists | {**read.lists}, words | {**read.words}
+        return Columns(out.lists.shape[2] - 1, flat, lists, words)
 
-    def _numbers(self, column: _Pages, data: Array) -> Array:
-        """Numbers or truth values; int8 where a truth value may be null."""
-        declared = column.column
-        if declared.element == "bool":
-            values = self._memory.empty(column.num_values, np.int8)
-            is_complete = kernels.read_bits(data, column.pages, values)
-            values = values if declared.nullable and not declared.is_list else values.view(np.bool_)
-        else:
-            values = self._memory.empty(column.num_values, declared.element)
-            is_complete = kernels.read_words(data, column.pages, values.view(np.uint32))
-        return _complete(column, values, is_complete)
+    def _strings(self, out: values.Decoded, counts: Array) -> dict[int, Array]:
+        """Values of text columns, (n,) str each, by place; all are created in one Arrow call."""
+        num_texts = int(out.num_texts[0])
+        if not self._texts:
+            return {}
+        buffers = [None, pa.py_buffer(out.ends[: num_texts + 1]), pa.py_buffer(out.text)]
+        array = pa.Array.from_buffers(pa.large_string(), num_texts, buffers)
+        try:
+            strings: Array = array.to_numpy(zero_copy_only=False)
+        except (UnicodeDecodeError, pa.ArrowException) as error:
+            raise _Damaged("a text is damaged") from error
+        if len(counts) == 2:
+            ends = np.cumsum(np.maximum(counts[1, self._texts], 0)).tolist()
+            return {place: strings[first:end] for place, first, end in zip(self._texts, [0, *ends], ends, strict=False)}
+        lengths = np.maximum(np.diff(counts[:, self._texts], axis=0), 0)  # by row group, then by column
+        owner = np.repeat(np.tile(self._texts, len(lengths)), lengths.ravel())
+        return {place: strings[owner == place] for place in self._texts}
 
-    def _require(self, is_valid: Array) -> None:
-        """Raise for the first column with a False, in any of its pages."""
-        if not is_valid.all():
-            raise _Damaged(f"column {self._columns[np.argwhere(~is_valid)[0, 0]].name} is damaged")
+    def _damaged(self, column: int) -> _Damaged:
+        return _Damaged(f"column {self._columns[column].name} is damaged")
 
 
-def _indices(column: _Pages, data: Array) -> tuple[list[str], Array]:
-    """The union of all pages' dictionaries, and the index of each value in it."""
-    positions: dict[str, int] = {}
-    known: dict[bytes, list[int]] = {}
-    codes, values = [], np.empty(column.num_values, np.int32)
-    for page in column.pages:
-        stored = data[page[kernels.WORDS_START] : page[kernels.WORDS_END]].tobytes()
-        if stored not in known:
-            known[stored] = [positions.setdefault(word, len(positions)) for word in _words(stored)]
-        page[kernels.NUM_WORDS] = len(known[stored])
-        codes += known[stored]
-    is_complete = kernels.read_indices(data, column.pages, np.array(codes, np.int32), values)
-    return list(positions), _complete(column, values, is_complete)
+def _described(column: ColumnType) -> tuple[int, ...]:
+    """A column as numbers, see ``value_kernels``."""
+    shape = pages.LIST * column.is_list + pages.NULLABLE * column.nullable
+    return shape, _KINDS.get(column.element, values.WORDS), 0, 0
+
+
+def _dictionary(page: Array, data: Array) -> Sequence[str]:
+    """The words of a page's dictionary."""
+    words = _words(data[page[pages.WORDS_START] : page[pages.WORDS_END]].tobytes())
+    page[pages.NUM_WORDS] = len(words)
+    return words
+
+
+def _joined(dictionaries: Sequence[Sequence[str]], indices: Array, lengths: Array) -> list[str]:
+    """The words of all row groups; indices of each one's words become those of all."""
+    if len(dictionaries) > 1:
+        indices += np.repeat(np.cumsum([0, *map(len, dictionaries[:-1])], dtype=np.int32), lengths)
+    return list(chain.from_iterable(dictionaries))
 
 
 @lru_cache(1024)
@@ -212,37 +253,12 @@ def _words(page: bytes) -> tuple[str, ...]:
     return tuple(words)
 
 
-def _texts(columns: Sequence[_Pages], data: Array) -> list[Array]:
-    """Values of string columns, (n,) str each; all strings are created in one Arrow call."""
-    if not columns:
-        return []
-    ends = list(accumulate(column.num_values for column in columns))
-    size = sum(int((column.pages[:, kernels.END] - column.pages[:, kernels.VALUES]).sum()) for column in columns)
-    offsets, text = np.zeros(ends[-1] + 1, np.int64), np.empty(size, np.uint8)
-    for column, end in zip(columns, ends, strict=True):
-        first = end - column.num_values
-        _complete(column, offsets, kernels.read_texts(data, column.pages, offsets[first:], text))
-    buffers = [None, pa.py_buffer(offsets), pa.py_buffer(text)]
-    array = pa.Array.from_buffers(pa.large_string(), ends[-1], buffers)
-    try:
-        strings: Array = array.to_numpy(zero_copy_only=False)
-    except (UnicodeDecodeError, pa.ArrowException) as error:
-        raise _Damaged("a text is damaged") from error
-    return [strings[end - column.num_values : end] for column, end in zip(columns, ends, strict=True)]
-
-
-def _complete(column: _Pages, values: Array, is_complete: bool) -> Array:
-    if not is_complete:
-        raise _Damaged(f"column {column.column.name} is damaged")
-    return values
-
-
-def _with_nulls(column: _Pages, values: Array) -> Array:
+def _with_nulls(column: ColumnType, lengths: Array, found: Array) -> Array:
     """One value per row: the values of rows that have one, else the null value of the type."""
-    if len(values) == len(column.lengths):
-        return values
-    rows: Array = np.full(len(column.lengths), _NULLS[column.column.element], values.dtype)
-    rows[column.lengths > 0] = values
+    if len(found) == len(lengths):
+        return found
+    rows: Array = np.full(len(lengths), _NULLS[column.element], found.dtype)
+    rows[lengths > 0] = found
     return rows
 
 

@@ -45,6 +45,8 @@ _ENCODINGS = {
     "DELTA_BYTE_ARRAY": 7,
 }
 """Encodings of data pages other than PLAIN, by the names of pyarrow; columns with one of them list PLAIN as well."""
+_PACKED = ("bool", "dictionary")
+"""Types of which a value takes less than a byte."""
 _MAX_CHUNK = 2**30
 """Bytes of a column chunk that the kernels read; larger ones are left to Arrow."""
 
@@ -92,20 +94,23 @@ class Footer:
         if wrong:
             raise UnreadableFile(url, f"its column {wrong[0]} has another type")
         self.names = [column.name for column in columns]
-        self._columns = [(positions.get(column.path), _known_encodings(column)) for column in columns]
+        self._columns = [(positions.get(c.path), _known_encodings(c), c.element in _PACKED) for c in columns]
         self._encodings = self._read_encodings()
         self._chunks: dict[int, Int64] = {}
         self._sizes: dict[int, int] = {}
+        self._num_rows: dict[int, int] = {}
 
     def _read_encodings(self) -> list[int]:
         """Encoding of each column's data pages, which a writer chooses for a file."""
         group = self.metadata.row_group(0) if self.metadata.num_row_groups else None
-        listed = [group.column(index).encodings if group and index is not None else () for index, _ in self._columns]
+        listed = [group.column(index).encodings if group and index is not None else () for index, *_ in self._columns]
         return [next((_ENCODINGS[name] for name in names if name in _ENCODINGS), kernels.PLAIN) for names in listed]
 
     def num_rows(self, number: int) -> int:
         """Rows of a row group."""
-        return int(self.metadata.row_group(number).num_rows)
+        if number not in self._num_rows:
+            self._num_rows[number] = self.metadata.row_group(number).num_rows
+        return self._num_rows[number]
 
     def span(self, number: int) -> tuple[int, int]:
         """Start and end of the bytes of a row group's columns."""
@@ -124,8 +129,8 @@ class Footer:
         if number not in self._chunks:
             group = self.metadata.row_group(number)
             rows = [
-                _chunk(group, index, known, encoding, self.has_checksums)
-                for (index, known), encoding in zip(self._columns, self._encodings, strict=True)
+                _chunk(group, *column, encoding, self.has_checksums)
+                for column, encoding in zip(self._columns, self._encodings, strict=True)
             ]
             self._chunks[number] = np.array(rows, np.int64)
         return self._chunks[number]
@@ -155,7 +160,7 @@ def _known_encodings(column: ColumnType) -> int:
 
 
 def _chunk(
-    group: pq.RowGroupMetaData, index: int | None, known: int, encoding: int, has_checksums: bool
+    group: pq.RowGroupMetaData, index: int | None, known: int, is_packed: bool, encoding: int, has_checksums: bool
 ) -> tuple[int, ...]:
     if index is None:
         return (0,) * kernels.NUM_CHUNK_FIELDS
@@ -164,7 +169,10 @@ def _chunk(
     start = min(data, chunk.dictionary_page_offset or data)
     codec = _CODECS.get(chunk.compression, kernels.OTHER_CODEC) if 0 <= size < _MAX_CHUNK else kernels.OTHER_CODEC
     end = start + chunk.total_compressed_size
-    return start, data, end, chunk.num_values, codec, size, encoding, known >> encoding & 1, has_checksums
+    can_decode = known >> encoding & 1 if codec != kernels.OTHER_CODEC else 0
+    # Not what an unverified number of values says: other values take four bytes or more.
+    room = max(chunk.num_values if is_packed else min(chunk.num_values, size // 4), 0) * can_decode
+    return start, data, end, chunk.num_values, codec, size, encoding, can_decode, has_checksums, room
 
 
 @dataclass(frozen=True, eq=False)

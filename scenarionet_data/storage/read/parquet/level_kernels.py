@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.page_kernels import (
     COUNT,
-    DAMAGED,
     END,
     LEVELS,
     LIST,
@@ -24,76 +23,51 @@ from scenarionet_data.storage.read.parquet.page_kernels import (
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN, count_at
 
 
-@kernel(nogil=True)
-def read_levels(data: Array, pages: Array, shapes: Array, lists: Array, found: Array) -> None:
-    """Decode the lengths of all columns' rows, and locate the values of their pages.
+@device_function
+def read_levels(data: Array, page: Array, shape: int, lengths: Array) -> bool:
+    """Decode the lengths of a page's rows, and locate its values.
 
     Args:
         data: (n,) uint8 decompressed pages, followed by SPARE bytes.
-        pages: (C, k, NUM_PAGE_FIELDS) int64 of C columns and k row groups; fills VALUES and COUNT.
-        shapes: (C,) int64 LIST or 0, plus NULLABLE.
-        lists: (2, C, 1 + rows) int32, filled with lengths of rows and offsets of their values.
-        found: (2, C) int64, filled with the number of rows and of values; instead of rows UNKNOWN if a page is, DAMAGED
-            if one is inconsistent.
+        page: (NUM_PAGE_FIELDS,) int64; fills VALUES and COUNT.
+        shape: LIST or 0, plus NULLABLE.
+        lengths: (rows,) int32, filled.
+
+    Returns:
+        Whether the page has as many rows, and is consistent.
     """
-    for column in range(len(pages)):
-        lengths, offsets = lists[0, column], lists[1, column]
-        done, count, other = 0, 0, column - 1
-        while other >= 0 and shapes[other] != shapes[column]:
-            other -= 1
-        if other >= 0 and found[0, other] > 0 and _repeat_levels(data, pages[other], pages[column]):
-            done, count = found[0, other], found[1, other]
-            lengths[:done] = lists[0, other, :done]
-        else:
-            for number in range(pages.shape[1]):
-                page = pages[column, number]
-                if page[START] < 0:
-                    done = page[START]
-                    break
-                rows, page[COUNT], page[VALUES] = _read_levels(data, page, shapes[column], lengths[done:-1])
-                if rows == UNKNOWN:
-                    done = DAMAGED
-                    break
-                done, count = done + rows, count + page[COUNT]
-        found[0, column], found[1, column], offsets[0] = done, count, 0
-        for row in range(done):
-            offsets[row + 1] = offsets[row] + lengths[row]
-
-
-@device_function
-def _read_levels(data: Array, page: Array, shape: int, lengths: Array) -> tuple[int, int, int]:
-    """Decode the lengths of a page's rows; returns the number of rows (or UNKNOWN), of values, and their start."""
     at, end, num_levels = page[START], page[END], page[LEVELS]
     rows, empty = num_levels, 0
     if not shape & LIST:
-        rows = num_levels if num_levels <= len(lengths) else UNKNOWN
+        if rows != len(lengths):
+            return False
         for row in range(rows):
             lengths[row] = 1
     else:
         stop = _levels_end(data, at, end)
-        rows = UNKNOWN if stop == UNKNOWN else _count_levels(data, at + 4, stop, num_levels, lengths)
+        if stop == UNKNOWN or _count_levels(data, at + 4, stop, num_levels, lengths) != len(lengths):
+            return False
         at = stop
-    if shape & NULLABLE or (shape & LIST and rows != UNKNOWN):
-        stop = UNKNOWN if rows == UNKNOWN else _levels_end(data, at, end)
+    if shape:
+        stop = _levels_end(data, at, end)
         deepest = 2 if shape == NULLABLE | LIST else 1
         empty = UNKNOWN if stop == UNKNOWN else _mark_empty(data, at + 4, stop, num_levels, deepest, lengths)
         at = stop
-    return UNKNOWN if empty == UNKNOWN else rows, num_levels - empty, at
+    page[VALUES], page[COUNT] = at, num_levels - empty
+    return bool(empty != UNKNOWN)
 
 
 @device_function
-def _repeat_levels(data: Array, pages: Array, others: Array) -> bool:
-    """Locate the values of other pages if these have the same levels, as the coordinates of points have."""
-    for number in range(len(pages)):
-        page, other = pages[number], others[number]
-        size, differences = page[VALUES] - page[START], np.uint8(0)
-        if other[START] < 0 or other[LEVELS] != page[LEVELS] or size > other[END] - other[START]:
-            return False
-        for k in range(size):
-            differences |= data[page[START] + k] ^ data[other[START] + k]
-        if differences:
-            return False
-        other[VALUES], other[COUNT] = other[START] + size, page[COUNT]
+def repeat_levels(data: Array, page: Array, other: Array) -> bool:
+    """Locate the values of another page if it has the same levels, as the coordinates of points have."""
+    size, differences = page[VALUES] - page[START], np.uint8(0)
+    if other[LEVELS] != page[LEVELS] or size > other[END] - other[START]:
+        return False
+    for k in range(size):
+        differences |= data[page[START] + k] ^ data[other[START] + k]
+    if differences:
+        return False
+    other[VALUES], other[COUNT] = other[START] + size, page[COUNT]
     return True
 
 

@@ -1,4 +1,4 @@
-"""Compiled decoder of Parquet pages: a column of many row groups in one call.
+"""Compiled loops that locate and decompress the pages of a row group.
 
 Format: https://parquet.apache.org/docs/file-format/ (data pages of version 1; levels and dictionary indices in the
 RLE/bit-packed hybrid; values PLAIN or in BYTE_STREAM_SPLIT). Pages of sealed files are compared with their CRC-32.
@@ -24,7 +24,6 @@ from scenarionet_data.storage.read.parquet.thrift_kernels import (
     DATA_PAGE,
     DICTIONARY_PAGE,
     UNKNOWN,
-    count_at,
     read_header,
 )
 
@@ -32,10 +31,10 @@ DAMAGED = -2
 
 # Columns of an array of chunks: position of the chunk and of its data page in the file, end, number of values with
 # nulls and empty lists, codec, uncompressed size, encoding of the data page, whether the kernels can decode it,
-# and whether pages must have a checksum.
-NUM_CHUNK_FIELDS = 9
+# whether pages must have a checksum, and the largest number of values that it can hold.
+NUM_CHUNK_FIELDS = 10
 CHUNK_START, DATA_START, CHUNK_END, NUM_VALUES, CODEC = range(5)
-CHUNK_SIZE, EXPECTED, CAN_DECODE, IS_CHECKED = range(5, NUM_CHUNK_FIELDS)
+CHUNK_SIZE, EXPECTED, CAN_DECODE, IS_CHECKED, CHUNK_ROOM = range(5, NUM_CHUNK_FIELDS)
 OTHER_CODEC, LZ4, ZSTD = 0, 1, 2
 
 # Columns of an array of pages: start (or UNKNOWN, DAMAGED) and end of the uncompressed page, number of levels,
@@ -58,28 +57,30 @@ def is_compiled() -> bool:
     return bool(getattr(load_pages, "signatures", True))
 
 
-@kernel(nogil=True)
-def load_pages(data: Array, base: int, chunks: Array, pages: Array, number: int, scratch: Array, at: int) -> int:
+@kernel(nogil=True, allocates=False)
+def load_pages(data: Array, base: int, chunks: Array, pages: Array, scratch: Array) -> int:
     """Locate a row group's pages; decompress those in LZ4, and reserve space for those in zstd.
 
     Args:
         data: (n,) uint8 bytes of the file, starting at position ``base``.
         chunks: (C, NUM_CHUNK_FIELDS) int64, see CHUNK_START.
-        pages: (C, k, NUM_PAGE_FIELDS) int64 zeros, filled for row group ``number``; UNKNOWN for a column with more than
-            one page or of another kind.
-        number: Index of the row group.
-        scratch: (m,) uint8, filled from ``at`` on; large enough for the chunks of known codecs.
+        pages: (C, NUM_PAGE_FIELDS) int64 zeros, filled; UNKNOWN for a column with more than one page or of another
+            kind, DAMAGED for one that is inconsistent.
+        scratch: (m,) uint8, filled; large enough for the chunks of known codecs.
 
     Returns:
-        Start of the next row group's pages in ``scratch``.
+        Number of pages in zstd, or DAMAGED.
     """
+    at, stored, is_damaged = 0, 0, False
     for column in range(len(chunks)):
         size = chunks[column, CHUNK_SIZE] if chunks[column, CODEC] != OTHER_CODEC else 0
         limit = min(at + size, len(scratch))
-        page = pages[column, number]
+        page = pages[column]
         page[START] = _load_page(data, base, chunks[column], page, scratch, at, limit)
+        is_damaged |= page[START] == DAMAGED
+        stored += page[STORED_END] > 0
         at = limit
-    return at
+    return DAMAGED if is_damaged else stored
 
 
 @device_function
@@ -111,126 +112,6 @@ def _load_page(data: Array, base: int, chunk: Array, page: Array, scratch: Array
     elif not decompress(data, end - stored_size, end, scratch, at, at + size):
         return DAMAGED
     return at
-
-
-@kernel(nogil=True)
-def read_words(data: Array, pages: Array, values: Array) -> bool:
-    """Decode 4-byte values, PLAIN or BYTE_STREAM_SPLIT.
-
-    Args:
-        data: (n,) uint8 decompressed pages, followed by SPARE bytes.
-        pages: (k, NUM_PAGE_FIELDS) int64 pages of the column, by row group.
-        values: (sum of COUNT,) uint32, filled.
-
-    Returns:
-        Whether all pages are consistent.
-    """
-    done = 0
-    for page in pages:
-        at, count = page[VALUES], page[COUNT]
-        if page[END] - at != 4 * count:
-            return False
-        if page[ENCODING] == BYTE_STREAM_SPLIT:
-            _join(data[at:], count, values[done:])
-        else:
-            for i in range(count):
-                values[done + i] = uint32_at(data, at + 4 * i)
-        done += count
-    return True
-
-
-@kernel(nogil=True)
-def read_bits(data: Array, pages: Array, values: Array) -> bool:
-    """Decode truth values like :func:`read_words`; ``values`` is (sum of COUNT,) int8."""
-    done = 0
-    for page in pages:
-        at, count = page[VALUES], page[COUNT]
-        if page[END] - at != (count + 7) >> 3:
-            return False
-        for i in range(count):
-            values[done + i] = data[at + (i >> 3)] >> (i & 7) & 1
-        done += count
-    return True
-
-
-@kernel(nogil=True)
-def read_texts(data: Array, pages: Array, offsets: Array, text: Array) -> bool:
-    """Decode texts like :func:`read_words`.
-
-    Args:
-        offsets: (1 + sum of COUNT,) int64; the first is where to begin in ``text``, the others are filled with ends.
-        text: (n,) uint8, filled with the concatenated texts.
-    """
-    done, size = 0, offsets[0]
-    for page in pages:
-        at, end = page[VALUES], page[END]
-        for i in range(page[COUNT]):
-            length = uint32_at(data, at) if at + 4 <= end else end
-            at += 4
-            if length > end - at:
-                return False
-            for k in range(length):
-                text[size + k] = data[at + k]
-            at, size = at + length, size + length
-            offsets[done + i + 1] = size
-        if at != end:
-            return False
-        done += page[COUNT]
-    return True
-
-
-@kernel(nogil=True)
-def read_indices(data: Array, pages: Array, codes: Array, values: Array) -> bool:
-    """Decode dictionary indices like :func:`read_words`; ``values`` is (sum of COUNT,) int32.
-
-    Args:
-        codes: (sum of NUM_WORDS,) int32 code of each word of each page's dictionary.
-    """
-    done, first = 0, 0
-    for page in pages:
-        stop = done + page[COUNT]
-        if not _read_indices(data, page[VALUES], page[END], values[done:stop]):
-            return False
-        for i in range(done, stop):
-            if values[i] >= page[NUM_WORDS]:
-                return False
-            values[i] = codes[first + values[i]]
-        done, first = stop, first + page[NUM_WORDS]
-    return True
-
-
-@device_function
-def _read_indices(data: Array, at: int, end: int, values: Array) -> bool:
-    """Decode the indices of a page (bit width, then RLE/bit-packed hybrid); returns whether it is complete."""
-    if at >= end:
-        return len(values) == 0
-    width = _byte(data, at)
-    at, done = at + 1, 0
-    if width > 24:  # more words than any vocabulary
-        return False
-    while done < len(values) and at < end:
-        header, at = count_at(data, at)
-        is_packed, length = header & 1, header >> 1
-        stop = min(done + (length << 3 if is_packed else length), len(values))
-        size = ((stop - done) * width if is_packed else width) + 7 >> 3
-        if at + size > end:
-            return False
-        for place in range(stop - done):
-            bit = place * width if is_packed else 0
-            values[done + place] = uint32_at(data, at + (bit >> 3)) >> (bit & 7) & ((1 << width) - 1)
-        at += length * width if is_packed else size
-        done = stop
-    return done == len(values)
-
-
-@device_function
-def _join(streams: Array, count: int, values: Array) -> None:
-    """Join 4-byte words from the streams of their first, second, third and fourth bytes."""
-    first, second = streams[:count], streams[count : 2 * count]
-    third, fourth = streams[2 * count : 3 * count], streams[3 * count : 4 * count]
-    for i in range(count):
-        low = np.uint32(first[i]) | np.uint32(second[i]) << np.uint32(8)
-        values[i] = low | np.uint32(third[i]) << np.uint32(16) | np.uint32(fourth[i]) << np.uint32(24)
 
 
 @device_function

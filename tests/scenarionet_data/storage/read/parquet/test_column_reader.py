@@ -15,7 +15,6 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
 from scenarionet_data.storage.read.parquet.column_reader import _read_by_arrow
-from scenarionet_data.storage.read.parquet.level_kernels import read_levels
 
 READ = ("tracks", "lights", "maps")
 WORDS = ["VEHICLE", "PEDESTRIAN", "", "straße", "自動車", "x" * 300]
@@ -84,8 +83,11 @@ def read(table, groups):
 
 def unknown_columns(table, path):
     """Columns that the kernels cannot decode and Arrow reads instead."""
-    pages, _ = reader_of(table)._load_pages(row_groups(path, table))
-    return {column.name for column, its in zip(tables.load(table).columns, pages, strict=True) if its[0, 0] < 0}
+    group = row_groups(path, table)[0]
+    scratch = np.empty(group.footer.size(group.number) + kernels.SPARE, np.uint8)
+    pages = np.zeros((len(tables.load(table).columns), kernels.NUM_PAGE_FIELDS), np.int64)
+    reader_of(table)._load_pages(group, pages, scratch)
+    return {column.name for column, page in zip(tables.load(table).columns, pages, strict=True) if page[0] < 0}
 
 
 def by_arrow(table, paths):
@@ -257,79 +259,3 @@ def test_spans_beyond_num_rows_raise_error():
     columns = Columns.from_arrow(rows_of("lights", 5, 1), tables.load("lights").columns)
     with pytest.raises(LakeError, match="fewer rows than its metadata"):
         columns.pick([(3, 3)])
-
-
-GUARD = 8
-
-
-def guarded(size, kind):
-    """Space for ``size`` values, followed by guard values that must not change."""
-    return np.full(size + GUARD, -7 if np.dtype(kind).kind != "u" else 7, kind)
-
-
-@given(
-    content=st.binary(max_size=200),
-    levels=st.integers(0, 60),
-    shape=st.sampled_from([0, kernels.NULLABLE, kernels.LIST, kernels.LIST | kernels.NULLABLE]),
-    encoding=st.sampled_from([kernels.PLAIN, kernels.BYTE_STREAM_SPLIT]),
-    num_words=st.integers(0, 4),
-    room=st.integers(0, 60),
-)
-def test_arbitrary_pages_are_not_read_or_written_out_of_bounds(content, levels, shape, encoding, num_words, room):
-    data = np.frombuffer(content + bytes(kernels.SPARE), np.uint8)
-    pages = np.zeros((1, 1, kernels.NUM_PAGE_FIELDS), np.int64)
-    pages[0, 0, kernels.END] = len(content)
-    pages[0, 0, [kernels.LEVELS, kernels.ENCODING, kernels.NUM_WORDS]] = levels, encoding, num_words
-    # Lengths and offsets of the column, each between others that must not change.
-    lists, found = np.full((3, 3, room + 1), -7, np.int32), np.zeros((2, 1), np.int64)
-    read_levels(data, pages, np.array([shape]), lists[:2, 1:2], found)
-    assert (lists[2] == -7).all() and (lists[:, [0, 2]] == -7).all() and lists[0, 1, room] == -7
-    if found[0, 0] < 0:
-        return
-    (page,), ((rows,), (count,)) = pages, found.tolist()
-    assert rows <= min(levels, room)
-    assert 0 <= lists[1, 1, rows] <= count == page[0, kernels.COUNT] <= levels
-    words, bits, indices = guarded(count, np.uint32), guarded(count, np.int8), guarded(count, np.int32)
-    offsets, text = guarded(count + 1, np.int64), guarded(len(content), np.uint8)
-    offsets[0] = 0
-    rooms = words, bits, indices, offsets, text
-    inner = [room[: len(room) - GUARD] for room in rooms]
-    kernels.read_words(data, page, inner[0])
-    kernels.read_bits(data, page, inner[1])
-    kernels.read_indices(data, page, np.arange(num_words, dtype=np.int32), inner[2])
-    kernels.read_texts(data, page, inner[3], inner[4])
-    for each in rooms:
-        assert (each[len(each) - GUARD :] == (7 if each.dtype.kind == "u" else -7)).all()
-
-
-LEVELS_OF_LISTS = b"\2\0\0\0\3\x16"
-"""Repetition levels of lists of 3, 2, 1, 1 and 1 elements: 0 1 1 0 1 0 0 0, in bits from the right 00010110."""
-
-
-@given(
-    contents=st.lists(
-        st.sampled_from([2 * LEVELS_OF_LISTS, LEVELS_OF_LISTS + b"\2\0\0\0\x10\1", b"\0\0\0\0", b"\2\0\0\0\x10\1"]),
-        min_size=4,
-        max_size=4,
-    ),
-    levels=st.lists(st.integers(0, 8), min_size=4, max_size=4),
-    shapes=st.lists(st.sampled_from([kernels.LIST, kernels.NULLABLE, 0]), min_size=2, max_size=2),
-)
-def test_columns_that_repeat_levels_are_read_as_if_alone(contents, levels, shapes):
-    """Two columns of two pages each."""
-    data = np.frombuffer(b"".join(contents) + bytes(kernels.SPARE), np.uint8)
-    ends = np.cumsum([len(content) for content in contents]).reshape(2, 2)
-    pages = np.zeros((2, 2, kernels.NUM_PAGE_FIELDS), np.int64)
-    pages[:, :, kernels.START] = ends - np.array([len(content) for content in contents]).reshape(2, 2)
-    pages[:, :, kernels.END], pages[:, :, kernels.LEVELS] = ends, np.array(levels).reshape(2, 2)
-
-    def read(columns):
-        own, lists, found = pages[columns], np.zeros((2, len(columns), 17), np.int32), np.zeros((2, len(columns)), int)
-        read_levels(data, own, np.array(shapes)[columns], lists, found)
-        return [
-            (rows, count, own[k], lists[0, k, :rows], lists[1, k, : rows + 1]) if rows >= 0 else rows
-            for k, (rows, count) in enumerate(found.T.tolist())
-        ]
-
-    for together, alone in zip(read([0, 1]), read([0]) + read([1]), strict=True):
-        np.testing.assert_equal(together, alone)

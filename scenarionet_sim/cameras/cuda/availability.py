@@ -1,0 +1,26 @@
+"""Whether cameras can draw on a graphics card here."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any
+
+from scenarionet_data.errors import BadParameter, MissingDependency
+
+
+def require_cuda() -> None:
+    """Raise unless numba-cuda is installed and finds a graphics card.
+
+    Raises:
+        MissingDependency: numba-cuda is not installed.
+        BadParameter: There is no graphics card that CUDA can use.
+    """
+    if find_spec("numba_cuda") is None:
+        raise MissingDependency("cameras with device='cuda' need numba-cuda", "cuda", "device='cpu' needs nothing")
+    import numba.cuda
+
+    cuda: Any = numba.cuda
+    if not cuda.is_available():
+        raise BadParameter(
+            "device='cuda' expects a graphics card of NVIDIA with its driver, found none; draw with device='cpu'"
+        )
