@@ -5,7 +5,10 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any
 
+from numba.core import config
+
 from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_sim.cameras.cuda.rounding import support_rounding
 
 
 def require_cuda() -> None:
@@ -24,3 +27,5 @@ def require_cuda() -> None:
         raise BadParameter(
             "device='cuda' expects a graphics card of NVIDIA with its driver, found none; draw with device='cpu'"
         )
+    if not config.ENABLE_CUDASIM:  # the simulator runs NumPy's own functions
+        support_rounding()
