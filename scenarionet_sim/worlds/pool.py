@@ -23,7 +23,6 @@ from scenarionet_sim.kernels.structures import (
     OBJECTS,
 )
 from scenarionet_sim.worlds.blocks import Blocks
-from scenarionet_sim.worlds.line_cells import LineCells
 from scenarionet_sim.worlds.world import World
 
 Prepare = Callable[[World, Hashable], tuple[World, UInt8]]
@@ -123,16 +122,16 @@ class WorldPool:
         path = self.kinds["path"].put({"path": world.paths.path})
         stops = self.kinds["stops"].put({"stop_arc": world.stops.stop_arc, "stop_light": world.stops.stop_light})
         items = grid.cell_items
-        segment_type = world.roads.segment_type[items]
-        cells = LineCells.of(grid, segment_type)
-        segments = self.kinds["segments"].put({"segments": world.roads.segments[items], "segment_type": segment_type})
-        filled = self.kinds["filled"].put({"filled_start": segments[0] + cells.filled_start})
+        segments = self.kinds["segments"].put(
+            {"segments": world.roads.segments[items], "segment_type": world.roads.segment_type[items]}
+        )
+        filled = self.kinds["filled"].put({"filled_start": segments[0] + grid.filled_start})
         blocks = {
             "path": path,
             "stops": stops,
             "segments": segments,
             "filled": filled,
-            "blocks": self.kinds["blocks"].put({"block_start": filled[0] + cells.block_start}),
+            "blocks": self.kinds["blocks"].put({"block_start": filled[0] + grid.block_start}),
             "objects": self.kinds["objects"].put({
                 "driver": _with_end(driver), "object_type": _with_end(world.object_type), "size": _with_end(world.size),
                 "top_speed": _with_end(world.top_speed), "path_offsets": path[0] + world.paths.path_offsets,
@@ -140,7 +139,7 @@ class WorldPool:
             }),
             "log": self.kinds["log"].put({"log": world.log.reshape(-1, 8)}),
             "lights": self.kinds["lights"].put({"light_state": world.light_state.ravel()}),
-            "cells": self.kinds["cells"].put({"cell_types": cells.cell_types, "cell_rank": cells.cell_rank}),
+            "cells": self.kinds["cells"].put({"cell_types": grid.cell_types, "cell_rank": grid.cell_rank}),
         }  # fmt: skip
         place = np.empty(NUM_PLACES, np.int64)
         place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego
