@@ -23,9 +23,10 @@ def require_cuda() -> None:
     import numba.cuda
 
     cuda: Any = numba.cuda
+    settings: Any = config
     if not cuda.is_available():
         raise BadParameter(
             "device='cuda' expects a graphics card of NVIDIA with its driver, found none; draw with device='cpu'"
         )
-    if not config.ENABLE_CUDASIM:  # the simulator runs NumPy's own functions
+    if not settings.ENABLE_CUDASIM:  # the simulator runs NumPy's own functions
         support_rounding()

@@ -23,5 +23,5 @@ def _lower(function: Any, context: Any, builder: Any, signature: Any, arguments:
     """Write the code of a call, as a lowering function of numba."""
     from numba.cuda import mathimpl
 
-    lower: Any = mathimpl.get_unary_impl_for_fn_and_ty(function, signature.args[0])
-    return lower(context, builder, signature, arguments)
+    find: Any = mathimpl.get_unary_impl_for_fn_and_ty
+    return find(function, signature.args[0])(context, builder, signature, arguments)
