@@ -15,7 +15,7 @@ RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nupla
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
-	clean convert docs docs-site notebooks test-devkits test-learn test-metadrive
+	clean convert docs docs-site notebooks test-cuda test-devkits test-learn test-metadrive
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-16s %s\n", $$1, $$2}'
@@ -54,7 +54,7 @@ test-integration: install  ## Run the tests of whole programs, servers, workers,
 	$(PYTEST) -m 'integration and not long and not damage' $(ARGS)
 
 test-all: install  ## Run all tests that need no other environment, including those marked as long.
-	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn' $(ARGS)
+	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn and not cuda' $(ARGS)
 
 test-packaging: install  ## Build the distributions, install them into empty environments, and use them.
 	$(BIN)/python -m pytest -m packaging tests/test_wheel.py $(ARGS)
@@ -84,6 +84,14 @@ test-learn: install .venv-learn/.installed  ## Run the tests that need torch (TO
 
 .venv-learn/.installed: tests/learn/make_environment.sh
 	TORCH='$(TORCH)' sh $< $(PYTHON)
+	@touch $@
+
+test-cuda: install .venv-cuda/.installed  ## Run the tests of cameras on a graphics card, compiled and simulated where there is none.
+	.venv-cuda/bin/python -m pytest -m cuda tests/cuda/test_compilation.py $(ARGS)
+	NUMBA_ENABLE_CUDASIM=1 .venv-cuda/bin/python -m pytest -m cuda tests/cuda/test_frames.py $(ARGS)
+
+.venv-cuda/.installed: tests/cuda/make_environment.sh
+	sh $< $(PYTHON)
 	@touch $@
 
 test-devkits: install .venv-devkits/.installed  ## Compare the converters with the official readers (nuScenes, Argoverse 2, zarr, GDAL).

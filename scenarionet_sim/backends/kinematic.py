@@ -31,7 +31,7 @@ class Kinematic:
 
     def open(self, batch: WorldBatch) -> KinematicSession:
         """Open a session."""
-        return KinematicSession(self, len(batch), batch.max_objects)
+        return KinematicSession(self, batch)
 
 
 class KinematicSession:
@@ -42,24 +42,27 @@ class KinematicSession:
         substeps: Physics steps per control step.
     """
 
-    def __init__(self, backend: Kinematic, num_worlds: int, num_objects: int) -> None:
+    def __init__(self, backend: Kinematic, batch: WorldBatch) -> None:
+        self._batch = batch
         self.substeps = backend.substeps
         self._fleet = backend.drive if isinstance(backend.drive, Fleet) else None
         drive = backend.drive.car if isinstance(backend.drive, Fleet) else backend.drive
         self._row = _columns(np.array([(*astuple(drive), backend.grip)]))[0]
-        self.vehicles: Float64 = np.tile(self._row, (num_worlds, num_objects, 1))
+        self.vehicles: Float64 = np.empty((len(batch), batch.max_objects, NUM_COLUMNS))
+        for world, count in enumerate(batch.num_objects.tolist()):  # the rest takes no memory
+            self.vehicles[world, :count] = self._row
 
     def reset(self, world: int, state: State) -> None:
         """Set the vehicles of a world: wheels straight, limits of their classes."""
         missing = state.present.shape[1] - self.vehicles.shape[1]
         if missing > 0:
-            more = np.tile(self._row, (len(self.vehicles), missing, 1))
-            self.vehicles = np.concatenate([self.vehicles, more], axis=1)
+            self.vehicles = np.pad(self.vehicles, ((0, 0), (0, missing), (0, 0)))
+        count = self._batch.num_objects[world]
         if self._fleet is None:
-            self.vehicles[world] = self._row
+            self.vehicles[world, :count] = self._row
         else:
-            of_objects = self._fleet.numbers(state.object_type[world], state.size[world])
-            self.vehicles[world] = _columns(of_objects)
+            of_objects = self._fleet.numbers(state.object_type[world, :count], state.size[world, :count])
+            self.vehicles[world, :count] = _columns(of_objects)
 
     def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:
         """Move the agents by one control step, in place; see :class:`scenarionet_sim.backends.base.Session`."""

@@ -68,12 +68,13 @@ class Stage:
         scenery: What surrounds the roads.
 
     Attributes:
+        kinds: The arrays of all worlds, by kind of block.
         ground: Ground of the slots as kernels take it.
     """
 
     def __init__(self, scenery: Scenery) -> None:
         self._scenery = scenery
-        self._kinds = {
+        self.kinds = {
             "cells": Blocks({"corner": np.uint8, "cell_start": np.int64}),
             "strokes": Blocks({"strokes": (np.float32, 6), "stroke_kind": np.uint8}),
             "heights": Blocks({"heights": np.float32}),
@@ -92,9 +93,9 @@ class Stage:
             self._places[world] = self._places.pop(world) if world in self._places else self._store(world)
         for world in list(self._places)[: -len(set(self._slots)) - _KEPT]:
             for kind, block in self._places.pop(world)[0].items():
-                self._kinds[kind].remove(*block)
+                self.kinds[kind].remove(*block)
         places = [self._places[world] for world in self._slots]
-        arrays = {name: array for kind in self._kinds.values() for name, array in kind.arrays.items()}
+        arrays = {name: array for kind in self.kinds.values() for name, array in kind.arrays.items()}
         self.ground = Ground(
             place=np.array([(blocks["cells"][0], blocks["heights"][0]) for blocks, _, _ in places], np.int64),
             frame=np.array([frame for _, frame, _ in places]),
@@ -107,21 +108,21 @@ class Stage:
     def _store(self, world: World) -> tuple[dict[str, tuple[int, int]], Float64, Float64]:
         scene = scene_in(world, self._scenery)
         terrain, heights = scene.terrain, world.heights
-        strokes = self._kinds["strokes"].put({"strokes": terrain.strokes, "stroke_kind": terrain.stroke_kind})
+        strokes = self.kinds["strokes"].put({"strokes": terrain.strokes, "stroke_kind": terrain.stroke_kind})
         corner = np.append(terrain.corner, np.uint8(0))  # as many rows as first strokes
         blocks = {
             "strokes": strokes,
-            "cells": self._kinds["cells"].put({"corner": corner, "cell_start": terrain.cell_start + strokes[0]}),
-            "heights": self._kinds["heights"].put(
+            "cells": self.kinds["cells"].put({"corner": corner, "cell_start": terrain.cell_start + strokes[0]}),
+            "heights": self.kinds["heights"].put(
                 {"heights": np.zeros(0, np.float32) if heights is None else heights.values.ravel()}
             ),
-            "fixed": self._kinds["fixed"].put({"fixed": scene.fixed, "fixed_kind": scene.fixed_kind}),
+            "fixed": self.kinds["fixed"].put({"fixed": scene.fixed, "fixed_kind": scene.fixed_kind}),
         }
         return blocks, terrain.frame, np.zeros(5) if heights is None else heights.frame
 
     def solids(self, batch: WorldBatch, state: State) -> Solids:
         """Return everything that stands on the ground, as kernels take it."""
-        fixed = self._kinds["fixed"].arrays
+        fixed = self.kinds["fixed"].arrays
         return Solids(
             state.motion, state.size, state.object_type, state.present, state.timestep, batch.place,
             batch.recorded.log, batch.recorded.light_state, self._fixed_range, fixed["fixed"], fixed["fixed_kind"],

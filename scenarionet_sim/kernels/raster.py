@@ -12,6 +12,7 @@ import numpy as np
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int16, Int32, UInt8
 from scenarionet_sim.kernels.minmax import larger, smaller
+from scenarionet_sim.kernels.structures import CELLS_IN_BLOCK
 
 
 @device_function
@@ -93,16 +94,44 @@ def list_in_window(window: Float64, frame: Float64, cell_start: Int32, cell_item
         frame, cell_start, cell_items: The grid, see ``roads.grid.Grid``.
         found: (K,) output, set True.
     """
-    columns = int(frame[3])
-    first_column = int(larger(np.floor((window[0] - frame[0]) / frame[2]), 0.0))
-    first_row = int(larger(np.floor((window[1] - frame[1]) / frame[2]), 0.0))
-    last_column = int(smaller(np.floor((window[2] - frame[0]) / frame[2]), frame[3] - 1.0))
-    last_row = int(smaller(np.floor((window[3] - frame[1]) / frame[2]), frame[4] - 1.0))
-    for row in range(first_row, last_row + 1):
-        for column in range(first_column, last_column + 1):
-            cell = row * columns + column
+    left, right, low, high = _cells_in_window(window, frame)
+    for row in range(low, high + 1):
+        for column in range(left, right + 1):
+            cell = row * int(frame[3]) + column
             for place in range(cell_start[cell], cell_start[cell + 1]):
                 found[cell_items[place]] = True
+
+
+@kernel
+def list_lines_in_window(
+    window: Float64,
+    frame: Float64,
+    cell_types: UInt8,
+    cell_rank: UInt8,
+    block_start: Int32,
+    filled_start: Int32,
+    cell_items: Int32,
+    found: Bool,
+) -> None:
+    """Mark the segments of the cells that a window touches; as above, with a ``roads.line_grid.LineGrid``."""
+    left, right, low, high = _cells_in_window(window, frame)
+    for row in range(low, high + 1):
+        for column in range(left, right + 1):
+            cell = row * int(frame[3]) + column
+            if cell_types[cell]:
+                filled = block_start[cell // CELLS_IN_BLOCK] + cell_rank[cell]
+                for place in range(filled_start[filled], filled_start[filled + 1]):
+                    found[cell_items[place]] = True
+
+
+@device_function
+def _cells_in_window(window: Float64, frame: Float64) -> tuple[int, int, int, int]:
+    """Return the first and last column, and the first and last row, of the cells that a window touches."""
+    left = int(larger(np.floor((window[0] - frame[0]) / frame[2]), 0.0))
+    low = int(larger(np.floor((window[1] - frame[1]) / frame[2]), 0.0))
+    right = int(smaller(np.floor((window[2] - frame[0]) / frame[2]), frame[3] - 1.0))
+    high = int(smaller(np.floor((window[3] - frame[1]) / frame[2]), frame[4] - 1.0))
+    return left, right, low, high
 
 
 @kernel

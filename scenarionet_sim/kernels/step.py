@@ -190,7 +190,7 @@ def _finish(
             _locate(a, w, agents.rows[a, 1], back, ahead, is_own != 0.0, recorded, then, agents)
     if phases & SCORE:
         if has_begun:
-            _begin(w, a0, a1, agents, result)
+            _begin(w, a0, a1, recorded.place[w, NUM_OBJECTS], agents, result)
         else:
             for a in range(a0, a1):
                 _score(a, w, agents.rows[a, 1], recorded, then, agents, arrays.task, result)
@@ -261,9 +261,9 @@ def _locate(
 
 
 @device_function(forceinline=True)
-def _begin(w: int, first: int, end: int, agents: DrivenArrays, result: StepResult) -> None:
-    """Clear the scores of a world; contacts at the beginning do not count as crashes."""
-    for n in range(result.totals.shape[1]):
+def _begin(w: int, first: int, end: int, count: int, agents: DrivenArrays, result: StepResult) -> None:
+    """Clear the scores of a world of ``count`` objects; contacts at the beginning do not count as crashes."""
+    for n in range(count):
         for column in range(result.totals.shape[2]):
             result.totals[w, n, column] = 0.0
     for a in range(first, end):

@@ -21,8 +21,7 @@ from scenarionet_data.scenario.vocabulary import (
     is_road_edge,
     is_road_line,
 )
-from scenarionet_sim.kernels.raster import draw_polygons, draw_segments, list_in_window
-from scenarionet_sim.roads.grid import Grid
+from scenarionet_sim.kernels.raster import draw_polygons, draw_segments, list_in_window, list_lines_in_window
 from scenarionet_sim.sensors.base import Sensor, map_types, require
 from scenarionet_sim.worlds.state import History, State
 from scenarionet_sim.worlds.world import World
@@ -151,9 +150,14 @@ class BirdView(Sensor):
     def _draw_map(self, world: World, view: Float64, pictures: Array, turns: Array) -> None:
         window, roads = self._window(view), world.roads
         outlines = roads.polygons.values, roads.polygons.offsets, roads.polygon_type
-        near = _near(roads.polygon_grid, len(roads.polygon_type), window)
+        near = np.zeros(len(roads.polygon_type), np.bool_)
+        areas = roads.polygon_grid
+        list_in_window(window, areas.frame, areas.cell_start, areas.cell_items, near)
         draw_polygons(*outlines, near, _AREAS, view, pictures, turns)
-        near = _near(roads.segment_grid, len(roads.segments), window)
+        near = np.zeros(len(roads.segments), np.bool_)
+        lines = roads.segment_grid
+        filled = lines.block_start, lines.filled_start, lines.cell_items
+        list_lines_in_window(window, lines.frame, lines.cell_types, lines.cell_rank, *filled, near)
         draw_segments(roads.segments, roads.segment_type, near, _LINES, view, pictures)
 
     def _draw_route(self, world: World, row: int, view: Float64, pictures: Array) -> None:
@@ -185,13 +189,6 @@ class BirdView(Sensor):
             channel = _style({}, len(Channel) + moment)
             corners = boxes(past.position[moment, world], past.heading[moment, world])
             _draw_boxes(corners, types, past.present[moment, world], channel, view, pictures, turns)
-
-
-def _near(grid: Grid, count: int, window: Float64) -> Bool:
-    """Return a mask (count,) of the boxes of a grid that may overlap a window."""
-    found = np.zeros(count, np.bool_)
-    list_in_window(window, grid.frame, grid.cell_start, grid.cell_items, found)
-    return found
 
 
 def _draw_boxes(

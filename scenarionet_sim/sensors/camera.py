@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import cached_property, partial
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.arrays.dtypes import Array, Float64, Int32
 from scenarionet_data.errors import BadParameter
+from scenarionet_sim.cameras.cuda.availability import require_cuda
 from scenarionet_sim.cameras.drawing import CHANNELS, Optics, draw, poses_on, scaled_down
 from scenarionet_sim.cameras.formats import add_pixel_noise
 from scenarionet_sim.cameras.lenses import Intrinsics, lens_of
+from scenarionet_sim.cameras.stage import Scenery
 from scenarionet_sim.cameras.weather import DAY, Weather, look_of, random_weather
+from scenarionet_sim.kernels.cameras.layout import Look
 from scenarionet_sim.sensors.base import Sensor, require
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
+if TYPE_CHECKING:
+    from scenarionet_sim.cameras.cuda.frames import DeviceFrames
+
 OWN_VIEWS = ("hidden", "outside", "inside")
+DEVICES = ("cpu", "cuda")
+
+Made = TypeVar("Made")
+"""Frames of one channel, on the processor or on a graphics card."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +55,7 @@ class Mount:
 
 @dataclass(frozen=True)
 class Camera(Sensor):
-    """A camera on the agent, by ray casting on the processor.
+    """A camera on the agent, by ray casting on the processor or on a graphics card.
 
     Observes (height, width, values per pixel), uint8 if all channels are uint8, else float32 with the channels one
     after another; :meth:`frames` returns each channel in a type of its own. Channels:
@@ -80,7 +92,8 @@ class Camera(Sensor):
         supersampling: Rays per pixel and axis for ``rgb``; other channels have one ray per pixel.
         flow_time: [s].
         seed: Seed of scenery, textures and weather.
-        threads: Largest number of threads; pictures do not depend on it.
+        threads: Largest number of threads of the processor; pictures do not depend on it.
+        device: What draws: ``cpu``, or ``cuda`` for a graphics card of NVIDIA, which needs the extra ``cuda``.
     """
 
     width: int = 640
@@ -105,6 +118,7 @@ class Camera(Sensor):
     flow_time: float = 0.1
     seed: int = 0
     threads: int = 1
+    device: str = "cpu"
 
     def __post_init__(self) -> None:
         require(min(self.width, self.height) > 0, f"a camera needs pixels, found {self.width} x {self.height}")
@@ -127,6 +141,7 @@ class Camera(Sensor):
         require(min(self.noise, self.jitter) >= 0, "a camera's noise and jitter must be at least 0")
         require(1 <= self.supersampling <= 4, f"supersampling={self.supersampling}; expected 1 to 4")
         require(self.threads > 0, f"threads={self.threads}; expected at least 1")
+        require(self.device in DEVICES, f"device={self.device!r}; choose from {', '.join(DEVICES)}")
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -185,6 +200,34 @@ class Camera(Sensor):
             rng: Source of noise and jitter; unused without them.
         """
         rng = rng or np.random.default_rng()
+        if self.device == "cuda":
+            return {name: seen.copy_to_host() for name, seen in self.frames_on_card(batch, state, agents, rng).items()}
+        who, poses, look, scenery = self._shots(batch, state, agents, rng)
+        drawn = partial(draw, batch, state, who, poses, look=look, scenery=scenery, threads=self.threads)
+        return self._finished(drawn, scaled_down, add_pixel_noise, rng)
+
+    def frames_on_card(
+        self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator | None = None
+    ) -> dict[str, DeviceFrames]:
+        """Return what :meth:`frames` does, in the memory of the graphics card, for ``torch.from_dlpack``.
+
+        Raises:
+            BadParameter: The camera's ``device`` is not ``cuda``, or there is no graphics card.
+            MissingDependency: numba-cuda is not installed.
+        """
+        require(self.device == "cuda", f"device={self.device!r}; frames on a card need Camera(device='cuda')")
+        require_cuda()
+        from scenarionet_sim.cameras.cuda import drawing as card
+
+        rng = rng or np.random.default_rng()
+        who, poses, look, scenery = self._shots(batch, state, agents, rng)
+        drawn = partial(card.draw, batch, state, who, poses, look=look, scenery=scenery)
+        return self._finished(drawn, card.scaled_down, card.add_pixel_noise, rng)
+
+    def _shots(
+        self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator
+    ) -> tuple[Int32, Float64, Look, Scenery]:
+        """Return slots and own vehicles, poses and light of the frames, and what surrounds the roads."""
         mount = self.mount
         turns = mount.yaw, mount.pitch, mount.roll
         if self.jitter:
@@ -197,16 +240,24 @@ class Camera(Sensor):
         weathers = [self.weather or random_weather(self.seed, name) for name in ids]
         shifts = [zlib.crc32(name.encode(), self.seed) % 512 for name in ids]
         look = look_of(weathers, self.exposure, self.vignette, shifts)
-        scenery = self.has_sidewalks, self.has_scenery, self.seed
-        drawn = partial(draw, batch, state, who, poses, look=look, scenery=scenery, threads=self.threads)
-        found: dict[str, Array] = {}
+        return who, poses, look, (self.has_sidewalks, self.has_scenery, self.seed)
+
+    def _finished(
+        self,
+        drawn: Callable[..., dict[str, Made]],
+        shrink: Callable[[Made, int], Made],
+        add_noise: Callable[[Made, float, np.random.Generator], None],
+        rng: np.random.Generator,
+    ) -> dict[str, Made]:
+        """Return all channels, with several rays per pixel and noise where wanted."""
+        found: dict[str, Made] = {}
         if self.supersampling > 1 and "rgb" in self.channels:
             fine = drawn(optics=self._optics[self.supersampling], channels=("rgb",))["rgb"]
-            found["rgb"] = scaled_down(fine, self.supersampling)
+            found["rgb"] = shrink(fine, self.supersampling)
         if rest := tuple(name for name in self.channels if name not in found):
             found |= drawn(optics=self._optics[1], channels=rest)
         if self.noise and "rgb" in self.channels:
-            add_pixel_noise(found["rgb"], self.noise, rng)
+            add_noise(found["rgb"], self.noise, rng)
         return {name: found[name] for name in self.channels}
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import insort
+from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,6 +13,9 @@ from scenarionet_data.arrays.dtypes import Array
 
 _GROWTH = 1.5
 """Factor by which full arrays grow; memory that was never written to costs nothing."""
+
+_REMEMBERED = 256
+"""Number of blocks in ``Blocks.last_put``."""
 
 
 class Blocks:
@@ -24,6 +28,8 @@ class Blocks:
 
     Attributes:
         arrays: The arrays by name, (R,) or (R, length).
+        num_put: Number of blocks that were ever stored.
+        last_put: First rows and ends of the last of them, for copies of the arrays elsewhere.
     """
 
     def __init__(self, columns: Mapping[str, npt.DTypeLike | tuple[npt.DTypeLike, int]]) -> None:
@@ -31,6 +37,8 @@ class Blocks:
         self.arrays: dict[str, Array] = {
             name: np.empty((0, *length), dtype) for name, (dtype, *length) in parts.items()
         }
+        self.num_put = 0
+        self.last_put: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
         self._num_rows = 0
         self._gaps: list[tuple[int, int]] = []  # first row and end of free rows, in order
 
@@ -40,6 +48,8 @@ class Blocks:
         start = self._claim(count)
         for name, rows in values.items():
             self.arrays[name][start : start + count] = rows
+        self.num_put += 1
+        self.last_put.append((start, start + count))
         return start, start + count
 
     def remove(self, start: int, end: int) -> None:

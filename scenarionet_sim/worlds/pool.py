@@ -23,7 +23,6 @@ from scenarionet_sim.kernels.structures import (
     OBJECTS,
 )
 from scenarionet_sim.worlds.blocks import Blocks
-from scenarionet_sim.worlds.line_cells import LineCells
 from scenarionet_sim.worlds.world import World
 
 Prepare = Callable[[World, Hashable], tuple[World, UInt8]]
@@ -68,7 +67,8 @@ class WorldPool:
         keep: Number of worlds to keep that no slot plays.
 
     Attributes:
-        arrays: The arrays of all worlds by name, as ``kernels.structures.Recorded`` and ``Lines`` describe them.
+        kinds: The arrays of all worlds, by kind of block.
+        arrays: The same by name, as ``kernels.structures.Recorded`` and ``Lines`` describe them.
         max_objects: Largest number of objects of any world so far.
     """
 
@@ -76,7 +76,7 @@ class WorldPool:
         self._prepare, self._keep = prepare, keep
         self._worlds: dict[tuple[int, int], PooledWorld] = {}  # by identity of world and policies
         self._unused: dict[tuple[int, int], PooledWorld] = {}  # no slot plays these; the last released last
-        self._kinds = {
+        self.kinds = {
             "objects": Blocks({
                 "driver": np.uint8, "object_type": np.uint8, "size": (np.float32, 3), "top_speed": np.float32,
                 "path_offsets": np.int32, "stop_offsets": np.int32,
@@ -114,32 +114,32 @@ class WorldPool:
             oldest = self._unused.pop(next(iter(self._unused)))
             del self._worlds[oldest.name]
             for kind, block in oldest.blocks.items():
-                self._kinds[kind].remove(*block)
+                self.kinds[kind].remove(*block)
 
     def _store(self, original: World, policies: Hashable) -> PooledWorld:
         world, driver = self._prepare(original, policies)
         count, grid = world.num_objects, world.roads.segment_grid
-        path = self._kinds["path"].put({"path": world.paths.path})
-        stops = self._kinds["stops"].put({"stop_arc": world.stops.stop_arc, "stop_light": world.stops.stop_light})
+        path = self.kinds["path"].put({"path": world.paths.path})
+        stops = self.kinds["stops"].put({"stop_arc": world.stops.stop_arc, "stop_light": world.stops.stop_light})
         items = grid.cell_items
-        segment_type = world.roads.segment_type[items]
-        cells = LineCells.of(grid, segment_type)
-        segments = self._kinds["segments"].put({"segments": world.roads.segments[items], "segment_type": segment_type})
-        filled = self._kinds["filled"].put({"filled_start": segments[0] + cells.filled_start})
+        segments = self.kinds["segments"].put(
+            {"segments": world.roads.segments[items], "segment_type": world.roads.segment_type[items]}
+        )
+        filled = self.kinds["filled"].put({"filled_start": segments[0] + grid.filled_start})
         blocks = {
             "path": path,
             "stops": stops,
             "segments": segments,
             "filled": filled,
-            "blocks": self._kinds["blocks"].put({"block_start": filled[0] + cells.block_start}),
-            "objects": self._kinds["objects"].put({
+            "blocks": self.kinds["blocks"].put({"block_start": filled[0] + grid.block_start}),
+            "objects": self.kinds["objects"].put({
                 "driver": _with_end(driver), "object_type": _with_end(world.object_type), "size": _with_end(world.size),
                 "top_speed": _with_end(world.top_speed), "path_offsets": path[0] + world.paths.path_offsets,
                 "stop_offsets": stops[0] + world.stops.stop_offsets,
             }),
-            "log": self._kinds["log"].put({"log": world.log.reshape(-1, 8)}),
-            "lights": self._kinds["lights"].put({"light_state": world.light_state.ravel()}),
-            "cells": self._kinds["cells"].put({"cell_types": cells.cell_types, "cell_rank": cells.cell_rank}),
+            "log": self.kinds["log"].put({"log": world.log.reshape(-1, 8)}),
+            "lights": self.kinds["lights"].put({"light_state": world.light_state.ravel()}),
+            "cells": self.kinds["cells"].put({"cell_types": grid.cell_types, "cell_rank": grid.cell_rank}),
         }  # fmt: skip
         place = np.empty(NUM_PLACES, np.int64)
         place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego
@@ -147,7 +147,7 @@ class WorldPool:
         place[DRIVERS] = np.bitwise_or.reduce(np.left_shift(1, driver[driver < 63], dtype=np.int64), initial=0)
         place[OBJECTS], place[LOG] = blocks["objects"][0], blocks["log"][0]
         place[LIGHTS], place[CELLS], place[BLOCKS] = blocks["lights"][0], blocks["cells"][0], blocks["blocks"][0]
-        self.arrays = {name: array for kind in self._kinds.values() for name, array in kind.arrays.items()}
+        self.arrays = {name: array for kind in self.kinds.values() for name, array in kind.arrays.items()}
         self.max_objects = max(self.max_objects, count)
         pooled = PooledWorld((original, policies), world, place, grid.frame, blocks)
         self._worlds[pooled.name] = pooled

@@ -35,6 +35,7 @@ EXTRAS = {
     "slurm": "Dask clusters on Slurm",
     "kubernetes": "Dask clusters on Kubernetes",
     "learn": "training (torch)",
+    "cuda": "cameras on a graphics card",
     "iceberg": "publishing lakes as Iceberg tables",
     "ducklake": "publishing lakes as DuckLakes",
 }

@@ -81,11 +81,20 @@ def building() -> list[Shape]:
 
 
 def far_tree() -> list[Shape]:
-    """Return a tree from far away."""
+    """Return a broad-leaved tree from far away."""
     return [
         box((-0.04, -0.04, 0.0), (0.04, 0.04, 0.5), at.BARK),
         ball((0.0, 0.0, 0.68), (0.45, 0.45, 0.32), at.BODY, 6, 3),
     ]
+
+
+def far_conifer() -> list[Shape]:
+    """Return a conifer from far away."""
+    tiers = [
+        tube((0.0, 0.0, low), (0.0, 0.0, high), ((wide, wide), (0.02, 0.02)), at.BODY, 6)
+        for low, high, wide in ((0.14, 0.62, 0.46), (0.48, 1.0, 0.31))
+    ]
+    return [box((-0.04, -0.04, 0.0), (0.04, 0.04, 0.2), at.BARK), *tiers]
 
 
 def open_box(material: int) -> Shape:

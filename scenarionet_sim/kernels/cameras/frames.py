@@ -62,7 +62,7 @@ def draw_frames(
         poses: (B, NUM_POSE) cameras.
         lens: (NUM_LENS,).
         rays: (H, W, 3) directions right, down, ahead; unused by a pinhole.
-        rings: (H,) descending elevations of a lidar's rings [rad]; unused by others.
+        rings: (H,) descending slopes of a lidar's rings; unused by others.
         size: Height and width [pixels].
         options: Whether objects are boxes, reach [m], time of the flow [s].
         solids, ground, meshes, look: The scenes.

@@ -38,8 +38,8 @@ x, y, direction x, y, length and half the width."""
 
 (
     BOX, CAR, VAN, TRUCK, BUS, PEDESTRIAN, CYCLIST, CONE, BARRIER, LIGHT_HEAD, POLE, TREE, CONIFER, BUILDING, SIGN,
-    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, TREE_FAR, BLOCK, TREE_TINY, WALLS,
-) = range(23)  # fmt: skip
+    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, TREE_FAR, BLOCK, TREE_TINY, WALLS, CONIFER_FAR,
+) = range(24)  # fmt: skip
 """Meshes; those for small pictures are the last."""
 
 (
@@ -55,8 +55,8 @@ INSTANCE_ROW, SEMANTIC, MATERIAL = range(3)
 """Columns of ``FrameMemory.labels``: row in the state or -1, class, material."""
 
 VIEW, COLUMN, ROW, AWAY, NORMAL = 0, 3, 4, 5, 8
-"""First rows of ``FrameMemory.vertices``: right, below and ahead of the camera [m]; place on the screen [pixels]; from
-the camera in the scenario's frame [m]; normal (unit vector) in that frame."""
+"""First rows of ``FrameMemory.vertices``: right, below and ahead of the camera [m]; place on the screen [pixels], or
+azimuth [rad] and slope for a lidar; from the camera in the scenario's frame [m]; normal (unit vector) in that frame."""
 
 NUM_VERTEX = 11
 
@@ -73,13 +73,13 @@ NUM_EXACT = 5
 
 (
     FAR, GROUND_X, GROUND_Y, SHADE, RED, GREEN, BLUE, ACROSS, ALONG, FINE, COARSE, ON_ROAD, ON_WALK, ROAD_EDGE,
-    WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE,
-) = range(18)  # fmt: skip
+    WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE, VIEW_X, VIEW_Y,
+) = range(20)  # fmt: skip
 """Rows of ``FrameMemory.shades``: distance [m], point seen in the frame of the ground's grid [m], sunlight that
 arrives, light; then of the ground: footprint across and along the direction of view [m], noise, shares of road and
-pavement, distances to their borders, and shares of paint."""
+pavement, distances to their borders, shares of paint, and horizontal directions of view."""
 
-NUM_SHADES = 18
+NUM_SHADES = 20
 
 NOTHING, ON_GROUND = -2, -1
 """Values of ``FrameMemory.seen`` besides triangles, which are 0 and above."""

@@ -30,6 +30,12 @@ from scenarionet_sim.kernels.minmax import larger, smaller
 
 _NONE = np.int32(0)
 
+PART = 32
+"""Pixels of a row that are tested together for being beside a shadow."""
+
+SOFT = 0.3
+"""Width of the soft edge of a shadow outside of its outline [m]."""
+
 
 @device_function(divides_by_zero=True)
 def cast_shadows(
@@ -41,12 +47,27 @@ def cast_shadows(
         if not shadows[n, 9] <= row < shadows[n, 11]:
             continue
         first, end = int(larger(shadows[n, 8] - start, 0.0)), int(smaller(shadows[n, 10] - start, len(xs) * 1.0))
-        if first < end:
-            shadow = shadows[n]
+        for begin in range(first, end, PART):
+            stop = smaller(begin + PART, end)
+            if _is_beside(shadows[n], frame, xs[begin], ys[begin], xs[stop - 1], ys[stop - 1]):
+                continue
             _cast(
-                single(strength), single(shadow[0] - frame[0]), single(shadow[1] - frame[1]), shadow,
-                xs[first:end], ys[first:end], shade[first:end],
+                single(strength), single(shadows[n, 0] - frame[0]), single(shadows[n, 1] - frame[1]), shadows[n],
+                xs[begin:stop], ys[begin:stop], shade[begin:stop],
             )  # fmt: skip
+
+
+@device_function(divides_by_zero=True)
+def _is_beside(shadow: Float64, frame: Float64, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """Whether a shadow and the points between two are on different sides of an edge of the box around the shadow."""
+    cos, sin, x, y = shadow[2], shadow[3], shadow[0] - frame[0], shadow[1] - frame[1]
+    first, last = cos * (x0 - x) + sin * (y0 - y), cos * (x1 - x) + sin * (y1 - y)
+    pad, sweep = shadow[4] + SOFT, shadow[6]
+    if larger(first, last) < smaller(sweep, 0.0) - pad or smaller(first, last) > larger(sweep, 0.0) + pad:
+        return True
+    first, last = cos * (y0 - y) - sin * (x0 - x), cos * (y1 - y) - sin * (x1 - x)
+    pad, sweep = shadow[5] + SOFT, shadow[7]
+    return bool(larger(first, last) < smaller(sweep, 0.0) - pad or smaller(first, last) > larger(sweep, 0.0) + pad)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)

@@ -19,6 +19,8 @@ from scenarionet_sim.kernels.cameras.layout import (
     RAY_Y,
     ROAD_BORDER,
     ROAD_EDGE,
+    VIEW_X,
+    VIEW_Y,
     WHITE,
     WHITE_SHARE,
     YELLOW,
@@ -31,8 +33,6 @@ from scenarionet_sim.kernels.minmax import larger, smaller
 @device_function(divides_by_zero=True)
 def draw_strokes(count: int, ground: Ground, slot: int, cells: Int32, exact: Float64, shades: Float32) -> None:
     """Write the shares of road, pavement and paint in the pixels of cells with strokes, a run in one cell at a time.
-
-    The direction of view and the footprint are those in the middle of the run.
 
     Args:
         count: Pixels of the tile.
@@ -53,45 +53,45 @@ def draw_strokes(count: int, ground: Ground, slot: int, cells: Int32, exact: Flo
         end = first + 1
         while end < count and cells[end] == cell:
             end += 1
-        middle = (first + end) // 2
-        vx, vy = exact[RAY_X, middle], exact[RAY_Y, middle]
-        flat = 1.0 / math.sqrt(vx * vx + vy * vy + 1e-12)
-        _draw_cell(
-            ground, slot, int(cell), first, end, vx * flat, vy * flat, shades[ACROSS, middle] * 1.0,
-            shades[ALONG, middle] * 1.0, shades,
-        )  # fmt: skip
+        _aim(exact[RAY_X, first:end], exact[RAY_Y, first:end], shades[VIEW_X, first:end], shades[VIEW_Y, first:end])
+        _draw_cell(ground, slot, int(cell), shades[:, first:end])
         first = end
 
 
+@device_function(divides_by_zero=True, in_lanes=True)
+def _aim(ray_x: Float64, ray_y: Float64, view_x: Float32, view_y: Float32) -> None:
+    """Write the horizontal directions of view."""
+    for k in range(len(view_x)):
+        x, y = single(ray_x[k]), single(ray_y[k])
+        per = 1.0 / math.sqrt(x * x + y * y + 1e-12)
+        view_x[k], view_y[k] = x * per, y * per
+
+
 @device_function(divides_by_zero=True)
-def _draw_cell(
-    ground: Ground, slot: int, cell: int, first: int, end: int, vx: float, vy: float, across: float, along: float,
-    shades: Float32,
-) -> None:  # fmt: skip
+def _draw_cell(ground: Ground, slot: int, cell: int, shades: Float32) -> None:
     """Draw the strokes of a cell on a run of pixels."""
-    frame = ground.frame[slot]
-    xs, ys = shades[GROUND_X, first:end], shades[GROUND_Y, first:end]
+    frame, widest = ground.frame[slot], 0.0
+    for k in range(shades.shape[1]):
+        widest = larger(widest, shades[ACROSS, k] + shades[ALONG, k])
     has_borders = False
     for n in range(ground.cell_start[cell], ground.cell_start[cell + 1]):
         kind, stroke = ground.stroke_kind[n], ground.strokes[n]
         if kind >= WHITE:
             target = WHITE_SHARE + (1 if kind == YELLOW else (2 if kind == KERB else 0))
-            _paint(stroke, frame, vx, vy, across, along, xs, ys, shades[target, first:end])
+            _paint(stroke, frame, widest, shades, shades[target])
         elif kind != CROSSWALK_BORDER:
             if not has_borders:
                 has_borders = True
                 for row in range(ROAD_EDGE, ROAD_EDGE + 2):
-                    edges = shades[row, first:end]
+                    edges = shades[row]
                     for k in range(len(edges)):
                         edges[k] = 1e9
             side = 0 if kind == ROAD_BORDER else 1
-            _cross(
-                stroke, frame, cell - int(ground.place[slot, 0]), vx, vy, across, along, xs, ys,
-                shades[ON_ROAD + side, first:end], shades[ROAD_EDGE + side, first:end],
-            )  # fmt: skip
+            number = cell - int(ground.place[slot, 0])
+            _cross(stroke, frame, number, shades, shades[ON_ROAD + side], shades[ROAD_EDGE + side])
     if has_borders:
         for side in range(2):
-            _soften(shades[ROAD_EDGE + side, first:end], shades[ON_ROAD + side, first:end])
+            _soften(shades[ROAD_EDGE + side], shades[ON_ROAD + side])
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -102,50 +102,45 @@ def _soften(edges: Float32, shares: Float32) -> None:
 
 
 @device_function(divides_by_zero=True)
-def _paint(
-    stroke: Float32, frame: Float64, vx: float, vy: float, across: float, along: float, xs: Float32, ys: Float32,
-    shares: Float32,
-) -> None:  # fmt: skip
-    """Cover a run of pixels at points of the ground with a painted rectangle."""
+def _paint(stroke: Float32, frame: Float64, widest: float, shades: Float32, shares: Float32) -> None:
+    """Cover a run of pixels, whose footprints are at most ``widest`` [m], with a painted rectangle."""
     x0, y0, ux, uy = stroke[0] - frame[0], stroke[1] - frame[1], stroke[2] * 1.0, stroke[3] * 1.0
-    straight, beside = abs(ux * vx + uy * vy), abs(ux * vy - uy * vx)
-    wide, deep = straight * across + beside * along + 1e-6, straight * along + beside * across + 1e-6
-    half, half_length, last = stroke[5] * 1.0, 0.5 * stroke[4], len(xs) - 1
-    limit = half + 0.5 * wide
+    half, half_length, last = stroke[5] * 1.0, 0.5 * stroke[4], len(shares) - 1
+    xs, ys = shades[GROUND_X], shades[GROUND_Y]
+    limit = half + 0.5 * widest
     left, right = (ys[0] - y0) * ux - (xs[0] - x0) * uy, (ys[last] - y0) * ux - (xs[last] - x0) * uy
     if smaller(left, right) > limit or larger(left, right) < -limit:
         return
-    limit = half_length + 0.5 * deep
+    limit = half_length + 0.5 * widest
     rear = (xs[0] - x0) * ux + (ys[0] - y0) * uy - half_length
     front = (xs[last] - x0) * ux + (ys[last] - y0) * uy - half_length
     if smaller(rear, front) > limit or larger(rear, front) < -limit:
         return
     _cover(
-        single(x0), single(y0), single(ux), single(uy), single(wide), single(deep),
-        single(half), single(half_length), xs, ys, shares,
+        single(x0), single(y0), single(ux), single(uy), single(half), single(half_length), xs,
+        ys, shades[VIEW_X], shades[VIEW_Y], shades[ACROSS], shades[ALONG], shares,
     )  # fmt: skip
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _cover(
-    x0: float, y0: float, ux: float, uy: float, wide: float, deep: float, half: float, half_length: float,
-    xs: Float32, ys: Float32, shares: Float32,
+    x0: float, y0: float, ux: float, uy: float, half: float, half_length: float, xs: Float32, ys: Float32,
+    view_x: Float32, view_y: Float32, across: Float32, along: Float32, shares: Float32,
 ) -> None:  # fmt: skip
-    """Raise the shares of a rectangle in pixels to the part of their footprints, wide and deep, that it covers."""
-    per_area = 1.0 / (wide * deep)
+    """Raise the shares of a rectangle in pixels to the part of their footprints that it covers."""
     for k in range(len(xs)):
+        straight, beside = abs(ux * view_x[k] + uy * view_y[k]), abs(ux * view_y[k] - uy * view_x[k])
+        wide = straight * across[k] + beside * along[k] + 1e-6
+        deep = straight * along[k] + beside * across[k] + 1e-6
         dx, dy = xs[k] - x0, ys[k] - y0
         off, on = dy * ux - dx * uy, dx * ux + dy * uy - half_length
         part = smaller(off + 0.5 * wide, half) - larger(off - 0.5 * wide, -half)
         rest = smaller(on + 0.5 * deep, half_length) - larger(on - 0.5 * deep, -half_length)
-        shares[k] = larger(shares[k], larger(part, 0.0) * larger(rest, 0.0) * per_area)
+        shares[k] = larger(shares[k], larger(part, 0.0) * larger(rest, 0.0) / (wide * deep))
 
 
 @device_function(divides_by_zero=True)
-def _cross(
-    stroke: Float32, frame: Float64, number: int, vx: float, vy: float, across: float, along: float, xs: Float32,
-    ys: Float32, shares: Float32, edges: Float32,
-) -> None:  # fmt: skip
+def _cross(stroke: Float32, frame: Float64, number: int, shades: Float32, shares: Float32, edges: Float32) -> None:
     """Change the surface at the pixels of a run beyond a border, and write their distance to it in footprints.
 
     Beyond means that the way from the corner of the cell, first along y and then along x, crosses the border.
@@ -159,17 +154,15 @@ def _cross(
         crossing = y0 + (corner_x - x0) / ex * ey
         above = crossing if corner_y < crossing else math.inf
     per_y = ex / ey if ey != 0.0 else 0.0
+    xs, ys = shades[GROUND_X], shades[GROUND_Y]
     _turn_over(
         single(smaller(y0, y1)), single(larger(y0, y1)), single(x0), single(y0), single(per_y),
         single(corner_x), single(above), xs, ys, shares,
     )  # fmt: skip
     length = math.sqrt(ex * ex + ey * ey + 1e-12)
-    ux, uy = ex / length, ey / length
-    straight = abs(ux * vx + uy * vy)
-    per = 1.0 / (straight * across + math.sqrt(larger(1.0 - straight * straight, 0.0)) * along + 1e-6)
     _measure_edge(
-        single(x0), single(y0), single(ux), single(uy), single(length), single(per), xs, ys,
-        edges,
+        single(x0), single(y0), single(ex / length), single(ey / length), single(length), xs, ys,
+        shades[VIEW_X], shades[VIEW_Y], shades[ACROSS], shades[ALONG], edges,
     )  # fmt: skip
 
 
@@ -188,11 +181,13 @@ def _turn_over(
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _measure_edge(
-    x0: float, y0: float, ux: float, uy: float, length: float, per: float, xs: Float32, ys: Float32, edges: Float32
-) -> None:
+    x0: float, y0: float, ux: float, uy: float, length: float, xs: Float32, ys: Float32, view_x: Float32,
+    view_y: Float32, across: Float32, along: Float32, edges: Float32,
+) -> None:  # fmt: skip
     """Write the distances to a border in footprints where it is nearer than others."""
     for k in range(len(xs)):
         dx, dy = xs[k] - x0, ys[k] - y0
         at = dx * ux + dy * uy
-        far = abs(dy * ux - dx * uy) * per
+        straight, beside = abs(ux * view_x[k] + uy * view_y[k]), abs(ux * view_y[k] - uy * view_x[k])
+        far = abs(dy * ux - dx * uy) / (straight * across[k] + beside * along[k] + 1e-6)
         edges[k] = smaller(edges[k], far if (at >= -0.3) & (at <= length + 0.3) else 1e9)

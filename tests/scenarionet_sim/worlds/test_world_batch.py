@@ -6,11 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from scenarionet_sim.kernels.rays import LINE_BITS
 from scenarionet_sim.kernels.structures import (
     BLOCKS,
     CELLS,
-    CELLS_IN_BLOCK,
     LIGHTS,
     LOG,
     NUM_OBJECTS,
@@ -71,16 +69,16 @@ def check(batch: WorldBatch, slot: int, world: World) -> None:
     )
     grid = world.roads.segment_grid
     np.testing.assert_array_equal(lines.frame[slot], grid.frame)
-    types = world.roads.segment_type[grid.cell_items]
-    for cell in range(len(grid.cell_start) - 1):
-        inside = slice(grid.cell_start[cell], grid.cell_start[cell + 1])
-        bits = np.bitwise_or.reduce(LINE_BITS[types[inside]], initial=0)
-        assert lines.cell_types[place[CELLS] + cell] == bits
-        if bits:
-            filled = lines.block_start[place[BLOCKS] + cell // CELLS_IN_BLOCK] + lines.cell_rank[place[CELLS] + cell]
-            found = slice(lines.filled_start[filled], lines.filled_start[filled + 1])
-            np.testing.assert_array_equal(lines.segments[found], world.roads.segments[grid.cell_items[inside]])
-            np.testing.assert_array_equal(lines.segment_type[found], types[inside])
+    cells = slice(place[CELLS], place[CELLS] + len(grid.cell_types))
+    np.testing.assert_array_equal(lines.cell_types[cells], grid.cell_types)
+    np.testing.assert_array_equal(lines.cell_rank[cells], grid.cell_rank)
+    blocks = lines.block_start[place[BLOCKS] : place[BLOCKS] + len(grid.block_start)]
+    np.testing.assert_array_equal(blocks - blocks[0], grid.block_start)
+    starts = lines.filled_start[blocks[0] : blocks[0] + len(grid.filled_start)]
+    np.testing.assert_array_equal(starts - starts[0], grid.filled_start)
+    found = slice(starts[0], starts[-1])
+    np.testing.assert_array_equal(lines.segments[found], world.roads.segments[grid.cell_items])
+    np.testing.assert_array_equal(lines.segment_type[found], world.roads.segment_type[grid.cell_items])
 
 
 def test_every_array_of_every_world_is_in_the_pool():

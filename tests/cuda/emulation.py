@@ -1,0 +1,110 @@
+"""The threads of the graphics card one after another, compiled for the processor: pictures of full size in seconds."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_square
+from scenarionet_sim.kernels.cameras.layout import NUM_EXACT, NUM_SHADES
+from scenarionet_sim.kernels.cameras.single_threads import (
+    PixelMemory,
+    bound_instance,
+    draw_pixel,
+    find_item,
+    light_sky,
+    list_items,
+    place_part,
+    set_up_part,
+)
+
+LANES = 32
+
+
+@kernel(divides_by_zero=True)
+def find(count, num_items, size, options, shots, solids, ground, meshes, look, items):
+    for thread in range(count):
+        find_item(thread // num_items, thread % num_items, size, options, shots, solids, ground, meshes, look, items)
+
+
+@kernel(divides_by_zero=True)
+def list_found(count, meshes, items):
+    for frame in range(count):
+        list_items(frame, meshes, items)
+
+
+@kernel(divides_by_zero=True)
+def place_vertices(count, num_places, is_colored, shots, meshes, look, items, triangles):
+    for thread in range(count):
+        lane, place, frame = thread % LANES, thread // LANES % num_places, thread // LANES // num_places
+        if place < items.counts[frame, 0]:
+            place_part(frame, place, lane, LANES, is_colored, shots, meshes, look, items, triangles)
+
+
+@kernel(divides_by_zero=True)
+def set_up(count, num_places, size, is_colored, num_objects, shots, meshes, look, items, triangles):
+    for thread in range(count):
+        lane, place, frame = thread % LANES, thread // LANES % num_places, thread // LANES // num_places
+        if place < items.counts[frame, 0]:
+            set_up_part(frame, place, lane, LANES, size, is_colored, num_objects, shots, meshes, look, items, triangles)
+
+
+@kernel(divides_by_zero=True)
+def bound(count, num_places, items, triangles):
+    for thread in range(count):
+        if thread % num_places < items.counts[thread // num_places, 0]:
+            bound_instance(thread // num_places, thread % num_places, items, triangles)
+
+
+@kernel(divides_by_zero=True)
+def light(count, size, shots, look, sky):
+    for thread in range(count):
+        row = thread // sky.shape[2]
+        light_sky(row // sky.shape[1], row % sky.shape[1], thread % sky.shape[2], size, shots, look, sky)
+
+
+@kernel(divides_by_zero=True)
+def draw(count, size, options, shots, motion, ground, look, items, triangles, sky, pictures):
+    height, width = size
+    memory = PixelMemory(
+        np.empty(1), np.empty(1, np.int32), np.empty((NUM_EXACT, 1)), np.empty((NUM_SHADES, 1), np.float32),
+        np.empty(1, np.int32), np.empty(1, np.int32),
+    )  # fmt: skip
+    for thread in range(count):
+        row = thread // width
+        draw_pixel(
+            row // height, row % height, thread % width, size, options, shots, motion, ground, look, items, triangles,
+            sky, memory, pictures,
+        )  # fmt: skip
+
+
+@kernel
+def shrink(count, fine, factor, pictures):
+    height, width = pictures.shape[1:3]
+    for thread in range(count):
+        row, column = thread // width, thread % width
+        for channel in range(3):
+            pictures[row // height, row % height, column, channel] = root_mean_square(
+                fine[row // height], row % height * factor, column * factor, channel, factor
+            )
+
+
+@kernel
+def add_noise(count, spread, seed, levels):
+    for thread in range(count):
+        levels[thread] = noisy_level(levels[thread], spread, seed, thread)
+
+
+KERNELS = SimpleNamespace(
+    find=find,
+    list_found=list_found,
+    place_vertices=place_vertices,
+    set_up=set_up,
+    bound=bound,
+    light=light,
+    draw=draw,
+    shrink=shrink,
+    add_noise=add_noise,
+)
