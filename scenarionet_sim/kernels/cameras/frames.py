@@ -11,6 +11,8 @@ from scenarionet_sim.kernels.cameras.layout import (
     BLUE,
     FX,
     GREEN,
+    GROUND_X,
+    GROUND_Y,
     NOTHING,
     ON_GROUND,
     RED,
@@ -137,8 +139,9 @@ def color_tile(
                 row, column = (place + k) // width, (place + k) % width
                 end = smaller(k + width - column, count)
                 cast_shadows(
-                    row, column, k, end, slot, pose, num_shadows, light[SHADOW], ground, scratch.shadows, exact, shades
-                )
+                    row, column, num_shadows, light[SHADOW], grid, scratch.shadows, seen[k:end],
+                    shades[GROUND_X, k:end], shades[GROUND_Y, k:end], shade[k:end],
+                )  # fmt: skip
                 k = end
         color_ground(slot, 1.0 / lens[FX], ground, light, grain, seen, scratch.cells, scratch.texels, exact, shades)
     if is_triangle or is_sky:

@@ -21,13 +21,10 @@ from scenarionet_sim.kernels.cameras.layout import (
     HORIZON,
     MATERIAL,
     NOTHING,
-    RAY_X,
-    RAY_Y,
+    ON_GROUND,
     RAY_Z,
     RED,
-    SHADE,
     VIGNETTE,
-    Ground,
 )
 from scenarionet_sim.kernels.cameras.singles import rounded_down, single
 from scenarionet_sim.kernels.minmax import larger, smaller
@@ -43,47 +40,41 @@ SOFT = 0.3
 
 @device_function(divides_by_zero=True)
 def cast_shadows(
-    row: int, start: int, first: int, end: int, slot: int, pose: Float64, num_shadows: int, strength: float,
-    ground: Ground, shadows: Float64, exact: Float64, shades: Float32,
+    row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, seen: Int32,
+    xs: Float32, ys: Float32, shade: Float32,
 ) -> None:  # fmt: skip
-    """Lower the share of sunlight that arrives at the ground, under and behind objects.
+    """Lower the share of sunlight that arrives at the ground, under and behind objects, in pixels of a row.
 
-    Args:
-        row, start: Row and column of the first pixel.
-        first, end: Pixels of the tile, all in one row.
-        slot, pose: World and camera, a pinhole.
-        num_shadows, strength, ground, shadows: The shadows.
-        exact, shades: Memory of the tile.
+    Only points of the ground are on a line: what is seen before it, and the sky, does not bound those between.
     """
-    frame = ground.frame[slot]
-    drop = 0.0 if ground.height_frame[slot, 3] > 0.0 else ground.level[slot] - pose[EYE + 2]
     for n in range(num_shadows):
         if not shadows[n, 9] <= row < shadows[n, 11]:
             continue
-        left, right = larger(shadows[n, 8] - start, 0.0), smaller(shadows[n, 10] - start, 1.0 * (end - first))
-        for begin in range(first + int(left), first + int(right), PART):
-            stop = smaller(begin + PART, first + int(right))
-            if not _is_beside(shadows[n], pose, drop, exact[:, begin], exact[:, stop - 1]):
-                _cast(
-                    single(strength), single(shadows[n, 0] - frame[0]), single(shadows[n, 1] - frame[1]), shadows[n],
-                    shades[GROUND_X, begin:stop], shades[GROUND_Y, begin:stop], shades[SHADE, begin:stop],
-                )  # fmt: skip
+        first, end = int(larger(shadows[n, 8] - start, 0.0)), int(smaller(shadows[n, 10] - start, len(xs) * 1.0))
+        for begin in range(first, end, PART):
+            left, right = begin, smaller(begin + PART, end)
+            while left < right and seen[left] != ON_GROUND:
+                left += 1
+            while left < right and seen[right - 1] != ON_GROUND:
+                right -= 1
+            if left == right or _is_beside(shadows[n], frame, xs[left], ys[left], xs[right - 1], ys[right - 1]):
+                continue
+            _cast(
+                single(strength), single(shadows[n, 0] - frame[0]), single(shadows[n, 1] - frame[1]), shadows[n],
+                xs[left:right], ys[left:right], shade[left:right],
+            )  # fmt: skip
 
 
 @device_function(divides_by_zero=True)
-def _is_beside(shadow: Float64, pose: Float64, drop: float, left: Float64, right: Float64) -> bool:
-    """Whether a row meets level ground, ``drop`` above the camera, beyond an edge of a shadow between two pixels."""
-    far, wide = drop / left[RAY_Z], drop / right[RAY_Z]
-    if not (far > 0.0 and wide > 0.0):
-        return False
-    cos, sin, x, y = shadow[2], shadow[3], pose[EYE] - shadow[0], pose[EYE + 1] - shadow[1]
-    x0, y0, x1, y1 = (
-        x + far * left[RAY_X], y + far * left[RAY_Y], x + wide * right[RAY_X], y + wide * right[RAY_Y]
-    )  # fmt: skip
-    first, last, pad, sweep = cos * x0 + sin * y0, cos * x1 + sin * y1, shadow[4] + SOFT, shadow[6]
+def _is_beside(shadow: Float64, frame: Float64, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """Whether a shadow and the points between two are on different sides of an edge of the box around the shadow."""
+    cos, sin, x, y = shadow[2], shadow[3], shadow[0] - frame[0], shadow[1] - frame[1]
+    first, last = cos * (x0 - x) + sin * (y0 - y), cos * (x1 - x) + sin * (y1 - y)
+    pad, sweep = shadow[4] + SOFT, shadow[6]
     if larger(first, last) < smaller(sweep, 0.0) - pad or smaller(first, last) > larger(sweep, 0.0) + pad:
         return True
-    first, last, pad, sweep = cos * y0 - sin * x0, cos * y1 - sin * x1, shadow[5] + SOFT, shadow[7]
+    first, last = cos * (y0 - y) - sin * (x0 - x), cos * (y1 - y) - sin * (x1 - x)
+    pad, sweep = shadow[5] + SOFT, shadow[7]
     return bool(larger(first, last) < smaller(sweep, 0.0) - pad or smaller(first, last) > larger(sweep, 0.0) + pad)
 
 
