@@ -42,10 +42,20 @@ def light_head() -> list[Shape]:
     return parts
 
 
+def far_light_head() -> list[Shape]:
+    """Return a traffic light that faces -x from far away."""
+    parts = [box((-0.3, -0.5, 0.0), (0.5, 0.5, 1.0), at.HOUSING)]
+    for z, material in ((0.83, at.LAMP_RED), (0.5, at.LAMP_YELLOW), (0.17, at.LAMP_GREEN)):
+        low, high = z - 0.11, z + 0.11
+        corners = [(-0.34, 0.3, low), (-0.34, -0.3, low), (-0.34, -0.3, high), (-0.34, 0.3, high)]
+        parts.append(from_quads(corners, [(0, 1, 2, 3)], [material]))
+    return parts
+
+
 def _rough_ball(
     rng: np.random.Generator, middle: tuple[float, float, float], radii: tuple[float, float, float]
 ) -> Shape:
-    whole = ball(middle, radii, at.BODY, 9, 5)
+    whole = ball(middle, radii, at.BODY, 7, 4)
     rough = whole.points + (whole.points - np.asarray(middle)) * rng.uniform(-0.22, 0.16, (len(whole.points), 1))
     return Shape(rough, whole.corners, whole.material)
 

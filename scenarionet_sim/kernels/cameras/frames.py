@@ -139,8 +139,8 @@ def color_tile(
                 row, column = (place + k) // width, (place + k) % width
                 end = smaller(k + width - column, count)
                 cast_shadows(
-                    row, column, num_shadows, light[SHADOW], grid, scratch.shadows, shades[GROUND_X, k:end],
-                    shades[GROUND_Y, k:end], shade[k:end],
+                    row, column, num_shadows, light[SHADOW], grid, scratch.shadows, seen[k:end],
+                    shades[GROUND_X, k:end], shades[GROUND_Y, k:end], shade[k:end],
                 )  # fmt: skip
                 k = end
         color_ground(slot, 1.0 / lens[FX], ground, light, grain, seen, scratch.cells, scratch.texels, exact, shades)

@@ -38,8 +38,8 @@ x, y, direction x, y, length and half the width."""
 
 (
     BOX, CAR, VAN, TRUCK, BUS, PEDESTRIAN, CYCLIST, CONE, BARRIER, LIGHT_HEAD, POLE, TREE, CONIFER, BUILDING, SIGN,
-    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, TREE_FAR, BLOCK, TREE_TINY, WALLS, CONIFER_FAR,
-) = range(24)  # fmt: skip
+    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, TREE_FAR, BLOCK, TREE_TINY, WALLS, CONIFER_FAR, LIGHT_FAR,
+) = range(25)  # fmt: skip
 """Meshes; those for small pictures are the last."""
 
 (

@@ -21,6 +21,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     HORIZON,
     MATERIAL,
     NOTHING,
+    ON_GROUND,
     RAY_Z,
     RED,
     VIGNETTE,
@@ -39,21 +40,28 @@ SOFT = 0.3
 
 @device_function(divides_by_zero=True)
 def cast_shadows(
-    row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, xs: Float32,
-    ys: Float32, shade: Float32,
+    row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, seen: Int32,
+    xs: Float32, ys: Float32, shade: Float32,
 ) -> None:  # fmt: skip
-    """Lower the share of sunlight that arrives at the ground, under and behind objects, in pixels of a row."""
+    """Lower the share of sunlight that arrives at the ground, under and behind objects, in pixels of a row.
+
+    Only points of the ground are on a line: what is seen before it, and the sky, does not bound those between.
+    """
     for n in range(num_shadows):
         if not shadows[n, 9] <= row < shadows[n, 11]:
             continue
         first, end = int(larger(shadows[n, 8] - start, 0.0)), int(smaller(shadows[n, 10] - start, len(xs) * 1.0))
         for begin in range(first, end, PART):
-            stop = smaller(begin + PART, end)
-            if _is_beside(shadows[n], frame, xs[begin], ys[begin], xs[stop - 1], ys[stop - 1]):
+            left, right = begin, smaller(begin + PART, end)
+            while left < right and seen[left] != ON_GROUND:
+                left += 1
+            while left < right and seen[right - 1] != ON_GROUND:
+                right -= 1
+            if left == right or _is_beside(shadows[n], frame, xs[left], ys[left], xs[right - 1], ys[right - 1]):
                 continue
             _cast(
                 single(strength), single(shadows[n, 0] - frame[0]), single(shadows[n, 1] - frame[1]), shadows[n],
-                xs[begin:stop], ys[begin:stop], shade[begin:stop],
+                xs[left:right], ys[left:right], shade[left:right],
             )  # fmt: skip
 
 
