@@ -104,9 +104,9 @@ def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: Sequence[str
 
 def _is_like(column: Lists, name: str, spans: Array, bounds: Sequence[int]) -> bool:
     """Whether lists are as long as their spans; kernels do not check bounds."""
-    fits = column.lengths == spans
-    if fits.all():
+    if column.lengths.tobytes() == spans.tobytes():  # of int32; quicker than a comparison of arrays
         return bool(column.offsets[-1] <= len(column.values))
+    fits = column.lengths == spans
     if name in _EXTENTS:
         fits |= column.lengths == 1
     elif name in _FLAGS:  # null when they are the same in the whole span

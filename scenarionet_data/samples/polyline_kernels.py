@@ -80,7 +80,8 @@ def measure(
             counts[feature] = 0
             if first == end or not _is_near(x, y, first, end, scene, centres, radius):
                 continue
-            length = _measure(x, y, first, end, is_closed, steps[len(features.x) * is_closed :])
+            base = len(features.x) * is_closed
+            length = _measure(x[first:end], y[first:end], is_closed, steps[base + first : base + end])
             counts[feature] = 1 + int(np.ceil(length / spacing - 1e-6)) if length > 0.0 else 1
             pieces += _num_pieces(counts[feature], points)
     return pieces
@@ -113,17 +114,18 @@ def _is_near(x: Float32, y: Float32, first: int, end: int, scene: int, centres: 
 
 
 @device_function(divides_by_zero=True)
-def _measure(x: Float32, y: Float32, first: int, end: int, is_closed: int, steps: Float64) -> Any:
+def _measure(x: Float32, y: Float32, is_closed: int, steps: Float64) -> Any:
     """Distance of each point of a line to the one before, of the first to the last; returns the length of the line."""
-    for point in range(first + 1, end):
+    # Of slices, because the compiler sees that their indices are not negative: it measures several points at once.
+    for point in range(1, len(steps)):
         ahead, aside = np.float64(x[point]) - x[point - 1], np.float64(y[point]) - y[point - 1]
         steps[point] = np.sqrt(ahead * ahead + aside * aside)
-    ahead, aside = np.float64(x[first]) - x[end - 1], np.float64(y[first]) - y[end - 1]
-    steps[first] = np.sqrt(ahead * ahead + aside * aside)
+    ahead, aside = np.float64(x[0]) - x[-1], np.float64(y[0]) - y[-1]
+    steps[0] = np.sqrt(ahead * ahead + aside * aside)
     length = 0.0
-    for point in range(first + 1, end):
+    for point in range(1, len(steps)):
         length += steps[point]
-    return length + steps[first] * is_closed
+    return length + steps[0] * is_closed
 
 
 @device_function

@@ -95,7 +95,7 @@ class SceneLidar(Sensor):
         lens = np.zeros(NUM_LENS)
         lens[KIND], lens[[FX, FY]] = RINGS, self.azimuths / (2 * np.pi)
         size = self.azimuths, len(self.elevations)
-        return Optics(lens, *size, self.range, self.are_boxes, rings=np.array(self.elevations), rays=self._rays)
+        return Optics(lens, *size, self.range, self.are_boxes, rings=np.tan(self.elevations), rays=self._rays)
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
         """Write ranges and intensities."""

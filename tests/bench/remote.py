@@ -16,6 +16,7 @@ import numpy as np
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.conversion import convert
+from tests.bench import range_server
 from tests.bench.converting import waymo_raw
 from tests.bench.measure import Figure
 from tests.fixtures import object_store
@@ -34,14 +35,19 @@ import numpy as np
 from scenarionet_data import Samples, Targets, TimeWindow
 warnings.simplefilter("ignore")
 samples = Samples(sys.argv[1], window=TimeWindow(stride=1.0), targets=Targets("moving"))
-rng = np.random.default_rng(int(sys.argv[2]))
-batches = [rng.integers(0, len(samples), 32) for _ in range(40)]
+rng, targets = np.random.default_rng(int(sys.argv[2])), int(sys.argv[3])
+places = samples.places
+numbers = [np.flatnonzero(places == place) for place in np.unique(places)]
+batches = [
+    np.concatenate([rng.choice(numbers[k], targets) for k in rng.integers(0, len(numbers), 32 // targets)])
+    for _ in range(60)
+]
 for number, batch in enumerate(batches[:-1]):
     if number == 9:  # footers are known, code is compiled
         started = time.perf_counter()
     samples.prefetch(batches[number + 1])
     samples.batch(batch)
-print(30 * 32 / (time.perf_counter() - started))
+print(50 * 32 / (time.perf_counter() - started))
 """
 """A worker of a loader for training: each batch is requested while the one before is made."""
 
@@ -60,8 +66,9 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
             store.set()
         store.set(latency=_LATENCIES[-1])
         yield from _sql(url, store)
-        store.set(latency=_OF_SAMPLES)
-        yield _samples(url)
+        convert("waymo", f"{folder}/raw-{_COUNTS[0]}", f"{folder}/bucket/lake")
+        for targets in (1, 8):
+            yield _samples(Path(folder), targets)
 
 
 def _requests(url: str, count: int, store: ObjectStore) -> Iterator[Figure]:
@@ -107,12 +114,22 @@ def _sql(url: str, store: ObjectStore) -> Iterator[Figure]:
     )
 
 
-def _samples(url: str) -> Figure:
-    """Samples of random scenarios by two workers at once."""
-    command = [sys.executable, "-c", _WORKER, url]
-    running = [subprocess.Popen([*command, str(seed)], stdout=subprocess.PIPE, text=True) for seed in range(2)]
-    rate = sum(float(process.communicate()[0]) for process in running)
-    return Figure(f"remote: samples by two workers, {1e3 * _OF_SAMPLES:.0f} ms away", rate, "samples/s", ">= 500")
+def _samples(folder: Path, targets: int) -> Figure:
+    """Samples of random scenarios by two workers at once, beside a server that takes little of their processors."""
+    command = [sys.executable, "-m", "tests.bench.range_server", str(folder / "bucket"), str(_OF_SAMPLES)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdin and server.stdout
+        environment = os.environ | {"AWS_ENDPOINT_URL": server.stdout.readline().strip()}
+        worker = [sys.executable, "-c", _WORKER, f"s3://{range_server.BUCKET}/lake"]
+        running = [
+            subprocess.Popen([*worker, seed, str(targets)], stdout=subprocess.PIPE, text=True, env=environment)
+            for seed in "01"
+        ]
+        rate = sum(float(process.communicate()[0]) for process in running)
+        server.stdin.close()
+        taken = float(server.stdout.readline())
+    name = f"remote: samples by two workers, {targets} of a random scenario, {1e3 * _OF_SAMPLES:.0f} ms away"
+    return Figure(name, rate, "samples/s", ">= 500", f"server {taken:.1f} s of a processor")
 
 
 def _seconds(action: Callable[[], Any]) -> float:

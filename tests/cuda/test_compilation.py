@@ -12,6 +12,7 @@ import pytest
 from numba import typeof, types
 from numba.core import config
 
+from scenarionet_sim.cameras.cuda.rounding import support_rounding
 from scenarionet_sim.sensors import Camera
 from tests.cuda.played_card import PlayedCard
 from tests.cuda.scenes import ALL, street
@@ -42,6 +43,7 @@ def without_card(monkeypatch):
         pytest.skip("the simulator compiles nothing")
     from numba.cuda import dispatcher
 
+    support_rounding()
     monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=CAPABILITY))
 
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any
 
+from numba.core import config
+
 from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_sim.cameras.cuda.rounding import support_rounding
 
 
 def require_cuda() -> None:
@@ -20,7 +23,10 @@ def require_cuda() -> None:
     import numba.cuda
 
     cuda: Any = numba.cuda
+    settings: Any = config
     if not cuda.is_available():
         raise BadParameter(
             "device='cuda' expects a graphics card of NVIDIA with its driver, found none; draw with device='cpu'"
         )
+    if not settings.ENABLE_CUDASIM:  # the simulator runs NumPy's own functions
+        support_rounding()

@@ -5,6 +5,7 @@ Importing this module needs numba-cuda; the kernels compile at their first launc
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numba.cuda
@@ -43,7 +44,10 @@ _SHADES = NUM_SHADES, 1
 def launch(kernel: Any, count: int, *arguments: object) -> None:
     """Run a kernel in ``count`` threads."""
     if count:
-        kernel[-(-count // THREADS), THREADS](count, *arguments)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Grid size")  # small pictures do not fill a card
+            configured = kernel[-(-count // THREADS), THREADS]
+        configured(count, *arguments)
 
 
 @cuda.jit

@@ -42,6 +42,8 @@ def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
         at.TRUCK_FAR: (vehicles.far_truck(), (8.0, 2.5, 3.2)),
         at.PERSON_FAR: (people.far_person(), (0.6, 0.6, 1.75)),
         at.TREE_FAR: (things.far_tree(), (5.0, 5.0, 8.0)),
+        at.LIGHT_FAR: (things.far_light_head(), (0.35, 0.35, 1.0)),
+        at.CONIFER_FAR: (things.far_conifer(), (4.0, 4.0, 9.0)),
         at.BLOCK: ([things.open_box(at.BODY)], (1.0, 1.0, 1.0)),
         at.TREE_TINY: ([ball((0.0, 0.0, 0.62), (0.45, 0.45, 0.42), at.BODY, 4, 1)], (5.0, 5.0, 8.0)),
         at.WALLS: ([things.open_box(at.FACADE)], (15.0, 15.0, 12.0)),
@@ -50,14 +52,15 @@ def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
 
 _FAR = {
     at.CAR: at.CAR_FAR, at.VAN: at.CAR_FAR, at.TRUCK: at.TRUCK_FAR, at.BUS: at.TRUCK_FAR, at.PEDESTRIAN: at.PERSON_FAR,
-    at.CYCLIST: at.PERSON_FAR, at.TREE: at.TREE_FAR, at.CONIFER: at.TREE_FAR, at.CONE: at.CONE,
+    at.CYCLIST: at.PERSON_FAR, at.TREE: at.TREE_FAR, at.CONIFER: at.CONIFER_FAR, at.LIGHT_HEAD: at.LIGHT_FAR,
+    at.CONE: at.CONE,
 }  # fmt: skip
 
 
 _TINY = {
     at.CAR: at.BLOCK, at.VAN: at.BLOCK, at.TRUCK: at.BLOCK, at.BUS: at.BLOCK, at.PEDESTRIAN: at.BLOCK,
     at.CYCLIST: at.BLOCK, at.TREE: at.TREE_TINY, at.CONIFER: at.TREE_TINY, at.CONE: at.BLOCK, at.BARRIER: at.BLOCK,
-    at.POLE: at.BLOCK, at.LIGHT_HEAD: at.LIGHT_HEAD, at.BUILDING: at.WALLS,
+    at.POLE: at.BLOCK, at.LIGHT_HEAD: at.LIGHT_FAR, at.BUILDING: at.WALLS,
 }  # fmt: skip
 """Meshes for tiny pictures, where they differ."""
 

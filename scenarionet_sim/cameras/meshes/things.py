@@ -42,10 +42,20 @@ def light_head() -> list[Shape]:
     return parts
 
 
+def far_light_head() -> list[Shape]:
+    """Return a traffic light that faces -x from far away."""
+    parts = [box((-0.3, -0.5, 0.0), (0.5, 0.5, 1.0), at.HOUSING)]
+    for z, material in ((0.83, at.LAMP_RED), (0.5, at.LAMP_YELLOW), (0.17, at.LAMP_GREEN)):
+        low, high = z - 0.11, z + 0.11
+        corners = [(-0.34, 0.3, low), (-0.34, -0.3, low), (-0.34, -0.3, high), (-0.34, 0.3, high)]
+        parts.append(from_quads(corners, [(0, 1, 2, 3)], [material]))
+    return parts
+
+
 def _rough_ball(
     rng: np.random.Generator, middle: tuple[float, float, float], radii: tuple[float, float, float]
 ) -> Shape:
-    whole = ball(middle, radii, at.BODY, 9, 5)
+    whole = ball(middle, radii, at.BODY, 7, 4)
     rough = whole.points + (whole.points - np.asarray(middle)) * rng.uniform(-0.22, 0.16, (len(whole.points), 1))
     return Shape(rough, whole.corners, whole.material)
 
@@ -81,11 +91,20 @@ def building() -> list[Shape]:
 
 
 def far_tree() -> list[Shape]:
-    """Return a tree from far away."""
+    """Return a broad-leaved tree from far away."""
     return [
         box((-0.04, -0.04, 0.0), (0.04, 0.04, 0.5), at.BARK),
         ball((0.0, 0.0, 0.68), (0.45, 0.45, 0.32), at.BODY, 6, 3),
     ]
+
+
+def far_conifer() -> list[Shape]:
+    """Return a conifer from far away."""
+    tiers = [
+        tube((0.0, 0.0, low), (0.0, 0.0, high), ((wide, wide), (0.02, 0.02)), at.BODY, 6)
+        for low, high, wide in ((0.14, 0.62, 0.46), (0.48, 1.0, 0.31))
+    ]
+    return [box((-0.04, -0.04, 0.0), (0.04, 0.04, 0.2), at.BARK), *tiers]
 
 
 def open_box(material: int) -> Shape:

@@ -62,7 +62,7 @@ def draw_frames(
         poses: (B, NUM_POSE) cameras.
         lens: (NUM_LENS,).
         rays: (H, W, 3) directions right, down, ahead; unused by a pinhole.
-        rings: (H,) descending elevations of a lidar's rings [rad]; unused by others.
+        rings: (H,) descending slopes of a lidar's rings; unused by others.
         size: Height and width [pixels].
         options: Whether objects are boxes, reach [m], time of the flow [s].
         solids, ground, meshes, look: The scenes.
@@ -139,8 +139,8 @@ def color_tile(
                 row, column = (place + k) // width, (place + k) % width
                 end = smaller(k + width - column, count)
                 cast_shadows(
-                    row, column, num_shadows, light[SHADOW], grid, scratch.shadows, shades[GROUND_X, k:end],
-                    shades[GROUND_Y, k:end], shade[k:end],
+                    row, column, num_shadows, light[SHADOW], grid, scratch.shadows, seen[k:end],
+                    shades[GROUND_X, k:end], shades[GROUND_Y, k:end], shade[k:end],
                 )  # fmt: skip
                 k = end
         color_ground(slot, 1.0 / lens[FX], ground, light, grain, seen, scratch.cells, scratch.texels, exact, shades)

@@ -98,6 +98,8 @@ def label_pixels(
             normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
             if seen[k] >= 0:
                 normal[0], normal[1], normal[2] = colors[seen[k], 9], colors[seen[k], 10], colors[seen[k], 11]
+            elif seen[k] == ON_GROUND and ground.height_frame[slot, 3] == 0.0:
+                normal[2] = 1.0
             elif seen[k] == ON_GROUND:
                 x, y = pose[EYE] + distances[k] * exact[RAY_X, k], pose[EYE + 1] + distances[k] * exact[RAY_Y, k]
                 slope_x = (height_at(ground, slot, x + 0.05, y) - height_at(ground, slot, x - 0.05, y)) * 10.0

@@ -38,8 +38,8 @@ x, y, direction x, y, length and half the width."""
 
 (
     BOX, CAR, VAN, TRUCK, BUS, PEDESTRIAN, CYCLIST, CONE, BARRIER, LIGHT_HEAD, POLE, TREE, CONIFER, BUILDING, SIGN,
-    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, TREE_FAR, BLOCK, TREE_TINY, WALLS,
-) = range(23)  # fmt: skip
+    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, TREE_FAR, BLOCK, TREE_TINY, WALLS, CONIFER_FAR, LIGHT_FAR,
+) = range(25)  # fmt: skip
 """Meshes; those for small pictures are the last."""
 
 (
@@ -55,8 +55,8 @@ INSTANCE_ROW, SEMANTIC, MATERIAL = range(3)
 """Columns of ``FrameMemory.labels``: row in the state or -1, class, material."""
 
 VIEW, COLUMN, ROW, AWAY, NORMAL = 0, 3, 4, 5, 8
-"""First rows of ``FrameMemory.vertices``: right, below and ahead of the camera [m]; place on the screen [pixels]; from
-the camera in the scenario's frame [m]; normal (unit vector) in that frame."""
+"""First rows of ``FrameMemory.vertices``: right, below and ahead of the camera [m]; place on the screen [pixels], or
+azimuth [rad] and slope for a lidar; from the camera in the scenario's frame [m]; normal (unit vector) in that frame."""
 
 NUM_VERTEX = 11
 

@@ -125,13 +125,15 @@ def color_triangle(
     columns, rows = vertices[COLUMN], vertices[ROW]
     ux, uy, vx, vy = columns[b] - columns[a], rows[b] - rows[a], columns[c] - columns[a], rows[c] - rows[a]
     area = ux * vy - vx * uy
+    is_flat = is_flat or abs(area) < LEAST_AREA
+    per_area = 0.0 if is_flat else 1.0 / area
     for channel in range(3):
         albedo, along, down = color[channel] * 1.0, 0.0, 0.0
         start = corner_light(material, albedo, strength, lights, a, channel)
-        if not is_flat and abs(area) >= LEAST_AREA:
+        if not is_flat:
             to_b = corner_light(material, albedo, strength, lights, b, channel) - start
             to_c = corner_light(material, albedo, strength, lights, c, channel) - start
-            along, down = (to_b * vy - to_c * uy) / area, (to_c * ux - to_b * vx) / area
+            along, down = (to_b * vy - to_c * uy) * per_area, (to_c * ux - to_b * vx) * per_area
             start -= along * (columns[a] - 0.5) + down * (rows[a] - 0.5)
         colors[3 * channel], colors[3 * channel + 1], colors[3 * channel + 2] = start, along, down
 

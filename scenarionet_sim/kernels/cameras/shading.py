@@ -21,6 +21,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     HORIZON,
     MATERIAL,
     NOTHING,
+    ON_GROUND,
     RAY_Z,
     RED,
     VIGNETTE,
@@ -30,23 +31,51 @@ from scenarionet_sim.kernels.minmax import larger, smaller
 
 _NONE = np.int32(0)
 
+PART = 32
+"""Pixels of a row that are tested together for being beside a shadow."""
+
+SOFT = 0.3
+"""Width of the soft edge of a shadow outside of its outline [m]."""
+
 
 @device_function(divides_by_zero=True)
 def cast_shadows(
-    row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, xs: Float32,
-    ys: Float32, shade: Float32,
+    row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, seen: Int32,
+    xs: Float32, ys: Float32, shade: Float32,
 ) -> None:  # fmt: skip
-    """Lower the share of sunlight that arrives at the ground, under and behind objects, in pixels of a row."""
+    """Lower the share of sunlight that arrives at the ground, under and behind objects, in pixels of a row.
+
+    Only points of the ground are on a line: what is seen before it, and the sky, does not bound those between.
+    """
     for n in range(num_shadows):
         if not shadows[n, 9] <= row < shadows[n, 11]:
             continue
         first, end = int(larger(shadows[n, 8] - start, 0.0)), int(smaller(shadows[n, 10] - start, len(xs) * 1.0))
-        if first < end:
-            shadow = shadows[n]
+        for begin in range(first, end, PART):
+            left, right = begin, smaller(begin + PART, end)
+            while left < right and seen[left] != ON_GROUND:
+                left += 1
+            while left < right and seen[right - 1] != ON_GROUND:
+                right -= 1
+            if left == right or _is_beside(shadows[n], frame, xs[left], ys[left], xs[right - 1], ys[right - 1]):
+                continue
             _cast(
-                single(strength), single(shadow[0] - frame[0]), single(shadow[1] - frame[1]), shadow,
-                xs[first:end], ys[first:end], shade[first:end],
+                single(strength), single(shadows[n, 0] - frame[0]), single(shadows[n, 1] - frame[1]), shadows[n],
+                xs[left:right], ys[left:right], shade[left:right],
             )  # fmt: skip
+
+
+@device_function(divides_by_zero=True)
+def _is_beside(shadow: Float64, frame: Float64, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """Whether a shadow and the points between two are on different sides of an edge of the box around the shadow."""
+    cos, sin, x, y = shadow[2], shadow[3], shadow[0] - frame[0], shadow[1] - frame[1]
+    first, last = cos * (x0 - x) + sin * (y0 - y), cos * (x1 - x) + sin * (y1 - y)
+    pad, sweep = shadow[4] + SOFT, shadow[6]
+    if larger(first, last) < smaller(sweep, 0.0) - pad or smaller(first, last) > larger(sweep, 0.0) + pad:
+        return True
+    first, last = cos * (y0 - y) - sin * (x0 - x), cos * (y1 - y) - sin * (x1 - x)
+    pad, sweep = shadow[5] + SOFT, shadow[7]
+    return bool(larger(first, last) < smaller(sweep, 0.0) - pad or smaller(first, last) > larger(sweep, 0.0) + pad)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)

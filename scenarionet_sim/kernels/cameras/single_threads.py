@@ -339,11 +339,6 @@ def draw_pixel(
     _, is_colored, reach, dt = options
     slot, pose, light, lens, rays = shots.who[frame, 0], shots.poses[frame], look.lights[frame], shots.lens, shots.rays
     seen, number, band = memory.seen, row * size[1] + column, row // BAND
-    scratch = FrameMemory(
-        triangles.vertices, triangles.lights, triangles.edges, triangles.spans, triangles.colors, triangles.labels,
-        triangles.bounds, items.instances[frame], items.shadows[frame], memory.near, seen, memory.exact, memory.shades,
-        memory.cells, memory.texels, sky[frame, band : band + 2],
-    )  # fmt: skip
     memory.near[0], seen[0] = trace_pixel(frame, row, column, shots, items, triangles)
     aim_rays(row, column, 0, 1, pose, lens, rays, memory.exact)
     meet_ground(1, slot, pose, reach, ground, memory.near, seen, memory.exact)
@@ -353,6 +348,11 @@ def draw_pixel(
             frame, number, size[1], slot, pose, lens, dt, motion, seen, triangles.labels, memory.exact, pictures.flow
         )
     if is_colored:
+        scratch = FrameMemory(
+            triangles.vertices, triangles.lights, triangles.edges, triangles.spans, triangles.colors, triangles.labels,
+            triangles.bounds, items.instances[frame], items.shadows[frame], memory.near, seen, memory.exact,
+            memory.shades, memory.cells, memory.texels, sky[frame, band : band + 2],
+        )  # fmt: skip
         num_shadows = items.counts[frame, NUM_SHADOWS]
         color_tile(number, slot, pose, size, lens, rays, num_shadows, ground, light, look.grain, seen, scratch)
         expose(

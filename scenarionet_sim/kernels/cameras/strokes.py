@@ -54,7 +54,7 @@ def draw_strokes(count: int, ground: Ground, slot: int, cells: Int32, exact: Flo
         while end < count and cells[end] == cell:
             end += 1
         _aim(exact[RAY_X, first:end], exact[RAY_Y, first:end], shades[VIEW_X, first:end], shades[VIEW_Y, first:end])
-        _draw_cell(ground, slot, int(cell), shades[:, first:end])
+        _draw_cell(ground, slot, int(cell), first, end, shades)
         first = end
 
 
@@ -68,30 +68,34 @@ def _aim(ray_x: Float64, ray_y: Float64, view_x: Float32, view_y: Float32) -> No
 
 
 @device_function(divides_by_zero=True)
-def _draw_cell(ground: Ground, slot: int, cell: int, shades: Float32) -> None:
+def _draw_cell(ground: Ground, slot: int, cell: int, first: int, end: int, shades: Float32) -> None:
     """Draw the strokes of a cell on a run of pixels."""
-    frame, widest = ground.frame[slot], 0.0
-    for k in range(shades.shape[1]):
-        widest = larger(widest, shades[ACROSS, k] + shades[ALONG, k])
+    frame, across, along = ground.frame[slot], shades[ACROSS, first:end], shades[ALONG, first:end]
+    widest = 0.0
+    for k in range(len(across)):
+        widest = larger(widest, across[k] + along[k])
     has_borders = False
     for n in range(ground.cell_start[cell], ground.cell_start[cell + 1]):
         kind, stroke = ground.stroke_kind[n], ground.strokes[n]
         if kind >= WHITE:
             target = WHITE_SHARE + (1 if kind == YELLOW else (2 if kind == KERB else 0))
-            _paint(stroke, frame, widest, shades, shades[target])
+            _paint(stroke, frame, widest, first, end, shades, shades[target, first:end])
         elif kind != CROSSWALK_BORDER:
             if not has_borders:
                 has_borders = True
                 for row in range(ROAD_EDGE, ROAD_EDGE + 2):
-                    edges = shades[row]
+                    edges = shades[row, first:end]
                     for k in range(len(edges)):
                         edges[k] = 1e9
             side = 0 if kind == ROAD_BORDER else 1
             number = cell - int(ground.place[slot, 0])
-            _cross(stroke, frame, number, shades, shades[ON_ROAD + side], shades[ROAD_EDGE + side])
+            _cross(
+                stroke, frame, number, first, end, shades, shades[ON_ROAD + side, first:end],
+                shades[ROAD_EDGE + side, first:end],
+            )  # fmt: skip
     if has_borders:
         for side in range(2):
-            _soften(shades[ROAD_EDGE + side], shades[ON_ROAD + side])
+            _soften(shades[ROAD_EDGE + side, first:end], shades[ON_ROAD + side, first:end])
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -102,11 +106,13 @@ def _soften(edges: Float32, shares: Float32) -> None:
 
 
 @device_function(divides_by_zero=True)
-def _paint(stroke: Float32, frame: Float64, widest: float, shades: Float32, shares: Float32) -> None:
+def _paint(
+    stroke: Float32, frame: Float64, widest: float, first: int, end: int, shades: Float32, shares: Float32
+) -> None:
     """Cover a run of pixels, whose footprints are at most ``widest`` [m], with a painted rectangle."""
     x0, y0, ux, uy = stroke[0] - frame[0], stroke[1] - frame[1], stroke[2] * 1.0, stroke[3] * 1.0
     half, half_length, last = stroke[5] * 1.0, 0.5 * stroke[4], len(shares) - 1
-    xs, ys = shades[GROUND_X], shades[GROUND_Y]
+    xs, ys = shades[GROUND_X, first:end], shades[GROUND_Y, first:end]
     limit = half + 0.5 * widest
     left, right = (ys[0] - y0) * ux - (xs[0] - x0) * uy, (ys[last] - y0) * ux - (xs[last] - x0) * uy
     if smaller(left, right) > limit or larger(left, right) < -limit:
@@ -117,8 +123,9 @@ def _paint(stroke: Float32, frame: Float64, widest: float, shades: Float32, shar
     if smaller(rear, front) > limit or larger(rear, front) < -limit:
         return
     _cover(
-        single(x0), single(y0), single(ux), single(uy), single(half), single(half_length), xs,
-        ys, shades[VIEW_X], shades[VIEW_Y], shades[ACROSS], shades[ALONG], shares,
+        single(x0), single(y0), single(ux), single(uy), single(half), single(half_length), xs, ys,
+        shades[VIEW_X, first:end], shades[VIEW_Y, first:end], shades[ACROSS, first:end], shades[ALONG, first:end],
+        shares,
     )  # fmt: skip
 
 
@@ -140,7 +147,10 @@ def _cover(
 
 
 @device_function(divides_by_zero=True)
-def _cross(stroke: Float32, frame: Float64, number: int, shades: Float32, shares: Float32, edges: Float32) -> None:
+def _cross(
+    stroke: Float32, frame: Float64, number: int, first: int, end: int, shades: Float32, shares: Float32,
+    edges: Float32,
+) -> None:  # fmt: skip
     """Change the surface at the pixels of a run beyond a border, and write their distance to it in footprints.
 
     Beyond means that the way from the corner of the cell, first along y and then along x, crosses the border.
@@ -154,7 +164,7 @@ def _cross(stroke: Float32, frame: Float64, number: int, shades: Float32, shares
         crossing = y0 + (corner_x - x0) / ex * ey
         above = crossing if corner_y < crossing else math.inf
     per_y = ex / ey if ey != 0.0 else 0.0
-    xs, ys = shades[GROUND_X], shades[GROUND_Y]
+    xs, ys = shades[GROUND_X, first:end], shades[GROUND_Y, first:end]
     _turn_over(
         single(smaller(y0, y1)), single(larger(y0, y1)), single(x0), single(y0), single(per_y),
         single(corner_x), single(above), xs, ys, shares,
@@ -162,7 +172,8 @@ def _cross(stroke: Float32, frame: Float64, number: int, shades: Float32, shares
     length = math.sqrt(ex * ex + ey * ey + 1e-12)
     _measure_edge(
         single(x0), single(y0), single(ex / length), single(ey / length), single(length), xs, ys,
-        shades[VIEW_X], shades[VIEW_Y], shades[ACROSS], shades[ALONG], edges,
+        shades[VIEW_X, first:end], shades[VIEW_Y, first:end], shades[ACROSS, first:end], shades[ALONG, first:end],
+        edges,
     )  # fmt: skip
 
 

@@ -31,7 +31,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     VIEW,
     FrameMemory,
 )
-from scenarionet_sim.kernels.cameras.vertices import NEAREST
+from scenarionet_sim.kernels.cameras.vertices import NEAREST, STEEP
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 SHORT = 8
@@ -90,29 +90,30 @@ def _is_wide(vertices: Float64, a: int, b: int) -> bool:
 
 
 @device_function(divides_by_zero=True)
-def _bound_on_rings(vertices: Float64, a: int, b: int, c: int, rings: Float64, width: int, bounds: Int32) -> None:
-    """Bound a triangle on a lidar's rings (descending elevations); columns may exceed the picture on either side."""
-    if _is_wide(vertices, a, b) or _is_wide(vertices, b, c) or _is_wide(vertices, c, a):
-        return
-    start = math.atan2(-vertices[VIEW, a], vertices[VIEW + 2, a])
-    low = high = 0.0
-    down, up = math.pi, -math.pi
-    for corner in (a, b, c):
-        turn = math.atan2(-vertices[VIEW, corner], vertices[VIEW + 2, corner]) - start
+def _bound_on_rings(vertices: Float64, a: int, b: int, c: int, slopes: Float64, width: int, bounds: Int32) -> None:
+    """Bound a triangle on a lidar's rings (descending slopes); columns may exceed the picture on either side.
+
+    The slope of an edge is a sine wave of the azimuth: between two corners it exceeds theirs by at most the inverse of
+    the cosine of half the angle between them, and only away from the level.
+    """
+    start, low, high = vertices[COLUMN, a], 0.0, 0.0
+    for corner in (b, c):
+        turn = vertices[COLUMN, corner] - start
         turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
         low, high = smaller(low, turn), larger(high, turn)
-        rise = math.atan2(-vertices[VIEW + 1, corner], math.hypot(vertices[VIEW, corner], vertices[VIEW + 2, corner]))
-        down, up = smaller(down, rise), larger(up, rise)
-    if high - low > 1.0:
+    down = smaller(vertices[ROW, a], smaller(vertices[ROW, b], vertices[ROW, c]))
+    up = larger(vertices[ROW, a], larger(vertices[ROW, b], vertices[ROW, c]))
+    if high - low > 3.0 or not (down > -STEEP and up < STEEP):  # above or below the lidar
         return
-    pad = 0.02 + 0.1 * (up - down + high - low)
+    bend = 1.0 / math.cos(0.5 * (high - low))
+    up, down = larger(up, up * bend) + 1e-6, smaller(down, down * bend) - 1e-6
     scale = width / (2.0 * math.pi)
-    bounds[0] = math.floor((start + low - pad) * scale)
-    bounds[2] = math.ceil((start + high + pad) * scale) + 1
-    first, end = 0, len(rings)
-    while first < end and rings[first] > up + pad:
+    bounds[0] = math.ceil((start + low) * scale - 1e-3)
+    bounds[2] = math.floor((start + high) * scale + 1e-3) + 1
+    first, end = 0, len(slopes)
+    while first < end and slopes[first] > up:
         first += 1
-    while end > first and rings[end - 1] < down - pad:
+    while end > first and slopes[end - 1] < down:
         end -= 1
     bounds[1], bounds[3] = first, end
 
@@ -139,10 +140,11 @@ def add_triangle(
         return 0
     fx, fy, fz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx  # -(c x a)
     gx, gy, gz = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax  # -(a x b)
+    scale = 1.0 / volume
     edges[0], edges[1], edges[2] = ex, ey, ez
     edges[3], edges[4], edges[5] = fx, fy, fz
     edges[6], edges[7], edges[8] = gx, gy, gz
-    edges[9], edges[10], edges[11] = (ex + fx + gx) / volume, (ey + fy + gy) / volume, (ez + fz + gz) / volume
+    edges[9], edges[10], edges[11] = (ex + fx + gx) * scale, (ey + fy + gy) * scale, (ez + fz + gz) * scale
     if lens[KIND] == PINHOLE:
         write_spans(edges, lens, spans)
     return 2 if is_placed else 1
@@ -249,11 +251,11 @@ def _test(
     near: Float64, seen: Int32,
 ) -> None:  # fmt: skip
     """Cover the pixels of a row whose rays hit a triangle, for any lens."""
-    for place in range(bounds[0], bounds[2]):
-        column = place
-        if lens[KIND] == RINGS:
-            column = place % width
-        inverse = inverse_distance(edges, rays[row, column, 0], rays[row, column, 1], rays[row, column, 2])
-        if inverse > near[start + column]:
-            near[start + column] = inverse
-            seen[start + column] = triangle
+    most = 1 if lens[KIND] == RINGS else 0
+    for turn in range(-most, most + 1):  # columns beyond the picture are those of its other side
+        first, end = larger(bounds[0] + turn * width, 0), smaller(bounds[2] + turn * width, width)
+        for column in range(first, end):
+            inverse = inverse_distance(edges, rays[row, column, 0], rays[row, column, 1], rays[row, column, 2])
+            if inverse > near[start + column]:
+                near[start + column] = inverse
+                seen[start + column] = triangle

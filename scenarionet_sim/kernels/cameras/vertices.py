@@ -31,6 +31,9 @@ from scenarionet_sim.kernels.minmax import larger
 NEAREST = 0.05
 """Distance [m] below which corners are not projected: the bounds are those of the picture."""
 
+STEEP = 1e6
+"""Slope of rays that are vertical for a lidar."""
+
 
 @device_function(divides_by_zero=True)
 def place_vertices(
@@ -163,10 +166,13 @@ def _turn(
 
 @device_function(divides_by_zero=True)
 def _project_vertex(lens: Float64, k: int, vertices: Float64) -> None:
-    """Write column and row of a vertex in front of the camera; those of others are never read."""
-    ahead = vertices[VIEW + 2, k]
-    if lens[KIND] != RINGS and (lens[KIND] != PINHOLE or ahead >= NEAREST):
-        place = project(lens, vertices[VIEW, k], vertices[VIEW + 1, k], ahead)
+    """Write column and row of a vertex in front of the camera; for a lidar, azimuth [rad] and slope of its ray."""
+    right, down, ahead = vertices[VIEW, k], vertices[VIEW + 1, k], vertices[VIEW + 2, k]
+    if lens[KIND] == RINGS:
+        flat = math.sqrt(right * right + ahead * ahead)
+        vertices[COLUMN, k], vertices[ROW, k] = math.atan2(-right, ahead), -down / flat if flat > NEAREST else STEEP
+    elif lens[KIND] != PINHOLE or ahead >= NEAREST:
+        place = project(lens, right, down, ahead)
         vertices[COLUMN, k], vertices[ROW, k] = place
 
 
