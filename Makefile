@@ -125,7 +125,7 @@ bench-maintenance: install  ## Benchmark compact, vacuum and fsck.
 bench-learn: install .venv-learn/.installed  ## Benchmark training, end to end, with torch.
 	.venv-learn/bin/python -m tests.bench --only learn $(ARGS)
 
-bench-samples: install  ## Benchmark samples for forecasting, beside trajdata.
+bench-samples: install  ## Benchmark samples for forecasting, beside trajdata and UniTraj.
 	[ -x .venv-trajdata/bin/python ] || tests/trajdata/make_environment.sh
 	$(BIN)/python -m tests.bench --only samples $(ARGS)
 

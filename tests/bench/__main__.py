@@ -14,6 +14,7 @@ from rich.table import Table
 
 from tests.bench import (
     cameras,
+    cameras_on_card,
     cluster,
     converting,
     growth,
@@ -34,7 +35,7 @@ from tests.bench import (
 )
 from tests.bench.measure import Figure
 
-_OF_THEIR_OWN = {"learn"}
+_OF_THEIR_OWN = {"card", "learn"}
 """Groups that need an environment of their own, and run only by name."""
 
 
@@ -43,6 +44,7 @@ def main() -> None:
     recordings = converting.recordings_folder()
     groups: dict[str, Callable[[], Iterator[Figure]]] = {
         "cameras": cameras.figures,
+        "card": cameras_on_card.figures,
         "cluster": lambda: cluster.figures(recordings),
         "growth": lambda: growth.figures(recordings),
         "convert": lambda: converting.figures(recordings),

@@ -24,7 +24,7 @@ _METADRIVE = "MetaDrive without a GPU 1.06 at 1920 x 1080"
 
 def figures() -> Iterator[Figure]:
     """Measure."""
-    simulation = _simulation()
+    simulation = scenes()
     one, all_egos = simulation.agents[:1], simulation.agents
     for width, height, channels, agents, target in (
         (1928, 1208, ("rgb", "depth"), one, 20),
@@ -59,7 +59,8 @@ def _draw(simulation: Simulation, camera: Camera, agents: Int32) -> None:
     camera.frames(simulation.batch, simulation.state, agents)
 
 
-def _simulation() -> Simulation:
+def scenes() -> Simulation:
+    """Four generated worlds, 2 s after their beginning."""
     converter = converters.get("pg")
     worlds = []
     for seed in SEEDS:

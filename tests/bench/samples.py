@@ -1,12 +1,15 @@
-"""Samples for forecasting: per second of one core's processor time, maps included, beside trajdata without maps.
+"""Samples for forecasting: per second of one core's processor time, maps included, beside trajdata and UniTraj.
 
-trajdata runs in an environment of its own, which ``tests/trajdata/make_environment.sh`` makes.
+trajdata, without maps, runs in an environment of its own, which ``tests/trajdata/make_environment.sh`` makes; UniTraj
+in that of ``tests/learn/make_environment.sh``, from the checkout that ``SCENARIONET_UNITRAJ`` names.
 """
 
 from __future__ import annotations
 
 import gc
 import json
+import os
+import pickle
 import statistics
 import subprocess
 import tempfile
@@ -17,13 +20,15 @@ from pathlib import Path
 
 import numpy as np
 
-from scenarionet_data import Lake, Samples, Targets, TimeWindow
+from scenarionet_data import Lake, Samples, ScenarioLoader, Targets, TimeWindow
 from scenarionet_data.conversion import convert
 from scenarionet_data.samples.selection import SamplesWarning
 from tests.bench.measure import Figure, peak_mb
+from tests.learn.unitraj_inputs import as_dictionary, config
 
 _BATCH, _BATCHES = 32, 60
 _LONG = 100_000
+_HISTORY = 11
 _ROOT = Path(__file__).parents[2]
 _STATES = """
 SELECT
@@ -60,6 +65,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
             rate = _rate(samples, draw)
             yield Figure(f"samples: {targets} targets of a random scenario", rate, "samples/s", wanted)
         yield from _trajdata(lake, Path(folder), rate)
+        yield from _unitraj(lake, samples, Path(folder), rate)
         before = peak_mb()
         for _ in range(_LONG // _BATCH):
             samples.batch(rng.integers(0, len(samples), _BATCH))
@@ -97,6 +103,29 @@ def _trajdata(lake: Lake, folder: Path, rate: float) -> Iterator[Figure]:
     peer = json.loads(found)["rate"]
     yield Figure("samples: trajdata 1.4.0, without a map, from its cache", peer, "samples/s")
     yield Figure("samples: one target of a random scenario, times trajdata", rate / peer, "", ">= 60")
+
+
+def _unitraj(lake: Lake, samples: Samples, folder: Path, rate: float) -> Iterator[Figure]:
+    """Samples of UniTraj's own code over the same scenarios, one target each."""
+    python, checkout = _ROOT / ".venv-learn" / "bin" / "python", os.environ.get("SCENARIONET_UNITRAJ")
+    if checkout is None or not python.exists():
+        missing = "SCENARIONET_UNITRAJ names no checkout of github.com/vita-epfl/UniTraj"
+        missing = missing if checkout is None else f"{python} is missing, which tests/learn/make_environment.sh makes"
+        warnings.warn(f"{missing}: UniTraj is not measured", stacklevel=2)
+        return
+    firsts = {key.scenario_id: key for key in map(samples.key, range(len(samples) - 1, -1, -1))}
+    (folder / "unitraj").mkdir()
+    paths = []
+    for scenario in ScenarioLoader(lake, [name for name, key in firsts.items() if key.timestep == _HISTORY - 1]):
+        paths.append(folder / "unitraj" / f"{len(paths)}.pkl")
+        paths[-1].write_bytes(pickle.dumps(as_dictionary(scenario, firsts[scenario.id].track_ids)))
+    program, chosen = _ROOT / "tests" / "learn" / "unitraj_speed.py", config(_HISTORY, 80, 64, 256, 20)
+    command = [str(python), str(program), checkout, json.dumps(chosen), *map(str, paths)]
+    printed = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+    (found,) = [line.removeprefix("RESULT") for line in printed.splitlines() if line.startswith("RESULT")]
+    peer = json.loads(found)["rate"]
+    yield Figure("samples: UniTraj, with a map, to its cache", peer, "samples/s")
+    yield Figure("samples: one target of a random scenario, times UniTraj", rate / peer, "")
 
 
 def _lake(root: Path, recordings: Path | None) -> Lake:

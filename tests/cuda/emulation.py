@@ -9,16 +9,9 @@ import numpy as np
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_square
 from scenarionet_sim.kernels.cameras.layout import NUM_EXACT, NUM_SHADES
-from scenarionet_sim.kernels.cameras.single_threads import (
-    PixelMemory,
-    bound_instance,
-    draw_pixel,
-    find_item,
-    light_sky,
-    list_items,
-    place_part,
-    set_up_part,
-)
+from scenarionet_sim.kernels.cameras.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
+from scenarionet_sim.kernels.cameras.thread_layout import PixelMemory
+from scenarionet_sim.kernels.cameras.thread_pixels import draw_pixel, light_sky
 
 LANES = 32
 

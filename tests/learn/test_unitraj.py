@@ -16,8 +16,7 @@ import pytest
 from scenarionet_data import Agents, Lake, Polylines, Samples, ScenarioLoader, Targets, TimeWindow
 from scenarionet_data.conversion import convert
 from scenarionet_data.samples.dataset import UNITRAJ
-from scenarionet_data.scenario import vocabulary
-from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
+from tests.learn.unitraj_inputs import as_dictionary, config
 
 pytestmark = [
     pytest.mark.learn,
@@ -25,44 +24,6 @@ pytestmark = [
 ]
 CHECKOUT = os.environ.get("SCENARIONET_UNITRAJ")
 PAST, FUTURE, AGENTS, ROADS, POINTS = 21, 60, 64, 256, 20
-CONFIG = {
-    "past_len": PAST, "future_len": FUTURE, "max_num_agents": AGENTS, "max_num_roads": ROADS,
-    "max_points_per_lane": POINTS, "map_range": 100, "center_offset_of_map": [30.0, 0.0],
-    "object_type": ["VEHICLE", "PEDESTRIAN", "CYCLIST"], "masked_attributes": [], "only_train_on_ego": False,
-    "line_type": ["lane", "stop_sign", "road_edge", "road_line", "crosswalk", "speed_bump"],
-    "trajectory_sample_interval": 1, "manually_split_lane": False, "remove_outliers": False,
-    "method": {"model_name": "autobot"},
-}  # fmt: skip
-
-
-def as_dictionary(scenario, targets):
-    """A scenario in the form that UniTraj reads, from the loaded arrays: exactly the input of our layout."""
-    tracks, features = scenario.tracks, scenario.map
-    names, kinds = vocabulary.names(ObjectType), vocabulary.names(MapFeatureType)
-    states = {
-        track_id: {
-            "type": names[tracks.object_type[row]],
-            "state": {
-                "position": tracks.position[row].astype(np.float64),
-                **{name: tracks.size[row, :, axis] for axis, name in enumerate(("length", "width", "height"))},
-                "heading": tracks.heading[row],
-                "velocity": tracks.velocity[row],
-                "valid": tracks.valid[row],
-            },
-        }
-        for row, track_id in enumerate(tracks.ids)
-    }
-    map_features = {}
-    for row, name in enumerate(features.ids):
-        line, outline = features.polyline[row].astype(np.float64), features.polygon[row].astype(np.float64)
-        feature = {"type": kinds[features.feature_type[row]], "lane": [], "position": line[0] if len(line) else None}
-        feature |= {"polyline": line} if len(line) else {}
-        map_features[name] = feature | ({"polygon": outline} if len(outline) else {})
-    metadata = {
-        "ts": scenario.timestamps, "sdc_id": scenario.ego_id, "scenario_id": scenario.id, "dataset": "made",
-        "tracks_to_predict": dict.fromkeys(targets),
-    }  # fmt: skip
-    return {"tracks": states, "map_features": map_features, "dynamic_map_states": {}, "metadata": metadata}
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +61,8 @@ def theirs(lake, samples, tmp_path_factory):
         (folder / f"{number}.pkl").write_bytes(pickle.dumps(content))
     paths = [str(folder / f"{number}.pkl") for number in range(len(targets))]
     program = Path(__file__).with_name("unitraj_reference.py")
-    command = [sys.executable, str(program), CHECKOUT, json.dumps(CONFIG), str(folder / "out.npz"), *paths]
+    chosen = json.dumps(config(PAST, FUTURE, AGENTS, ROADS, POINTS))
+    command = [sys.executable, str(program), CHECKOUT, chosen, str(folder / "out.npz"), *paths]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found = defaultdict(dict)

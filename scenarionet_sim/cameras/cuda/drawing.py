@@ -30,7 +30,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     Pictures,
     Solids,
 )
-from scenarionet_sim.kernels.cameras.single_threads import (
+from scenarionet_sim.kernels.cameras.thread_layout import (
     NUM_BOX,
     NUM_COUNTS,
     NUM_INSTANCE,
@@ -93,7 +93,7 @@ def _draw(
     memory: DeviceMemory, batch: WorldBatch, state: State, cameras: Int32, poses: Float64, optics: Optics, look: Look,
     stage: Stage, pictures: Pictures,
 ) -> None:  # fmt: skip
-    """Launch the kernels of all steps, see ``kernels.cameras.single_threads``."""
+    """Launch the kernels of all steps, see ``kernels.cameras.thread_items``."""
     size, num_frames = (optics.height, optics.width), len(cameras)
     is_colored = len(pictures.rgb) > 0
     options = optics.are_boxes, is_colored, optics.reach, optics.flow_time

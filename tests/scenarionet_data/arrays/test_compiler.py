@@ -109,3 +109,23 @@ def test_other_versions_of_numba_use_its_own_compiler(monkeypatch):
     assert compiler.loop_compiler() is compiler.LoopCompiler
     monkeypatch.setattr("numba.__version__", "0.99.0")
     assert compiler.loop_compiler() is Compiler
+
+
+@device_function(in_lanes=True)
+def add_tenths(values, out):
+    for k in range(len(values)):
+        out[k] = values[k] * 0.1 + 0.7
+
+
+@kernel(allocates=False)
+def run_add_tenths(values, out):
+    add_tenths(values, out)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_constants_of_functions_in_lanes_are_float32(dtype):
+    """In float64, other numbers would come out."""
+    values = np.linspace(-3.0, 5.0, 101).astype(dtype)
+    out = np.empty_like(values)
+    run_add_tenths(values, out)
+    np.testing.assert_array_equal(out, values * np.float32(0.1) + np.float32(0.7))

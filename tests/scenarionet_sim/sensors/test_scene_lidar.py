@@ -51,6 +51,16 @@ def test_ranges_are_those_of_boxes_and_plane(drive):
 
 
 @pytest.mark.long
+def test_boxes_right_beside_the_lidar_are_seen_whole():
+    """Their faces extend over more than a right angle, and behind the first azimuth."""
+    near = simulate(make_drive(speed=8.0, others=(Other(0.5, 2.3), Other(5.2, 0.3), Other(-0.5, -2.4))), steps=1)
+    found = observed(replace(BARE, mount=Mount(x=0.0, z=0.9)), near)
+    expected = observed(replace(RINGS, mount=0.9), near)[::-1]
+    assert (expected * 60.0 < 2.0).mean() > 0.1
+    assert (np.abs(found[..., 0] - expected) * 60.0 < 2e-3).mean() > 0.99  # rays through an edge
+
+
+@pytest.mark.long
 def test_dropout_and_threads(drive):
     whole = observed(BARE, drive)
     np.testing.assert_array_equal(whole, observed(replace(BARE, threads=3), drive))

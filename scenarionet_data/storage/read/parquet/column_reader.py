@@ -12,7 +12,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import chain, groupby
+from itertools import chain
 
 import numpy as np
 import pyarrow as pa
@@ -23,11 +23,10 @@ from scenarionet_data.arrays.columns import Columns, ColumnType, Lists
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
-from scenarionet_data.storage.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet import page_kernels as pages
 from scenarionet_data.storage.read.parquet import value_kernels as values
+from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, UnreadableFile
-from scenarionet_data.storage.read.parquet.page_checks import check_pages
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
 COMPILE_AFTER = 64
@@ -83,7 +82,7 @@ class ColumnReader:
         """
         if self._left_to_arrow > 0 and not pages.is_compiled():
             self._left_to_arrow -= len(groups)
-            return _read_by_arrow(groups, self._columns)
+            return read_by_arrow(groups, self._columns)
         try:
             return self._read(groups)
         except _Damaged as error:
@@ -172,8 +171,9 @@ class ColumnReader:
         others: list[ColumnType] = []
         texts = self._strings(out, counts)
         numbers = {"float32": out.words.view(np.float32), "int32": out.words.view(np.int32), "bool": out.bits}
-        rows = zip(self._columns, plan[:, values.FIRST].tolist(), counts[-1].tolist(), strict=True)
-        for place, (column, first, count) in enumerate(rows):
+        firsts, ends = plan[:, values.FIRST].tolist(), counts[-1].tolist()
+        rows = zip(self._columns, firsts, ends, out.lists[0, :, :-1], out.lists[1], strict=True)
+        for place, (column, first, count, lengths, offsets) in enumerate(rows):
             name, element = column.name, column.element
             if count == UNKNOWN:
                 others.append(column)
@@ -183,17 +183,16 @@ class ColumnReader:
             elif element == "dictionary":
                 found = numbers["int32"][first : first + count]
                 number = self._dictionaries.index(place)
-                words[name] = _joined([each[number] for each in dictionaries], found, np.diff(counts[:, place]))
+                words[name] = _joined([each[number] for each in dictionaries], found, counts[:, place])
             else:
                 found = numbers[element][first : first + count]
             if column.is_list:
-                found = found.view(np.bool_) if element == "bool" else found
-                lists[name] = Lists(out.lists[0, place, :-1], out.lists[1, place], found)
+                lists[name] = Lists(lengths, offsets, found.view(np.bool_) if element == "bool" else found)
             else:
                 found = found.view(np.bool_) if element == "bool" and not column.nullable else found
-                flat[name] = _with_nulls(column, out.lists[0, place, :-1], found)
+                flat[name] = _with_nulls(column, lengths, found)
         if others:
-            read = _read_by_arrow(groups, others)
+            read = read_by_arrow(groups, others)
             flat, lists, words = flat | {**read.flat}, lists | {**read.lists}, words | {**read.words}
         return Columns(out.lists.shape[2] - 1, flat, lists, words)
 
@@ -232,10 +231,11 @@ def _dictionary(page: Array, data: Array) -> Sequence[str]:
     return words
 
 
-def _joined(dictionaries: Sequence[Sequence[str]], indices: Array, lengths: Array) -> list[str]:
+def _joined(dictionaries: Sequence[Sequence[str]], indices: Array, counts: Array) -> list[str]:
     """The words of all row groups; indices of each one's words become those of all."""
     if len(dictionaries) > 1:
-        indices += np.repeat(np.cumsum([0, *map(len, dictionaries[:-1])], dtype=np.int32), lengths)
+        starts = np.cumsum([0, *map(len, dictionaries[:-1])], dtype=np.int32)
+        indices += np.repeat(starts, np.diff(counts))
     return list(chain.from_iterable(dictionaries))
 
 
@@ -260,31 +260,3 @@ def _with_nulls(column: ColumnType, lengths: Array, found: Array) -> Array:
     rows: Array = np.full(len(lengths), _NULLS[column.element], found.dtype)
     rows[lengths > 0] = found
     return rows
-
-
-def _read_by_arrow(groups: Sequence[RowGroup], columns: Sequence[ColumnType]) -> Columns:
-    """Read columns with Arrow; consecutive row groups in the same bytes are read in one call."""
-    tables = []
-    for _, run in groupby(groups, key=lambda group: (id(group.footer), id(group.content))):
-        together = list(run)
-        footer = together[0].footer
-        names = [column.name for column in columns if column.name not in footer.missing]
-        names = names or [name for name in footer.names if name not in footer.missing][:1]  # for the number of rows
-        _check_pages(together, names)
-        try:
-            file = together[0].open()
-            tables.append(file.read_row_groups([group.number for group in together], names, use_threads=False))
-        except (OSError, pa.ArrowException) as error:
-            raise UnreadableFile(footer.url, str(error)) from error
-    return Columns.from_arrow(pa.concat_tables(tables, promote_options="default"), columns)
-
-
-def _check_pages(groups: Sequence[RowGroup], names: Sequence[str]) -> None:
-    """Check the page headers of columns before Arrow reads them."""
-    for group in groups:
-        chunks = dict(zip(group.footer.names, group.footer.chunks(group.number).tolist(), strict=True))
-        for name in names:
-            try:
-                check_pages(group.content, group.base, chunks[name])
-            except Malformed as error:
-                raise UnreadableFile(group.footer.url, f"column {name}: {error}") from error

@@ -14,7 +14,7 @@ from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
-from scenarionet_data.storage.read.parquet.column_reader import _read_by_arrow
+from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
 
 READ = ("tracks", "lights", "maps")
 WORDS = ["VEHICLE", "PEDESTRIAN", "", "straße", "自動車", "x" * 300]
@@ -163,7 +163,7 @@ def test_column_of_several_megabytes_is_one_page(tmp_path, table, num_rows):
     ],
     ids=["snappy", "plain", "many-pages", "version-2", "dictionaries", "zstd"],
 )
-def test_other_encodings_are_read_by_arrow(tmp_path, table, options):
+def test_other_encodings_areread_by_arrow(tmp_path, table, options):
     paths = [
         written(tmp_path / "1.parquet", table, [rows_of(table, 30, 1), rows_of(table, 90, 2)], **options),
         written(tmp_path / "2.parquet", table, [rows_of(table, 5, 3)]),
@@ -198,7 +198,7 @@ def test_pages_with_checksums_are_read(tmp_path, table):
     groups = row_groups(path, table, has_checksums=True)
     expected = by_arrow(table, [path])
     assert_same(table, read(table, groups), expected)
-    assert_same(table, _read_by_arrow(groups, tables.load(table).columns), expected)
+    assert_same(table, read_by_arrow(groups, tables.load(table).columns), expected)
 
 
 @pytest.mark.parametrize("table", READ)
@@ -214,7 +214,7 @@ def test_damaged_pages_with_checksums_never_yield_wrong_values(tmp_path_factory,
         content[data.draw(st.integers(start, end - 1))] ^= 1 << data.draw(st.integers(0, 7))
     groups = row_groups(path, table, content, has_checksums=True)
     try:
-        found = read(table, groups) if by == "kernels" else _read_by_arrow(groups, tables.load(table).columns)
+        found = read(table, groups) if by == "kernels" else read_by_arrow(groups, tables.load(table).columns)
     except UnreadableFile:
         return
     assert_same(table, found, expected)  # only bytes that no value depends on were changed
@@ -226,7 +226,7 @@ def test_pages_without_checksums_are_damaged_where_they_must_have_some(tmp_path)
     with pytest.raises(UnreadableFile, match=r"without a checksum|is damaged"):
         read("tracks", groups)
     with pytest.raises(UnreadableFile, match="without a checksum"):
-        _read_by_arrow(groups, tables.load("tracks").columns)
+        read_by_arrow(groups, tables.load("tracks").columns)
 
 
 def test_error_names_the_damaged_file(tmp_path):

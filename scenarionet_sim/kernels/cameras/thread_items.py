@@ -1,7 +1,7 @@
-"""Frames drawn by thousands of threads: what one thread of a graphics card does in each step of drawing.
+"""Objects and triangles of frames drawn by thousands of threads: what one thread of a graphics card does.
 
-A pixel is drawn by the functions that the processor's kernel calls for tiles, here with tiles of one pixel. The steps
-of a call, each over all frames:
+A pixel, see ``thread_pixels``, is drawn by the functions that the processor's kernel calls for tiles, here with tiles
+of one pixel. The steps of a call, each over all frames:
 
 1. ``find_item`` for every object and fixture: whether it is in view, and its shadow.
 2. ``list_items`` for every frame: those in view, and the places of their vertices and triangles.
@@ -14,11 +14,8 @@ of a call, each over all frames:
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
-from scenarionet_sim.kernels.cameras.frames import color_tile
 from scenarionet_sim.kernels.cameras.instances import (
     LEAST,
     LEAST_FIXED,
@@ -26,9 +23,7 @@ from scenarionet_sim.kernels.cameras.instances import (
     casts_shadow,
     write_box,
 )
-from scenarionet_sim.kernels.cameras.labels import label_pixels, write_flow
 from scenarionet_sim.kernels.cameras.layout import (
-    BAND,
     HIDDEN,
     INSTANCE_ROW,
     KIND,
@@ -36,113 +31,42 @@ from scenarionet_sim.kernels.cameras.layout import (
     PINHOLE,
     SEMANTIC,
     SHADOW,
-    SKY_STEP,
-    FrameMemory,
     Ground,
     Look,
     Meshes,
-    Pictures,
     Solids,
 )
 from scenarionet_sim.kernels.cameras.lighting import light_vertices
 from scenarionet_sim.kernels.cameras.placement import SMALL, color_triangle, mesh_for, screen_radius, write_normal
-from scenarionet_sim.kernels.cameras.rows import aim_rays, meet_ground
-from scenarionet_sim.kernels.cameras.shading import expose
 from scenarionet_sim.kernels.cameras.shadows import add_shadow
-from scenarionet_sim.kernels.cameras.sky import light_node
-from scenarionet_sim.kernels.cameras.triangles import add_triangle, inverse_distance, span_of
+from scenarionet_sim.kernels.cameras.thread_layout import (
+    BOTTOM,
+    END,
+    FIRST,
+    FIRST_VERTEX,
+    GLOW,
+    HAS_SHADOW,
+    IS_SMALL,
+    ITEM_CLASS,
+    LEFT,
+    MESH,
+    NUM_INSTANCES,
+    NUM_SHADOWS,
+    NUM_TRIANGLES,
+    NUM_VERTICES,
+    PAINT,
+    RIGHT,
+    SPIN,
+    STEER,
+    TOP,
+    DrawingOptions,
+    Items,
+    Shots,
+    Triangles,
+)
+from scenarionet_sim.kernels.cameras.triangles import add_triangle
 from scenarionet_sim.kernels.cameras.vertices import place_vertex
 from scenarionet_sim.kernels.minmax import larger, smaller
-
-SPIN, STEER, NUM_BOX = 7, 8, 9
-"""Columns of ``Items.boxes`` behind x, y, z, heading, length, width, height; and their number."""
-
-MESH, ITEM_CLASS, PAINT, GLOW, HAS_SHADOW, IS_SMALL, NUM_ITEM = range(7)
-"""Columns of ``Items.kinds``: mesh to draw or -1, class, paint, shining material or -1, whether there is a shadow, and
-whether triangles have one colour; and their number."""
-
-FIRST, END, FIRST_VERTEX, LEFT, TOP, RIGHT, BOTTOM, NUM_INSTANCE = range(8)
-"""Columns of ``Items.instances``: triangles and first vertex, counted from those of the frame, bounds on the screen
-[pixels]; and their number."""
-
-NUM_INSTANCES, NUM_SHADOWS, NUM_TRIANGLES, NUM_VERTICES, NUM_COUNTS = range(5)
-"""Columns of ``Items.counts``, and their number."""
-
-DrawingOptions = tuple[bool, bool, float, float]
-"""Whether objects are boxes, whether colours are wanted, reach [m], time of the flow [s]."""
-
-
-class Shots(NamedTuple):
-    """The cameras of a call.
-
-    Attributes:
-        who: (B, 3) slot, row of the own vehicle or -1, and how it is shown.
-        poses: (B, NUM_POSE) cameras.
-        lens: (NUM_LENS,).
-        rays: (H, W, 3) directions right, down, ahead; unused by a pinhole.
-        rings: (0,) unused: lidars are drawn by the processor.
-    """
-
-    who: Int32
-    poses: Float64
-    lens: Float64
-    rays: Float64
-    rings: Float64
-
-
-class Items(NamedTuple):
-    """Objects and fixtures of B frames, N each.
-
-    Attributes:
-        boxes: (B, N, NUM_BOX), see above.
-        kinds: (B, N, NUM_ITEM), see above.
-        shadows: (B, N, 12) see ``FrameMemory.shadows``; after ``list_items`` the first ones are those in view.
-        drawn: (B, N) items in view.
-        instances: (B, N, NUM_INSTANCE) see above, of the items in ``drawn``.
-        counts: (B, NUM_COUNTS), see above.
-    """
-
-    boxes: Float64
-    kinds: Int32
-    shadows: Float64
-    drawn: Int32
-    instances: Int32
-    counts: Int32
-
-
-class Triangles(NamedTuple):
-    """Triangles of all frames, see ``FrameMemory``; those out of view have empty bounds.
-
-    Attributes:
-        first: (B, 2) first triangle and first vertex of each frame.
-        vertices, lights: (NUM_VERTEX, V), (NUM_LIGHTS, V).
-        edges, spans, colors, labels, bounds: (T, 12), (T, 12), (T, 12), (T, 3), (T, 4).
-    """
-
-    first: Int32
-    vertices: Float64
-    lights: Float32
-    edges: Float64
-    spans: Float64
-    colors: Float32
-    labels: Int32
-    bounds: Int32
-
-
-class PixelMemory(NamedTuple):
-    """Memory of a thread, see ``FrameMemory``, for tiles of one pixel.
-
-    Attributes:
-        near, seen, cells, texels: (1,).
-        exact, shades: (NUM_EXACT, 1), (NUM_SHADES, 1).
-    """
-
-    near: Float64
-    seen: Int32
-    exact: Float64
-    shades: Float32
-    cells: Int32
-    texels: Int32
 
 
 @device_function(divides_by_zero=True)
@@ -278,84 +202,3 @@ def bound_instance(frame: int, place: int, items: Items, triangles: Triangles) -
             left, top = smaller(left, int(bounds[0])), smaller(top, int(bounds[1]))
             right, bottom = larger(right, int(bounds[2])), larger(bottom, int(bounds[3]))
     instance[LEFT], instance[TOP], instance[RIGHT], instance[BOTTOM] = left, top, right, bottom
-
-
-@device_function(divides_by_zero=True)
-def light_sky(
-    frame: int, node_row: int, node: int, size: tuple[int, int], shots: Shots, look: Look, sky: Float32
-) -> None:
-    """Write the light of the sky at a node (4,) of ``sky`` (B, bands + 1, nodes, 4)."""
-    row, column = smaller(node_row * BAND, size[0] - 1), smaller(node * SKY_STEP, size[1] - 1)
-    light_node(
-        row, column, shots.poses[frame], shots.lens, shots.rays, look.lights[frame], look.grain,
-        sky[frame, node_row, node],
-    )  # fmt: skip
-    sky[frame, node_row, node, 3] = 1.0
-
-
-@device_function(divides_by_zero=True)
-def trace_pixel(
-    frame: int, row: int, column: int, shots: Shots, items: Items, triangles: Triangles
-) -> tuple[float, int]:
-    """Return the inverse distance of the nearest triangle along the ray of a pixel, or 0, and its number, or -1."""
-    near, seen, first = 0.0, -1, triangles.first[frame, 0]
-    is_pinhole = shots.lens[KIND] == PINHOLE
-    for place in range(items.counts[frame, NUM_INSTANCES]):
-        instance = items.instances[frame, place]
-        if not (instance[TOP] <= row < instance[BOTTOM] and instance[LEFT] <= column < instance[RIGHT]):
-            continue
-        for triangle in range(first + instance[FIRST], first + instance[END]):
-            bounds = triangles.bounds[triangle]
-            if not (bounds[1] <= row < bounds[3] and bounds[0] <= column < bounds[2]):
-                continue
-            inverse = -1.0
-            if is_pinhole:
-                spans = triangles.spans[triangle]
-                left, right = span_of(bounds, spans, row)
-                if left <= column < right:
-                    inverse = spans[9] + spans[11] * row + spans[10] * left + spans[10] * (column - left)
-            else:
-                ray = shots.rays[row, column]
-                inverse = inverse_distance(triangles.edges[triangle], ray[0], ray[1], ray[2])
-            if inverse > near:
-                near, seen = inverse, int(triangle)
-    return near, seen
-
-
-@device_function(divides_by_zero=True)
-def draw_pixel(
-    frame: int, row: int, column: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, motion: Float64,
-    ground: Ground, look: Look, items: Items, triangles: Triangles, sky: Float32, memory: PixelMemory,
-    pictures: Pictures,
-) -> None:  # fmt: skip
-    """Write all channels of a pixel.
-
-    Args:
-        frame, row, column: The pixel.
-        size, options, shots, motion, ground, look, items, triangles, sky: The scenes, see above.
-        memory: Of the thread.
-        pictures: Outputs.
-    """
-    _, is_colored, reach, dt = options
-    slot, pose, light, lens, rays = shots.who[frame, 0], shots.poses[frame], look.lights[frame], shots.lens, shots.rays
-    seen, number, band = memory.seen, row * size[1] + column, row // BAND
-    memory.near[0], seen[0] = trace_pixel(frame, row, column, shots, items, triangles)
-    aim_rays(row, column, 0, 1, pose, lens, rays, memory.exact)
-    meet_ground(1, slot, pose, reach, ground, memory.near, seen, memory.exact)
-    label_pixels(frame, number, slot, pose, ground, seen, triangles.labels, triangles.colors, memory.exact, pictures)
-    if len(pictures.flow):
-        write_flow(
-            frame, number, size[1], slot, pose, lens, dt, motion, seen, triangles.labels, memory.exact, pictures.flow
-        )
-    if is_colored:
-        scratch = FrameMemory(
-            triangles.vertices, triangles.lights, triangles.edges, triangles.spans, triangles.colors, triangles.labels,
-            triangles.bounds, items.instances[frame], items.shadows[frame], memory.near, seen, memory.exact,
-            memory.shades, memory.cells, memory.texels, sky[frame, band : band + 2],
-        )  # fmt: skip
-        num_shadows = items.counts[frame, NUM_SHADOWS]
-        color_tile(number, slot, pose, size, lens, rays, num_shadows, ground, light, look.grain, seen, scratch)
-        expose(
-            number, size, light, look.tone, seen, memory.texels, memory.shades,
-            pictures.rgb[frame, number : number + 1],
-        )  # fmt: skip

@@ -1,0 +1,41 @@
+"""Read columns of row groups with Arrow, in any encoding."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+
+import pyarrow as pa
+
+from scenarionet_data.arrays.columns import Columns, ColumnType
+from scenarionet_data.storage.footers.thrift import Malformed
+from scenarionet_data.storage.read.parquet.footer import RowGroup, UnreadableFile
+from scenarionet_data.storage.read.parquet.page_checks import check_pages
+
+
+def read_by_arrow(groups: Sequence[RowGroup], columns: Sequence[ColumnType]) -> Columns:
+    """Read columns with Arrow; consecutive row groups in the same bytes are read in one call."""
+    tables = []
+    for _, run in groupby(groups, key=lambda group: (id(group.footer), id(group.content))):
+        together = list(run)
+        footer = together[0].footer
+        names = [column.name for column in columns if column.name not in footer.missing]
+        names = names or [name for name in footer.names if name not in footer.missing][:1]  # for the number of rows
+        _check_pages(together, names)
+        try:
+            file = together[0].open()
+            tables.append(file.read_row_groups([group.number for group in together], names, use_threads=False))
+        except (OSError, pa.ArrowException) as error:
+            raise UnreadableFile(footer.url, str(error)) from error
+    return Columns.from_arrow(pa.concat_tables(tables, promote_options="default"), columns)
+
+
+def _check_pages(groups: Sequence[RowGroup], names: Sequence[str]) -> None:
+    """Check the page headers of columns before Arrow reads them."""
+    for group in groups:
+        chunks = dict(zip(group.footer.names, group.footer.chunks(group.number).tolist(), strict=True))
+        for name in names:
+            try:
+                check_pages(group.content, group.base, chunks[name])
+            except Malformed as error:
+                raise UnreadableFile(group.footer.url, f"column {name}: {error}") from error

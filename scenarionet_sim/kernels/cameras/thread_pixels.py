@@ -1,0 +1,119 @@
+"""Pixels of frames drawn by thousands of threads: what one thread of a graphics card does, see ``thread_items``."""
+
+from __future__ import annotations
+
+from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.dtypes import Float32, Float64
+from scenarionet_sim.kernels.cameras.frames import color_tile
+from scenarionet_sim.kernels.cameras.labels import label_pixels, write_flow
+from scenarionet_sim.kernels.cameras.layout import (
+    BAND,
+    KIND,
+    PINHOLE,
+    SKY_STEP,
+    FrameMemory,
+    Ground,
+    Look,
+    Pictures,
+)
+from scenarionet_sim.kernels.cameras.rows import aim_rays, meet_ground
+from scenarionet_sim.kernels.cameras.shading import expose
+from scenarionet_sim.kernels.cameras.sky import light_node
+from scenarionet_sim.kernels.cameras.thread_layout import (
+    BOTTOM,
+    END,
+    FIRST,
+    LEFT,
+    NUM_INSTANCES,
+    NUM_SHADOWS,
+    RIGHT,
+    TOP,
+    DrawingOptions,
+    Items,
+    PixelMemory,
+    Shots,
+    Triangles,
+)
+from scenarionet_sim.kernels.cameras.triangles import inverse_distance, span_of
+from scenarionet_sim.kernels.minmax import smaller
+
+
+@device_function(divides_by_zero=True)
+def light_sky(
+    frame: int, node_row: int, node: int, size: tuple[int, int], shots: Shots, look: Look, sky: Float32
+) -> None:
+    """Write the light of the sky at a node (4,) of ``sky`` (B, bands + 1, nodes, 4)."""
+    row, column = smaller(node_row * BAND, size[0] - 1), smaller(node * SKY_STEP, size[1] - 1)
+    light_node(
+        row, column, shots.poses[frame], shots.lens, shots.rays, look.lights[frame], look.grain,
+        sky[frame, node_row, node],
+    )  # fmt: skip
+    sky[frame, node_row, node, 3] = 1.0
+
+
+@device_function(divides_by_zero=True)
+def trace_pixel(
+    frame: int, row: int, column: int, shots: Shots, items: Items, triangles: Triangles
+) -> tuple[float, int]:
+    """Return the inverse distance of the nearest triangle along the ray of a pixel, or 0, and its number, or -1."""
+    near, seen, first = 0.0, -1, triangles.first[frame, 0]
+    is_pinhole = shots.lens[KIND] == PINHOLE
+    for place in range(items.counts[frame, NUM_INSTANCES]):
+        instance = items.instances[frame, place]
+        if not (instance[TOP] <= row < instance[BOTTOM] and instance[LEFT] <= column < instance[RIGHT]):
+            continue
+        for triangle in range(first + instance[FIRST], first + instance[END]):
+            bounds = triangles.bounds[triangle]
+            if not (bounds[1] <= row < bounds[3] and bounds[0] <= column < bounds[2]):
+                continue
+            inverse = -1.0
+            if is_pinhole:
+                spans = triangles.spans[triangle]
+                left, right = span_of(bounds, spans, row)
+                if left <= column < right:
+                    inverse = spans[9] + spans[11] * row + spans[10] * left + spans[10] * (column - left)
+            else:
+                ray = shots.rays[row, column]
+                inverse = inverse_distance(triangles.edges[triangle], ray[0], ray[1], ray[2])
+            if inverse > near:
+                near, seen = inverse, int(triangle)
+    return near, seen
+
+
+@device_function(divides_by_zero=True)
+def draw_pixel(
+    frame: int, row: int, column: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, motion: Float64,
+    ground: Ground, look: Look, items: Items, triangles: Triangles, sky: Float32, memory: PixelMemory,
+    pictures: Pictures,
+) -> None:  # fmt: skip
+    """Write all channels of a pixel.
+
+    Args:
+        frame, row, column: The pixel.
+        size, options, shots, motion, ground, look, items, triangles, sky: The scenes, see above.
+        memory: Of the thread.
+        pictures: Outputs.
+    """
+    _, is_colored, reach, dt = options
+    slot, pose, light, lens, rays = shots.who[frame, 0], shots.poses[frame], look.lights[frame], shots.lens, shots.rays
+    seen, number, band = memory.seen, row * size[1] + column, row // BAND
+    memory.near[0], seen[0] = trace_pixel(frame, row, column, shots, items, triangles)
+    aim_rays(row, column, 0, 1, pose, lens, rays, memory.exact)
+    meet_ground(1, slot, pose, reach, ground, memory.near, seen, memory.exact)
+    label_pixels(frame, number, slot, pose, ground, seen, triangles.labels, triangles.colors, memory.exact, pictures)
+    if len(pictures.flow):
+        write_flow(
+            frame, number, size[1], slot, pose, lens, dt, motion, seen, triangles.labels, memory.exact, pictures.flow
+        )
+    if is_colored:
+        scratch = FrameMemory(
+            triangles.vertices, triangles.lights, triangles.edges, triangles.spans, triangles.colors, triangles.labels,
+            triangles.bounds, items.instances[frame], items.shadows[frame], memory.near, seen, memory.exact,
+            memory.shades, memory.cells, memory.texels, sky[frame, band : band + 2],
+        )  # fmt: skip
+        num_shadows = items.counts[frame, NUM_SHADOWS]
+        color_tile(number, slot, pose, size, lens, rays, num_shadows, ground, light, look.grain, seen, scratch)
+        expose(
+            number, size, light, look.tone, seen, memory.texels, memory.shades,
+            pictures.rgb[frame, number : number + 1],
+        )  # fmt: skip
