@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8, UInt32
 from scenarionet_sim.kernels.episodes import list_agents
 from scenarionet_sim.kernels.step import DrivenArrays
@@ -88,7 +89,7 @@ class PresentAgents:
             slots = np.arange(len(batch) + 1, dtype=np.int32)
             return np.stack([slots[:-1], batch.ego.astype(np.int32)], axis=1), slots
         rows, first = np.empty((driver.size, 2), np.int32), np.empty(len(batch) + 1, np.int32)
-        self.is_due = list_agents(driver, present, self._is_agent, rows, first)
+        self.is_due = unchecked(list_agents)(batch.place, driver, present, self._is_agent, rows, first)
         return rows[: first[-1]].copy(), first
 
     def _allocate(self, rows: Int32, num_objects: int) -> None:

@@ -104,7 +104,8 @@ def checked_actions(actions: npt.ArrayLike) -> Float64:
     Raises:
         BadParameter: An action is NaN.
     """
-    clipped: Float64 = np.minimum(np.maximum(np.asarray(actions, np.float64).reshape(-1, 2), -1.0), 1.0)
-    if math.isnan(clipped.sum()):
+    clipped: Float64 = np.maximum(np.asarray(actions, np.float64).reshape(-1, 2), -1.0)
+    np.minimum(clipped, 1.0, out=clipped)
+    if math.isnan(np.add.reduce(clipped, axis=None)):
         raise BadParameter(f"an action is not a number: {clipped[np.isnan(clipped).any(axis=1)][0].tolist()}")
     return clipped

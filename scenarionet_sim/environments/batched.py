@@ -93,12 +93,18 @@ class BatchedEnvironment:
     @property
     def rewards(self) -> Float64:
         """(A,) sums of the terms."""
-        return np.asarray(self.terms.sum(axis=1))
+        rewards: Float64 = np.add.reduce(self.terms, axis=1)
+        return rewards
 
     @property
     def terminated(self) -> Bool:
         """(A,) agents that arrived or left their route."""
-        return np.asarray((self.status != DRIVING) & (self.status != TIMED_OUT))
+        return self.ended ^ self.truncated
+
+    @property
+    def ended(self) -> Bool:
+        """(A,) agents that are terminated or truncated."""
+        return np.asarray(self.status != DRIVING)
 
     @property
     def truncated(self) -> Bool:

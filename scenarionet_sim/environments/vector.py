@@ -74,8 +74,9 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._has_ended = np.zeros(num_envs, np.bool_)
         self._scenario_ids: Object = np.full(num_envs, "", dtype=object)
-        self._everywhere = np.ones(num_envs, np.bool_)
-        self._everywhere.flags.writeable = False  # one array for all infos
+        everywhere = np.ones(num_envs, np.bool_)
+        everywhere.flags.writeable = False  # one array for all infos
+        self._everywhere = {f"_{name}": everywhere for name in (*NUMBERS, *ENDS, "timestep", "scenario_id")}
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetVectorEnv], tuple[Any, ...]]:
         return type(self), (self.num_envs, self.config, self._mode, self._episodes.seed, self.render_mode)
@@ -120,8 +121,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             slots = np.flatnonzero(self._has_ended).tolist()
             core.begin_in_step(slots, self._drawn(slots))
         core.step(actions)
-        rewards, terminated, truncated = core.rewards, core.terminated, core.truncated
-        ended = terminated | truncated
+        rewards, ended, truncated = core.rewards, core.ended, core.truncated
         for slot in np.flatnonzero(ended).tolist():
             self._episodes.report(slot, float(core.status[slot] == ARRIVED))
         observed, infos = self._observed(), self._infos()
@@ -129,7 +129,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             self._has_ended = ended
         elif ended.any():
             observed, infos = self._begin_others(ended, observed, infos)
-        return observed, rewards, terminated, truncated, infos
+        return observed, rewards, ended ^ truncated, truncated, infos
 
     def render(self) -> tuple[UInt8, ...] | None:
         """Return an image (H, W, 3) uint8 of each world from above, centred on its ego; None without a render mode.
@@ -181,9 +181,10 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
 
     def _infos(self) -> dict[str, Any]:
         """Return the infos of all slots as arrays (W,), each with a mask."""
-        core, columns = self.core, self.core.numbers.copy()
-        known: dict[str, Any] = {name: columns[:, number] for number, name in enumerate(NUMBERS)}
-        known |= {name: core.status == code for name, code in ENDS.items()}
+        core = self.core
+        known: dict[str, Any] = dict(zip(NUMBERS, core.numbers.T.copy(), strict=True))
+        for name, code in ENDS.items():
+            known[name] = core.status == code
         known["timestep"] = core.simulation.state.timestep.copy()
         known["scenario_id"] = self._scenario_ids
-        return known | dict.fromkeys([f"_{name}" for name in known], self._everywhere)
+        return known | self._everywhere

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Int32, Int64, UInt8
 from scenarionet_sim.kernels.log import VALID
 from scenarionet_sim.kernels.structures import FIRST_STEP, LOG, NUM_OBJECTS, OBJECTS, Recorded, StateArrays
 
@@ -46,10 +46,11 @@ def begin_worlds(
 
 
 @kernel(allocates=False)
-def list_agents(driver: UInt8, present: Bool, is_agent: Bool, rows: Int32, first: Int32) -> bool:
+def list_agents(place: Int64, driver: UInt8, present: Bool, is_agent: Bool, rows: Int32, first: Int32) -> bool:
     """List the present agents.
 
     Args:
+        place: (W, NUM_PLACES) see ``Recorded``.
         driver, present: (W, N) policy of each object, and whether it is present.
         is_agent: (256,) policies of agents.
         rows: (W * N, 2) output: world and row of each agent.
@@ -61,7 +62,7 @@ def list_agents(driver: UInt8, present: Bool, is_agent: Bool, rows: Int32, first
     count, is_due = 0, False
     for w in range(driver.shape[0]):
         first[w] = count
-        for n in range(driver.shape[1]):
+        for n in range(place[w, NUM_OBJECTS]):
             if is_agent[driver[w, n]]:
                 if present[w, n]:
                     rows[count, 0], rows[count, 1] = w, n
