@@ -115,7 +115,7 @@ def drive_along_paths(
             gap = recorded.stop_arc[k] - s - size[0] / 2.0
             braking = larger(braking, _braking_for_light(color, gap, speed, law))
         top_speed = larger(np.float64(recorded.top_speed[objects + n]), law.slowest)
-        desired = smaller(top_speed, _speed_for_bends(stations, num_stations, law))
+        desired = _speed_for_bends(top_speed, stations, num_stations, law)
         wanted = free_acceleration(speed, desired, law.acceleration, law.deceleration) - braking
         new_speed = larger(speed + larger(wanted, -law.hardest) * dt, 0.0)
         s += (speed + new_speed) / 2.0 * dt
@@ -214,6 +214,7 @@ def _meet(boxes: Float64, b: int, stations: Float64, count: int, half_width: flo
     A box whose centre is not ahead of the first station is a follower and does not count.
     """
     radius, k = boxes[_RADIUS, b], -1
+    widest = half_width + radius
     while k < count - 2:
         k += 1
         dx, dy = boxes[_BX, b] - stations[k, _SX], boxes[_BY, b] - stations[k, _SY]
@@ -224,11 +225,16 @@ def _meet(boxes: Float64, b: int, stations: Float64, count: int, half_width: flo
                 k += 1
             continue
         tx, ty = stations[k + 1, _SX] - stations[k, _SX], stations[k + 1, _SY] - stations[k, _SY]
-        length = larger(np.sqrt(tx * tx + ty * ty), 1e-9)  # shorter than the arc where the path is noisy
+        along, left, squared = tx * dx + ty * dy, tx * dy - ty * dx, tx * tx + ty * ty
+        beside, beyond = widest * widest * squared, radius * radius * squared
+        # Squares, as roots and quotients take most of the time.
+        if left * left > beside or (along < 0.0 and along * along > beyond):
+            continue
+        if along > squared and (along - squared) * (along - squared) > beyond:
+            continue
+        length = larger(np.sqrt(squared), 1e-9)  # shorter than the arc where the path is noisy
         tx, ty = tx / length, ty / length
         along, left = tx * dx + ty * dy, tx * dy - ty * dx
-        if abs(left) > half_width + radius or along > length + radius or along < -radius:
-            continue
         cos, sin = abs(boxes[_COS, b] * tx + boxes[_SIN, b] * ty), abs(boxes[_COS, b] * ty - boxes[_SIN, b] * tx)
         reach = cos * boxes[_HALF_LENGTH, b] + sin * boxes[_HALF_WIDTH, b]
         across = sin * boxes[_HALF_LENGTH, b] + cos * boxes[_HALF_WIDTH, b]
@@ -257,12 +263,18 @@ def _braking_for_light(color: int, gap: float, speed: float, law: Law) -> float:
 
 
 @device_function
-def _speed_for_bends(stations: Float64, count: int, law: Law) -> float:
-    """Return the highest speed that can still be reduced for every bend ahead at half the comfortable braking [m/s]."""
+def _speed_for_bends(top_speed: float, stations: Float64, count: int, law: Law) -> float:
+    """Return the highest speed up to ``top_speed`` that can still be reduced for every bend ahead [m/s].
+
+    It is reduced at half the comfortable braking, so that bends further ahead than that takes do not matter.
+    """
     highest = np.inf
     for k in range(count - 1):
+        distance = stations[k, _ARC] - stations[0, _ARC]
+        if law.deceleration * distance >= smaller(highest, top_speed * top_speed):
+            break
         bend = abs(wrapped(stations[k + 1, _HEADING] - stations[k, _HEADING]))
-        length, distance = stations[k + 1, _ARC] - stations[k, _ARC], stations[k, _ARC] - stations[0, _ARC]
+        length = stations[k + 1, _ARC] - stations[k, _ARC]
         if bend > 1e-3 * length:
             highest = smaller(highest, law.lateral * length / bend + law.deceleration * distance)
-    return float(np.sqrt(highest))
+    return smaller(top_speed, float(np.sqrt(highest)))
