@@ -148,8 +148,8 @@ def _shots_on(memory: DeviceMemory, cameras: Int32, poses: Float64, optics: Opti
     """Return the cameras with their arrays on the card."""
     rays = rays_of(tuple(optics.lens.tolist()), optics.width, optics.height)
     return Shots(
-        memory.put("who", cameras), memory.put("poses", poses), memory.put("lens", optics.lens), memory.constant(rays),
-        memory.constant(_NO_RINGS),
+        memory.put("owners", cameras), memory.put("poses", poses), memory.put("lens", optics.lens),
+        memory.constant(rays), memory.constant(_NO_RINGS),
     )  # fmt: skip
 
 

@@ -39,7 +39,7 @@ def draw_frames(
     first: int,
     end: int,
     order: Int64,
-    who: Int32,
+    owners: Int32,
     poses: Float64,
     lens: Float64,
     rays: Float64,
@@ -58,7 +58,7 @@ def draw_frames(
     Args:
         first, end: Bands of all frames, frame by frame.
         order: (number of bands of a frame,) the band to draw at each turn.
-        who: (B, 3) slot, row of the own vehicle or -1, and how it is shown.
+        owners: (B, 3) slot, row of the own vehicle or -1, and how it is shown.
         poses: (B, NUM_POSE) cameras.
         lens: (NUM_LENS,).
         rays: (H, W, 3) directions right, down, ahead; unused by a pinhole.
@@ -75,10 +75,10 @@ def draw_frames(
     drawn, count, num_shadows = -1, 0, 0
     for turn in range(first, end):
         frame, band = turn // len(order), order[turn % len(order)]
-        slot, pose = who[frame, 0], poses[frame]
+        slot, pose = owners[frame, 0], poses[frame]
         if frame != drawn:
             count, num_shadows = add_solids(
-                slot, who[frame, 1], who[frame, 2], pose, lens, rings, width, height, reach, are_boxes,
+                slot, owners[frame, 1], owners[frame, 2], pose, lens, rings, width, height, reach, are_boxes,
                 is_colored, solids, ground, meshes, look.lights[frame], scratch, scratch.exact[0],
             )  # fmt: skip
             drawn = frame

@@ -77,7 +77,7 @@ def find_item(
     """Write whether and how an object or a fixture is in view, and its shadow."""
     height, width = size
     are_boxes, is_colored, reach, _ = options
-    slot, own, own_view = shots.who[frame, 0], shots.who[frame, 1], shots.who[frame, 2]
+    slot, own, own_view = shots.owners[frame, 0], shots.owners[frame, 1], shots.owners[frame, 2]
     pose, light = shots.poses[frame], look.lights[frame]
     box, kind = items.boxes[frame, item], items.kinds[frame, item]
     kind[MESH], kind[HAS_SHADOW] = -1, 0

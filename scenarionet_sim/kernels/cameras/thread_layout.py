@@ -28,14 +28,14 @@ class Shots(NamedTuple):
     """The cameras of a call.
 
     Attributes:
-        who: (B, 3) slot, row of the own vehicle or -1, and how it is shown.
+        owners: (B, 3) slot, row of the own vehicle or -1, and how it is shown.
         poses: (B, NUM_POSE) cameras.
         lens: (NUM_LENS,).
         rays: (H, W, 3) directions right, down, ahead; unused by a pinhole.
         rings: (0,) unused: lidars are drawn by the processor.
     """
 
-    who: Int32
+    owners: Int32
     poses: Float64
     lens: Float64
     rays: Float64

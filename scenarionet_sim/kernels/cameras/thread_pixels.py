@@ -95,7 +95,8 @@ def draw_pixel(
         pictures: Outputs.
     """
     _, is_colored, reach, dt = options
-    slot, pose, light, lens, rays = shots.who[frame, 0], shots.poses[frame], look.lights[frame], shots.lens, shots.rays
+    slot, pose, light = shots.owners[frame, 0], shots.poses[frame], look.lights[frame]
+    lens, rays = shots.lens, shots.rays
     seen, number, band = memory.seen, row * size[1] + column, row // BAND
     memory.near[0], seen[0] = trace_pixel(frame, row, column, shots, items, triangles)
     aim_rays(row, column, 0, 1, pose, lens, rays, memory.exact)
