@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.compiled import unchecked
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64, UInt8, UInt32
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8, UInt32
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.agents import PresentAgents, among
 from scenarionet_sim.backends.base import Backend, checked_actions
@@ -18,6 +18,7 @@ from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
 from scenarionet_sim.kernels.episodes import UNDRIVEN, begin_worlds
 from scenarionet_sim.kernels.idm import SightMemory
 from scenarionet_sim.kernels.observation import Scratch
+from scenarionet_sim.kernels.sharing import Team
 from scenarionet_sim.kernels.step import (
     DRIVE,
     LOCATE,
@@ -90,7 +91,8 @@ class Simulation:
         self.observer = observer or Observer.nothing()
         self._dt = worlds[0].dt
         self._threads = Threads(threads)
-        self._memory: dict[int, tuple[Any, ...]] = {}  # by thread: number of objects, sensing, and what these need
+        self._memory: list[tuple[Any, ...]] = []  # by thread
+        self._memory_for: tuple[int, Any] = 0, None  # largest number of objects, sensors
         self._policies = SlotPolicies(tuple(policies), len(worlds))
         self.batch = WorldBatch(worlds, self.policies, self._prepare, keep)
         shape = len(worlds), self.batch.max_objects
@@ -281,25 +283,27 @@ class Simulation:
             observer.task, observer.result, observer.sensing,
         )  # fmt: skip
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
+        self._allocate_memory()
 
-        def run(own: int, ranges: Int64) -> int:
-            lost: int = step((own, phases, substeps), numbers, ranges, arrays, *self._memory_of(own))
-            return lost
+        def run(own: int, team: Team) -> None:
+            step(own, team, phases, substeps, numbers, arrays, *self._memory[own])
 
         lost = self._threads.share(run, len(self.batch))
         if phases & OBSERVE:
             self.observer.is_stale &= bool(phases & ONLY_BEGUN)
-            require_located(max(lost), self.agents)
+            require_located(lost, self.agents)
 
-    def _memory_of(self, thread: int) -> tuple[Any, ...]:
-        """Return the memory of a thread for the compiled step."""
-        size = self.batch.max_objects, self.observer.sensing
-        known = self._memory.get(thread)
-        if known is None or known[0] != size[0] or known[1] is not size[1]:
-            sight = (SightMemory.of(size[0]),) if self._policies.follow_paths else ()
-            self._memory[thread] = known = *size, (Scratch.of(*size), *sight)
-        memory: tuple[Any, ...] = known[2]
-        return memory
+    def _allocate_memory(self) -> None:
+        """Allocate the memory of the threads for the compiled step, if it is for other sensors or smaller worlds."""
+        count, sensing = self.batch.max_objects, self.observer.sensing
+        if self._memory and self._memory_for[0] == count and self._memory_for[1] is sensing:
+            return
+        self._threads.dismiss()
+        self._memory_for = count, sensing
+        self._memory = [
+            (Scratch.of(count, sensing), *((SightMemory.of(count),) if self._policies.follow_paths else ()))
+            for _ in range(self._threads.count)
+        ]
 
     def _list_agents(self) -> None:
         """List the present agents, and let the observer know if they are others."""
