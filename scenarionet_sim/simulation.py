@@ -18,7 +18,7 @@ from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
 from scenarionet_sim.kernels.episodes import UNDRIVEN, begin_worlds
 from scenarionet_sim.kernels.idm import SightMemory
 from scenarionet_sim.kernels.observation import Scratch
-from scenarionet_sim.kernels.sharing import ThreadTeam
+from scenarionet_sim.kernels.sharing import Team
 from scenarionet_sim.kernels.step import (
     DRIVE,
     LOCATE,
@@ -285,7 +285,7 @@ class Simulation:
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
         self._allocate_memory()
 
-        def run(own: int, team: ThreadTeam) -> None:
+        def run(own: int, team: Team) -> None:
             step(own, team, phases, substeps, numbers, arrays, *self._memory[own])
 
         lost = self._threads.share(run, len(self.batch))

@@ -9,9 +9,9 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 from typing import TypeVar
 
-from scenarionet_sim.kernels.sharing import LEADER, ThreadTeam, ranges_of
+from scenarionet_sim.kernels.sharing import LEADER, Team, ranges_of
 
-Result = TypeVar("Result")
+Returned = TypeVar("Returned")
 
 _FEWEST = 4
 """Items per thread below which another thread costs more than it saves."""
@@ -32,7 +32,7 @@ class Threads:
         self._pool: ThreadPoolExecutor | None = None
         self._process = 0
         self._shared = -1  # number of items that were shared out last, and their ranges
-        self._team, self._whole = ThreadTeam.of(0, 1), ranges_of(0, 1)
+        self._team, self._whole = Team.of(0, 1), ranges_of(0, 1)
         self._helpers: dict[int, Future[object]] = {}
 
     def run(self, function: Callable[[int, int], int], total: int) -> list[int]:
@@ -44,7 +44,7 @@ class Threads:
         others = [self._submit(call) for call in calls[1:]]
         return [calls[0](), *(other.result() for other in others)]
 
-    def share(self, function: Callable[[int, ThreadTeam], object], total: int) -> int:
+    def share(self, function: Callable[[int, Team], object], total: int) -> int:
         """Share ``total`` items out to threads.
 
         Args:
@@ -58,7 +58,7 @@ class Threads:
         if total != self._shared:
             self.dismiss()
             count = self._useful(total)
-            self._shared, self._whole, self._team = total, ranges_of(total, count), ThreadTeam.of(total, count)
+            self._shared, self._whole, self._team = total, ranges_of(total, count), Team.of(total, count)
         team = self._team
         self._wait()
         team.ranges[:] = self._whole
@@ -86,7 +86,7 @@ class Threads:
     def _useful(self, total: int) -> int:
         return max(min(self.count, total // _FEWEST), 1)
 
-    def _call_helper(self, function: Callable[[int, ThreadTeam], object], own: int) -> None:
+    def _call_helper(self, function: Callable[[int, Team], object], own: int) -> None:
         """Let a helper wait for turns, unless it does."""
         helper = self._helpers.get(own)
         if helper is not None and not helper.done():
@@ -100,7 +100,7 @@ class Threads:
         while self._team.is_helped:
             _let_others_run()
 
-    def _submit(self, call: Callable[[], Result]) -> Future[Result]:
+    def _submit(self, call: Callable[[], Returned]) -> Future[Returned]:
         """Call a function in a thread of the pool."""
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self.count - 1, thread_name_prefix="worlds")

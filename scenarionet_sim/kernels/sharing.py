@@ -60,7 +60,7 @@ _ROOM = 4096
 """Words for the arguments of a turn."""
 
 
-class ThreadTeam(NamedTuple):
+class Team(NamedTuple):
     """What the threads of a kernel share.
 
     Attributes:
@@ -74,7 +74,7 @@ class ThreadTeam(NamedTuple):
     arguments: Int64
 
     @classmethod
-    def of(cls, total: int, count: int) -> ThreadTeam:
+    def of(cls, total: int, count: int) -> Team:
         """Return a team of ``count`` threads for ``total`` items."""
         return cls(ranges_of(total, count), np.zeros((2, 8), np.int64), np.zeros(_ROOM, np.int64))
 
@@ -102,7 +102,7 @@ def ranges_of(total: int, count: int) -> Int64:
 
 
 @device_function
-def begin(team: ThreadTeam, own: int, ended: int) -> int:
+def begin(team: Team, own: int, ended: int) -> int:
     """Begin a turn: the leader opens the next one, a helper waits for one.
 
     Args:
@@ -128,7 +128,7 @@ def begin(team: ThreadTeam, own: int, ended: int) -> int:
 
 
 @device_function
-def end(team: ThreadTeam, own: int, turn: int, result: int) -> int:
+def end(team: Team, own: int, turn: int, result: int) -> int:
     """End a turn with the result of this thread; return the next turn, or 0: see :func:`begin`."""
     team.ranges[own, _RESULT] = result
     if own == LEADER:

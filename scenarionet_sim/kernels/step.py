@@ -21,7 +21,7 @@ from scenarionet_sim.kernels.observation import Scratch, Sensing, observe
 from scenarionet_sim.kernels.overlap import touch
 from scenarionet_sim.kernels.paths import PathRows, locate
 from scenarionet_sim.kernels.scoring import StepResult, score
-from scenarionet_sim.kernels.sharing import LEADER, ThreadTeam, begin, end, keep, kept, take
+from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, take
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
     NUM_OBJECTS,
@@ -108,7 +108,7 @@ class StepArrays(NamedTuple):
 @kernel(nogil=True, allocates=False)
 def step_worlds(
     own: int,
-    team: ThreadTeam,
+    team: Team,
     phases: int,
     substeps: int,
     numbers: tuple[float, float, float, float],
@@ -143,7 +143,7 @@ def step_worlds(
 @kernel(nogil=True, allocates=False)
 def step_reactive_worlds(
     own: int,
-    team: ThreadTeam,
+    team: Team,
     phases: int,
     substeps: int,
     numbers: tuple[float, float, float, float],

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.arrays.compiled import kernel
-from scenarionet_sim.kernels.sharing import LEADER, ThreadTeam, begin, end, keep, kept, ranges_of, take
+from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, ranges_of, take
 from scenarionet_sim.threads import Threads
 
 
@@ -92,7 +92,7 @@ def test_a_thread_begins_with_its_own_range_and_takes_what_others_leave():
 
 
 def test_a_team_reports_its_helpers_and_its_largest_result():
-    team = ThreadTeam.of(10, 2)
+    team = Team.of(10, 2)
     assert (team.is_helped, team.result) == (False, -1)
     team.ranges[1, 2] = 7
     team.gate[0, 0] = (5 << 16) + 1
