@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.compiled import unchecked
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8, UInt32
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP, UInt8, UInt32
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.agents import PresentAgents, among
 from scenarionet_sim.backends.base import Backend, checked_actions
@@ -124,6 +124,21 @@ class Simulation:
     def agents(self) -> Int32:
         """(A, 2) world and row of each present agent, sorted."""
         return self._agents.rows
+
+    @property
+    def awaits_agents(self) -> bool:
+        """Whether an agent is absent that may still appear."""
+        return self._agents.is_due
+
+    @property
+    def first_agents(self) -> Int32:
+        """(W + 1,) first agent of each world."""
+        return self._agents.first
+
+    def agents_of(self, slots: IntP) -> IntP:
+        """Return the indices of the agents of some worlds."""
+        first = self._agents.first
+        return np.concatenate([np.arange(first[slot], first[slot + 1]) for slot in slots.tolist()])
 
     @property
     def actions(self) -> Float64:
@@ -243,6 +258,8 @@ class Simulation:
         """Return the worlds (W,) in which an agent is absent that may still appear."""
         worlds, steps = self.batch.worlds, self.state.timestep.tolist()
         due: Bool = np.zeros(len(worlds), np.bool_)
+        if not self.awaits_agents:
+            return due
         absent = self._agents.drives(self.driver) & ~self.state.present
         for slot in np.flatnonzero(absent.any(axis=1)).tolist():
             later = worlds[slot].log_valid[steps[slot] + 1 :, absent[slot, : worlds[slot].num_objects]]

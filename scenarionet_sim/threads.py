@@ -9,7 +9,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 from typing import TypeVar
 
-from scenarionet_sim.kernels.sharing import LEADER, Team, ranges_of
+from scenarionet_sim.kernels.sharing import LEADER, Team
 
 Returned = TypeVar("Returned")
 
@@ -31,8 +31,8 @@ class Threads:
         self.count = count
         self._pool: ThreadPoolExecutor | None = None
         self._process = 0
-        self._shared = -1  # number of items that were shared out last, and their ranges
-        self._team, self._whole = Team.of(0, 1), ranges_of(0, 1)
+        self._shared = -1  # number of items that were shared out last
+        self._team = Team.of(0, 1)
         self._helpers: dict[int, Future[object]] = {}
 
     def run(self, function: Callable[[int, int], int], total: int) -> list[int]:
@@ -57,11 +57,9 @@ class Threads:
         self._notice_fork()
         if total != self._shared:
             self.dismiss()
-            count = self._useful(total)
-            self._shared, self._whole, self._team = total, ranges_of(total, count), Team.of(total, count)
+            self._shared, self._team = total, Team.of(total, self._useful(total))
         team = self._team
-        self._wait()
-        team.ranges[:] = self._whole
+        self._wait()  # for helpers in a turn that an interrupt has ended
         for own in range(LEADER + 1, len(team.ranges)):
             self._call_helper(function, own)
         function(LEADER, team)

@@ -41,11 +41,11 @@ _cgutils: Any = cgutils
 LEADER = 0
 """The thread that calls the kernel in every turn."""
 
-_NEXT, _END, _RESULT = range(3)
-"""Columns of ranges: the next item, the end, the thread's result. A row fills a cache line, since processors exchange
-whole lines."""
+_NEXT, _FIRST, _END = range(3)
+"""Columns of ranges: the next item, the first one, the end. A row fills a cache line, since processors exchange whole
+lines."""
 
-_TURN, _DISMISSED = 0, 1
+_TURN, _DISMISSED, _RESULT = range(3)
 """Rows of a gate. The first column of the first one counts the turns, says whether the current one is open, and counts
 the helpers in it."""
 
@@ -65,7 +65,7 @@ class Team(NamedTuple):
 
     Attributes:
         ranges: (T, 8) items by thread, see :func:`ranges_of`.
-        gate: (2, 8) the current turn, and whether helpers shall leave the kernel.
+        gate: (3, 8) the current turn, whether helpers shall leave the kernel, and the largest result.
         arguments: Words of the arguments of the current turn.
     """
 
@@ -76,17 +76,17 @@ class Team(NamedTuple):
     @classmethod
     def of(cls, total: int, count: int) -> Team:
         """Return a team of ``count`` threads for ``total`` items."""
-        return cls(ranges_of(total, count), np.zeros((2, 8), np.int64), np.zeros(_ROOM, np.int64))
+        return cls(ranges_of(total, count), np.zeros((3, 8), np.int64), np.zeros(_ROOM, np.int64))
 
     @property
     def is_helped(self) -> bool:
         """Whether helpers are still in the last turn."""
-        return bool(self.gate[_TURN, 0] & _HELPERS)
+        return bool(self.gate.item(_TURN, 0) & _HELPERS)
 
     @property
     def result(self) -> int:
         """Largest result of any thread in the last turn."""
-        return int(self.ranges[:, _RESULT].max())
+        return self.gate.item(_RESULT, 0)
 
     def dismiss(self, is_dismissed: bool) -> None:
         """Let helpers leave the kernel as soon as they have ended their turn."""
@@ -97,7 +97,7 @@ def ranges_of(total: int, count: int) -> Int64:
     """Return ``count`` consecutive ranges (count, 8) of ``total`` items, for :func:`take`."""
     ends = np.arange(count + 1) * total // count
     ranges = np.zeros((count, 8), np.int64)
-    ranges[:, _NEXT], ranges[:, _END], ranges[:, _RESULT] = ends[:-1], ends[1:], -1
+    ranges[:, _NEXT], ranges[:, _FIRST], ranges[:, _END] = ends[:-1], ends[:-1], ends[1:]
     return ranges
 
 
@@ -114,6 +114,9 @@ def begin(team: Team, own: int, ended: int) -> int:
         The turn, from 1; 0 if none comes, or if helpers are dismissed.
     """
     if own == LEADER:
+        for row in range(len(team.ranges)):
+            team.ranges[row, _NEXT] = team.ranges[row, _FIRST]
+        team.gate[_RESULT, 0] = -1
         turn: int = (_read(team.gate, _TURN) >> _SHIFT) + 1
         _add(team.gate, _TURN, (1 << _SHIFT) + _OPEN)
         return turn
@@ -130,7 +133,7 @@ def begin(team: Team, own: int, ended: int) -> int:
 @device_function
 def end(team: Team, own: int, turn: int, result: int) -> int:
     """End a turn with the result of this thread; return the next turn, or 0: see :func:`begin`."""
-    team.ranges[own, _RESULT] = result
+    _raise_to(team.gate, _RESULT, result)
     if own == LEADER:
         _add(team.gate, _TURN, -_OPEN)
         return 0
@@ -207,6 +210,18 @@ def _add(_: Any, words: Any, row: Any, number: Any) -> Any:
         return builder.atomic_rmw("add", _first_word(context, builder, signature, values), more, "seq_cst")
 
     return _types.int64(words, row, number), generate
+
+
+@_intrinsic
+def _raise_to(_: Any, words: Any, row: Any, number: Any) -> Any:
+    """Raise the first word of a row to a number if it is less, at one moment for all threads."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        least = context.cast(builder, values[2], number, _types.int64)
+        builder.atomic_rmw("max", _first_word(context, builder, signature, values), least, "seq_cst")
+        return context.get_dummy_value()
+
+    return _types.void(words, row, number), generate
 
 
 @_intrinsic

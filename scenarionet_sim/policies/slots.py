@@ -40,8 +40,8 @@ class SlotPolicies:
         movement = [policy.movement if is_compiled(policy) else UNCOMPILED for policy in policies]
         self.are_compiled, self.follow_paths = UNCOMPILED not in movement, FOLLOW_PATH in movement
         self._movement: UInt8 = np.array(movement, np.uint8)
-        self._law: Float64 = np.zeros((num_slots, len(policies), 8))
         self._next_law = _laws(policies)
+        self._law = np.repeat(self._next_law[None], num_slots, axis=0)
 
     def replace(self, policies: Policies) -> None:
         """Set the policies of the episodes that begin next.
@@ -65,11 +65,13 @@ class SlotPolicies:
     def begin(self, slots: Sequence[int]) -> None:
         """Let episodes that begin in some slots have the next policies."""
         for slot in slots:
-            self._playing[slot] = self.of_next
-        self._law[list(slots)] = self._next_law
+            if self._playing[slot] is not self.of_next:
+                self._playing[slot], self._law[slot] = self.of_next, self._next_law
 
     def begin_uncompiled(self, batch: WorldBatch, state: State, slot: int) -> None:
         """Prepare the policies outside of the compiled step for an episode that begins in a slot."""
+        if self.are_compiled:
+            return
         for policy in self._playing[slot]:
             if not is_compiled(policy):
                 policy.begin(batch, state, slot)

@@ -93,7 +93,7 @@ def test_a_thread_begins_with_its_own_range_and_takes_what_others_leave():
 
 def test_a_team_reports_its_helpers_and_its_largest_result():
     team = Team.of(10, 2)
-    assert (team.is_helped, team.result) == (False, -1)
-    team.ranges[1, 2] = 7
-    team.gate[0, 0] = (5 << 16) + 1
-    assert (team.is_helped, team.result) == (True, 7)
+    take_all(LEADER, team, (1, np.zeros(10, np.int64)))
+    assert (team.is_helped, team.result) == (False, 9)
+    team.gate[0, 0] += 1
+    assert team.is_helped
