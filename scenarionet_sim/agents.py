@@ -47,12 +47,11 @@ class PresentAgents:
         """Return the location (W, N, 2) of the agents on their paths."""
         return self._own_route if self.are_egos else state.route
 
-    def begin(self, slots: Int32, batch: WorldBatch) -> None:
-        """Forget where the agents of some slots are on their paths, as episodes begin there."""
-        if self.are_egos:
-            self._own_route = _wider(self._own_route, batch)
-            self._own_route_before = _wider(self._own_route_before, batch)
-            self._own_route[slots] = np.nan
+    def forget_route(self, slots: Int32, batch: WorldBatch) -> None:
+        """Forget where the egos of some slots are on their paths, as episodes begin there."""
+        self._own_route = _wider(self._own_route, batch)
+        self._own_route_before = _wider(self._own_route_before, batch)
+        self._own_route[slots] = np.nan
 
     def update(self, driver: UInt8, present: Bool, batch: WorldBatch) -> bool:
         """List the present agents; those that were present before keep their actions and contacts.

@@ -190,17 +190,17 @@ class Simulation:
             self.batch.replace(slot, world, self.policies)
         self._policies.begin(slots)
         self._grow()
-        starts = np.full(len(slots), -1 if start is None else start, np.int32)
-        numbers = np.asarray(slots, np.int32)
-        arrays = self.batch.recorded, self.state.moment, self.previous.moment, self.driver
-        unchecked(begin_worlds)(numbers, starts, *arrays)
+        numbers = np.array(slots, np.int32)
+        arrays = self.batch.recorded, self.state.moment, self.previous.moment, self.driver, self._has_begun
+        unchecked(begin_worlds)(numbers, -1 if start is None else start, *arrays)
         if self.state.history is not None:
             self.state.history.present[:, numbers] = False
-        self._agents.begin(numbers, self.batch)
+        if self._agents.are_egos:
+            self._agents.forget_route(numbers, self.batch)
         for slot in slots:
             self._session.reset(slot, self.state)
-            self._policies.begin_uncompiled(self.batch, self.state, slot)
-        self._has_begun[numbers] = True
+            if not self._policies.are_compiled:
+                self._policies.begin_uncompiled(self.batch, self.state, slot)
         self._list_agents()
 
     def step(self, actions: npt.ArrayLike | None = None) -> None:

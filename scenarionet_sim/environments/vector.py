@@ -155,7 +155,8 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         """Draw the next scenarios for some slots."""
         worlds = [self._episodes.draw(slot) for slot in slots]
         self._scenario_ids = self._scenario_ids.copy()  # earlier infos have the array from before
-        self._scenario_ids[slots] = [world.scenario_id for world in worlds]
+        for slot, world in zip(slots, worlds, strict=True):
+            self._scenario_ids[slot] = world.scenario_id
         return worlds
 
     def _observed(self) -> Any:

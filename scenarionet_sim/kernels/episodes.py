@@ -15,21 +15,29 @@ UNDRIVEN = 255
 
 @kernel(allocates=False)
 def begin_worlds(
-    slots: Int32, starts: Int32, recorded: Recorded, now: StateArrays, then: StateArrays, driver: UInt8
+    slots: Int32,
+    at: int,
+    recorded: Recorded,
+    now: StateArrays,
+    then: StateArrays,
+    driver: UInt8,
+    has_begun: Bool,
 ) -> None:
     """Set slots to a timestep of the logs of their worlds, in the current and in the next state.
 
     Args:
         slots: (B,) the slots.
-        starts: (B,) timesteps; -1 for the first at which the ego is valid.
+        at: The timestep; -1 for the first at which the ego is valid.
         recorded: Logs of W worlds.
         now, then: The two states.
         driver: (W, N) policy of each object, written.
+        has_begun: (W,) set to True in the slots.
     """
     for b in range(len(slots)):
         w = slots[b]
+        has_begun[w] = True
         count, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, OBJECTS]
-        start = recorded.place[w, FIRST_STEP] if starts[b] < 0 else starts[b]
+        start = recorded.place[w, FIRST_STEP] if at < 0 else at
         now.timestep[w], then.timestep[w] = start, start
         for n in range(driver.shape[1]):
             driver[w, n] = recorded.driver[objects + n] if n < count else UNDRIVEN
