@@ -227,7 +227,7 @@ def _list_levels(
 @device_function(forceinline=True)
 def _level(light: float) -> int:
     """Return the level of linear light, whose float32 is a logarithm in steps: exponent and first bits of mantissa."""
-    return smaller(larger((bits_of(light) - _DARKEST_BITS) >> _STEP_BITS, _NONE), _HIGHEST)  # type: ignore[return-value]
+    return smaller(larger((bits_of(light) - _DARKEST_BITS) >> _STEP_BITS, _NONE), _HIGHEST)  # type: ignore[return-value, type-var]
 
 
 def light_of_level(level: Array) -> Float64:
