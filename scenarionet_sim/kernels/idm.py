@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, UInt8
 from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_sim.kernels.boxes import HALF_LENGTH, HALF_WIDTH, RADIUS, Boxes, rotation, write_boxes
 from scenarionet_sim.kernels.boxes import X as BOX_X
@@ -44,15 +44,17 @@ class SightMemory(NamedTuple):
         stations: (64, 7) places on its path ahead: x, y, arc length [m] and heading [rad]; then the middle x, y and
             half of the length [m] of the straight way to the next one.
         boxes: Boxes of its world.
+        is_near: (N,) boxes that may be on its path.
     """
 
     stations: Float64
     boxes: Boxes
+    is_near: Bool
 
     @classmethod
     def of(cls, num_objects: int) -> SightMemory:
         """Allocate the memory for worlds of up to so many objects."""
-        return cls(np.empty((_STATIONS, 7)), Boxes.of(num_objects))
+        return cls(np.empty((_STATIONS, 7)), Boxes.of(num_objects), np.empty(num_objects, np.bool_))
 
 
 _YELLOW, _RED = 2, 3  # LightColor
@@ -115,7 +117,7 @@ def drive_along_paths(
         speed = np.hypot(row[VX], row[VY])
         k = segment_at(path, s)
         num_stations = _look_ahead(path, k, s, stations)
-        braking = _braking_for_boxes(motion, sizes, boxes, num_boxes, own, stations, num_stations, speed, law)
+        braking = _braking_for_boxes(motion, sizes, memory, num_boxes, own, num_stations, speed, law)
         for stop in range(recorded.stop_offsets[objects + n], recorded.stop_offsets[objects + n + 1]):
             color = colors[recorded.light_state[lights + recorded.stop_light[stop] * num_steps]]
             gap = recorded.stop_arc[stop] - s - size[0] / 2.0
@@ -188,17 +190,16 @@ def _look_ahead(path: PathRows, k: int, s: float, stations: Float64) -> int:
 def _braking_for_boxes(
     motion: Float64,
     sizes: Float64,
-    boxes: Boxes,
+    memory: SightMemory,
     num_boxes: int,
     own: int,
-    stations: Float64,
     count: int,
     speed: float,
     law: Law,
 ) -> float:
     """Return the strongest deceleration required by boxes on the strip ahead [m/s²]."""
-    numbers, row = boxes.numbers, boxes.row[own]
-    half_width = numbers[HALF_WIDTH, own] - law.overlap
+    boxes, stations, numbers, is_near = memory.boxes, memory.stations, memory.boxes.numbers, memory.is_near
+    row, half_width = boxes.row[own], numbers[HALF_WIDTH, own] - law.overlap
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
     for k in range(count):
         x, y, following = stations[k, _SX], stations[k, _SY], stations[smaller(k + 1, count - 1)]
@@ -206,11 +207,17 @@ def _braking_for_boxes(
         tx, ty = following[_SX] - x, following[_SY] - y
         stations[k, _MIDDLE_X], stations[k, _MIDDLE_Y] = x + 0.5 * tx, y + 0.5 * ty
         stations[k, _HALF] = 0.5 * np.sqrt(tx * tx + ty * ty)
-    braking = 0.0
+    x, y, reach_x, reach_y = (
+        0.5 * (low_x + high_x),
+        0.5 * (low_y + high_y),
+        0.5 * (high_x - low_x),
+        0.5 * (high_y - low_y),
+    )
+    reach_x, reach_y = reach_x + half_width, reach_y + half_width
+    _find_near(num_boxes, x, y, reach_x, reach_y, numbers[BOX_X], numbers[BOX_Y], numbers[RADIUS], is_near)
+    is_near[own], braking = False, 0.0
     for b in range(num_boxes):
-        x, y, reach = numbers[BOX_X, b], numbers[BOX_Y, b], numbers[RADIUS, b] + half_width
-        # Without branches but one, which the processor foresees.
-        if (x + reach < low_x) | (x - reach > high_x) | (y + reach < low_y) | (y - reach > high_y) | (b == own):
+        if not is_near[b]:
             continue
         other = boxes.row[b]
         if abs(motion[other, Z] - motion[row, Z]) > sizes[other, 2] / 2.0 + sizes[row, 2] / 2.0:
@@ -220,6 +227,23 @@ def _braking_for_boxes(
             gap = distance - numbers[HALF_LENGTH, own]
             braking = larger(braking, _braking(speed, gap, speed - moves_on, law))
     return braking
+
+
+@device_function(in_lanes=True)
+def _find_near(
+    count: int,
+    x: float,
+    y: float,
+    reach_x: float,
+    reach_y: float,
+    box_x: Float64,
+    box_y: Float64,
+    radius: Float64,
+    is_near: Bool,
+) -> None:
+    """Find the boxes whose circumscribed circles may meet a rectangle."""
+    for b in range(count):
+        is_near[b] = (abs(box_x[b] - x) <= reach_x + radius[b]) & (abs(box_y[b] - y) <= reach_y + radius[b])
 
 
 @device_function

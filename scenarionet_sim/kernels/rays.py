@@ -1,4 +1,4 @@
-"""Ray casting in the plane, at boxes of objects and at lines of the map.
+"""Ray casting in the plane, at lines of the map.
 
 Rays start at the agent's centre and turn with it: ray k has the direction ``directions[k]`` in the agent's frame
 (x forward, y left). The output is the distance divided by the range: 0 at the centre, 1 without a hit.
@@ -67,10 +67,12 @@ def nearest_segment(
     columns, rows = int(lines.frame[w, 3]), int(lines.frame[w, 4])
     first_cell, first_block = lines.place[w, CELLS], lines.place[w, BLOCKS]
     width, height = columns * cell_size, rows * cell_size
-    enter, leave = ray_through_box(x - left - width / 2, y - low - height / 2, dx, dy, width / 2, height / 2)
-    start, best = larger(enter, 0.0), reach
-    if enter > leave or leave < 0.0 or start >= reach:
-        return best
+    start, best = 0.0, reach
+    if not (left <= x <= left + width and low <= y <= low + height):
+        enter, leave = ray_through_box(x - left - width / 2, y - low - height / 2, dx, dy, width / 2, height / 2)
+        start = larger(enter, 0.0)
+        if enter > leave or leave < 0.0 or start >= reach:
+            return best
     column = smaller(larger(int((x + start * dx - left) / cell_size), 0), columns - 1)
     row = smaller(larger(int((y + start * dy - low) / cell_size), 0), rows - 1)
     step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
@@ -82,29 +84,28 @@ def nearest_segment(
         if lines.cell_types[first_cell + cell] & types:
             filled = lines.block_start[first_block + cell // CELLS_IN_BLOCK] + lines.cell_rank[first_cell + cell]
             for s in range(lines.filled_start[filled], lines.filled_start[filled + 1]):
-                if is_visible[lines.segment_type[s]]:
-                    best = smaller(best, _ray_to_segment(x, y, dx, dy, lines.segments[s], best))
+                along = _ray_to_segment(x, y, dx, dy, lines.segments[s])
+                if 0.0 <= along < best and is_visible[lines.segment_type[s]]:
+                    best = along
         if best <= smaller(next_x, next_y):
             break
-        if next_x < next_y:
-            next_x += along_x
-            column += step_x
-        else:
-            next_y += along_y
-            row += step_y
+        # Without branches, as the processor does not foresee the direction of the next cell.
+        is_beside = next_x < next_y
+        column, row = column + (step_x if is_beside else 0), row + (0 if is_beside else step_y)
+        next_x, next_y = next_x + (along_x if is_beside else 0.0), next_y + (0.0 if is_beside else along_y)
     return best
 
 
-@device_function
-def _ray_to_segment(x: float, y: float, dx: float, dy: float, segment: Float32, otherwise: float) -> float:
+@device_function(forceinline=True)
+def _ray_to_segment(x: float, y: float, dx: float, dy: float, segment: Float32) -> float:
+    """Return the distance along the line of the ray, or -1 where they do not meet."""
     ax, ay = segment[0] - x, segment[1] - y
     bx, by = segment[2] - x, segment[3] - y
     side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
-    if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0) or side_a == side_b:
-        return otherwise  # on one side of the ray, or parallel to it
+    if side_a * side_b > 0.0 or side_a == side_b:  # on one side of the ray, in a test that mostly fails; or parallel
+        return -1.0
     share = side_a / (side_a - side_b)
-    along = (ax + share * (bx - ax)) * dx + (ay + share * (by - ay)) * dy
-    return along if along >= 0.0 else otherwise
+    return (ax + share * (bx - ax)) * dx + (ay + share * (by - ay)) * dy
 
 
 @kernel
