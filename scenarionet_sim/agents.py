@@ -22,6 +22,7 @@ class PresentAgents:
     Attributes:
         are_egos: As above.
         rows: (A, 2) int32 world and row of each.
+        first: (W + 1,) int32 first agent of each world.
         actions: (A, 2) float64 of the last step.
         contacts: (A, N) bool objects that each agent's box overlaps, and ``contacts_before`` in the step before.
         hits: (A,) uint32 types of those objects: bit k is set for type k.
@@ -32,7 +33,8 @@ class PresentAgents:
         self._is_agent, self.are_egos = is_agent, are_egos
         self._own_route, self._own_route_before = np.zeros((2, 0, 0, 2))
         self.rows: Int32 = np.zeros((0, 2), np.int32)
-        self._first: Int32 = np.zeros(1, np.int32)
+        self.first: Int32 = np.zeros(1, np.int32)
+        self._listed_rows: Int32 = np.empty((0, 2), np.int32)
         self.is_due = False
         self._allocate(self.rows, 0)
 
@@ -45,12 +47,11 @@ class PresentAgents:
         """Return the location (W, N, 2) of the agents on their paths."""
         return self._own_route if self.are_egos else state.route
 
-    def begin(self, slots: Int32, batch: WorldBatch) -> None:
-        """Forget where the agents of some slots are on their paths, as episodes begin there."""
-        if self.are_egos:
-            self._own_route = _wider(self._own_route, batch)
-            self._own_route_before = _wider(self._own_route_before, batch)
-            self._own_route[slots] = np.nan
+    def forget_route(self, slots: Int32, batch: WorldBatch) -> None:
+        """Forget where the egos of some slots are on their paths, as episodes begin there."""
+        self._own_route = _wider(self._own_route, batch)
+        self._own_route_before = _wider(self._own_route_before, batch)
+        self._own_route[slots] = np.nan
 
     def update(self, driver: UInt8, present: Bool, batch: WorldBatch) -> bool:
         """List the present agents; those that were present before keep their actions and contacts.
@@ -63,15 +64,14 @@ class PresentAgents:
         Returns:
             Whether room was made for other agents.
         """
-        rows, first = self._listed(driver, present, batch)
-        if np.array_equal(first, self._first) and self.contacts.shape[1] == batch.max_objects:
-            if not np.array_equal(rows, self.rows):
-                self.rows = rows  # in worlds that begin an episode
+        rows, is_other, is_resized = self._listed(driver, present, batch)
+        if not is_resized and self.contacts.shape[1] == batch.max_objects:
+            if is_other:
+                self.rows = rows.copy()  # in worlds that begin an episode
             return False
         old, contacts, before = self.rows, self.contacts, self.contacts_before
         hits, actions, width = self.hits, self.actions, self.contacts.shape[1]
-        self._first = first
-        self._allocate(rows, batch.max_objects)
+        self._allocate(rows.copy(), batch.max_objects)
         kept, place = among(old, rows), among(rows, old)
         self.contacts[place, :width], self.contacts_before[place, :width] = contacts[kept], before[kept]
         self.hits[place], self.actions[place] = hits[kept], actions[kept]
@@ -81,16 +81,27 @@ class PresentAgents:
         """Return everything as kernels take it."""
         earlier = self._own_route_before if self.are_egos else before.route
         routes, contacts = (self.route(now), earlier), (self.contacts, self.contacts_before)
-        return DrivenArrays(self.rows, self._first, self.actions, *routes, *contacts, self.hits)
+        return DrivenArrays(self.rows, self.first, self.actions, *routes, *contacts, self.hits)
 
-    def _listed(self, driver: UInt8, present: Bool, batch: WorldBatch) -> tuple[Int32, Int32]:
-        """Return world and row (A, 2) of each agent, and the first agent (W + 1,) of each world."""
+    def _listed(self, driver: UInt8, present: Bool, batch: WorldBatch) -> tuple[Int32, bool, bool]:
+        """List world and row (A, 2) of each agent in memory that is used again; and update the first of each world.
+
+        Returns:
+            The list; whether it differs from that of before; whether a world has another number of agents.
+        """
+        is_new = len(self.first) != len(batch) + 1
+        if is_new:
+            self.first = np.full(len(batch) + 1, -1, np.int32)
         if self.are_egos:
-            slots = np.arange(len(batch) + 1, dtype=np.int32)
-            return np.stack([slots[:-1], batch.ego.astype(np.int32)], axis=1), slots
-        rows, first = np.empty((driver.size, 2), np.int32), np.empty(len(batch) + 1, np.int32)
-        self.is_due = unchecked(list_agents)(batch.place, driver, present, self._is_agent, rows, first)
-        return rows[: first[-1]].copy(), first
+            self.first[:] = range(len(batch) + 1)
+            rows = np.stack([self.first[:-1], batch.ego.astype(np.int32)], axis=1)
+            return rows, not np.array_equal(rows, self.rows), is_new
+        if len(self._listed_rows) != driver.size:
+            self._listed_rows = np.empty((driver.size, 2), np.int32)
+        self.is_due, is_other, is_resized = unchecked(list_agents)(
+            batch.place, driver, present, self._is_agent, self.rows, self._listed_rows, self.first
+        )
+        return self._listed_rows[: self.first[-1]], is_other, is_resized
 
     def _allocate(self, rows: Int32, num_objects: int) -> None:
         self.rows, count = rows, len(rows)

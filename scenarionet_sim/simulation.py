@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.compiled import unchecked
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64, UInt8, UInt32
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP, UInt8, UInt32
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.agents import PresentAgents, among
 from scenarionet_sim.backends.base import Backend, checked_actions
@@ -18,6 +18,7 @@ from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
 from scenarionet_sim.kernels.episodes import UNDRIVEN, begin_worlds
 from scenarionet_sim.kernels.idm import SightMemory
 from scenarionet_sim.kernels.observation import Scratch
+from scenarionet_sim.kernels.sharing import Team
 from scenarionet_sim.kernels.step import (
     DRIVE,
     LOCATE,
@@ -90,7 +91,8 @@ class Simulation:
         self.observer = observer or Observer.nothing()
         self._dt = worlds[0].dt
         self._threads = Threads(threads)
-        self._memory: dict[int, tuple[Any, ...]] = {}  # by thread: number of objects, sensing, and what these need
+        self._memory: list[tuple[Any, ...]] = []  # by thread
+        self._memory_for: tuple[int, Any] = 0, None  # largest number of objects, sensors
         self._policies = SlotPolicies(tuple(policies), len(worlds))
         self.batch = WorldBatch(worlds, self.policies, self._prepare, keep)
         shape = len(worlds), self.batch.max_objects
@@ -122,6 +124,21 @@ class Simulation:
     def agents(self) -> Int32:
         """(A, 2) world and row of each present agent, sorted."""
         return self._agents.rows
+
+    @property
+    def awaits_agents(self) -> bool:
+        """Whether an agent is absent that may still appear."""
+        return self._agents.is_due
+
+    @property
+    def first_agents(self) -> Int32:
+        """(W + 1,) first agent of each world."""
+        return self._agents.first
+
+    def agents_of(self, slots: IntP) -> IntP:
+        """Return the indices of the agents of some worlds."""
+        first = self._agents.first
+        return np.concatenate([np.arange(first[slot], first[slot + 1]) for slot in slots.tolist()])
 
     @property
     def actions(self) -> Float64:
@@ -173,17 +190,17 @@ class Simulation:
             self.batch.replace(slot, world, self.policies)
         self._policies.begin(slots)
         self._grow()
-        starts = np.full(len(slots), -1 if start is None else start, np.int32)
-        numbers = np.asarray(slots, np.int32)
-        arrays = self.batch.recorded, self.state.moment, self.previous.moment, self.driver
-        unchecked(begin_worlds)(numbers, starts, *arrays)
+        numbers = np.array(slots, np.int32)
+        arrays = self.batch.recorded, self.state.moment, self.previous.moment, self.driver, self._has_begun
+        unchecked(begin_worlds)(numbers, -1 if start is None else start, *arrays)
         if self.state.history is not None:
             self.state.history.present[:, numbers] = False
-        self._agents.begin(numbers, self.batch)
+        if self._agents.are_egos:
+            self._agents.forget_route(numbers, self.batch)
         for slot in slots:
             self._session.reset(slot, self.state)
-            self._policies.begin_uncompiled(self.batch, self.state, slot)
-        self._has_begun[numbers] = True
+            if not self._policies.are_compiled:
+                self._policies.begin_uncompiled(self.batch, self.state, slot)
         self._list_agents()
 
     def step(self, actions: npt.ArrayLike | None = None) -> None:
@@ -241,6 +258,8 @@ class Simulation:
         """Return the worlds (W,) in which an agent is absent that may still appear."""
         worlds, steps = self.batch.worlds, self.state.timestep.tolist()
         due: Bool = np.zeros(len(worlds), np.bool_)
+        if not self.awaits_agents:
+            return due
         absent = self._agents.drives(self.driver) & ~self.state.present
         for slot in np.flatnonzero(absent.any(axis=1)).tolist():
             later = worlds[slot].log_valid[steps[slot] + 1 :, absent[slot, : worlds[slot].num_objects]]
@@ -281,25 +300,27 @@ class Simulation:
             observer.task, observer.result, observer.sensing,
         )  # fmt: skip
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
+        self._allocate_memory()
 
-        def run(own: int, ranges: Int64) -> int:
-            lost: int = step((own, phases, substeps), numbers, ranges, arrays, *self._memory_of(own))
-            return lost
+        def run(own: int, team: Team) -> None:
+            step(own, team, phases, substeps, numbers, arrays, *self._memory[own])
 
         lost = self._threads.share(run, len(self.batch))
         if phases & OBSERVE:
             self.observer.is_stale &= bool(phases & ONLY_BEGUN)
-            require_located(max(lost), self.agents)
+            require_located(lost, self.agents)
 
-    def _memory_of(self, thread: int) -> tuple[Any, ...]:
-        """Return the memory of a thread for the compiled step."""
-        size = self.batch.max_objects, self.observer.sensing
-        known = self._memory.get(thread)
-        if known is None or known[0] != size[0] or known[1] is not size[1]:
-            sight = (SightMemory.of(size[0]),) if self._policies.follow_paths else ()
-            self._memory[thread] = known = *size, (Scratch.of(*size), *sight)
-        memory: tuple[Any, ...] = known[2]
-        return memory
+    def _allocate_memory(self) -> None:
+        """Allocate the memory of the threads for the compiled step, if it is for other sensors or smaller worlds."""
+        count, sensing = self.batch.max_objects, self.observer.sensing
+        if self._memory and self._memory_for[0] == count and self._memory_for[1] is sensing:
+            return
+        self._threads.dismiss()
+        self._memory_for = count, sensing
+        self._memory = [
+            (Scratch.of(count, sensing), *((SightMemory.of(count),) if self._policies.follow_paths else ()))
+            for _ in range(self._threads.count)
+        ]
 
     def _list_agents(self) -> None:
         """List the present agents, and let the observer know if they are others."""

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
+from typing import TypeVar
 
-from scenarionet_data.arrays.dtypes import Int64
-from scenarionet_sim.kernels.sharing import ranges_of
+from scenarionet_sim.kernels.sharing import LEADER, Team
+
+Returned = TypeVar("Returned")
 
 _FEWEST = 4
 """Items per thread below which another thread costs more than it saves."""
@@ -19,46 +22,100 @@ class Threads:
 
     Args:
         count: Largest number of threads.
+
+    Attributes:
+        count: As above.
     """
 
     def __init__(self, count: int) -> None:
-        self._count = count
+        self.count = count
         self._pool: ThreadPoolExecutor | None = None
         self._process = 0
-        self._shared = -1  # number of items that were shared out last, and their ranges then and now
-        self._whole = self._ranges = ranges_of(0, 1)
+        self._shared = -1  # number of items that were shared out last
+        self._team = Team.of(0, 1)
+        self._helpers: dict[int, Future[object]] = {}
 
     def run(self, function: Callable[[int, int], int], total: int) -> list[int]:
         """Call ``function(first, end)`` for consecutive ranges of ``total`` items; return the results in order."""
+        self._notice_fork()
         count = self._useful(total)
         ends = [total * part // count for part in range(count + 1)]
-        return self._together([partial(function, *ends[part : part + 2]) for part in range(count)])
-
-    def share(self, function: Callable[[int, Int64], int], total: int) -> list[int]:
-        """Call ``function(own, ranges)`` in every thread, which takes items from ranges; see ``kernels.sharing``."""
-        if total != self._shared:
-            self._shared, self._whole = total, ranges_of(total, self._useful(total))
-            self._ranges = self._whole.copy()
-        self._ranges[:] = self._whole
-        return self._together([partial(function, own, self._ranges) for own in range(len(self._ranges))])
-
-    def _useful(self, total: int) -> int:
-        return max(min(self._count, total // _FEWEST), 1)
-
-    def _together(self, calls: list[Callable[[], int]]) -> list[int]:
-        """Call functions at the same time; return their results."""
-        if len(calls) == 1:
-            return [calls[0]()]
-        if self._pool is None or self._process != os.getpid():  # threads do not survive a fork
-            self._pool, self._process = ThreadPoolExecutor(self._count - 1, thread_name_prefix="worlds"), os.getpid()
-        others = [self._pool.submit(call) for call in calls[1:]]
+        calls = [partial(function, *ends[part : part + 2]) for part in range(count)]
+        others = [self._submit(call) for call in calls[1:]]
         return [calls[0](), *(other.result() for other in others)]
+
+    def share(self, function: Callable[[int, Team], object], total: int) -> int:
+        """Share ``total`` items out to threads.
+
+        Args:
+            function: Calls a kernel with the number of the thread and the team, see ``kernels.sharing``.
+            total: Number of items.
+
+        Returns:
+            The largest result of any thread; -1 for none.
+        """
+        self._notice_fork()
+        if total != self._shared:
+            self.dismiss()
+            self._shared, self._team = total, Team.of(total, self._useful(total))
+        team = self._team
+        self._wait()  # for helpers in a turn that an interrupt has ended
+        for own in range(LEADER + 1, len(team.ranges)):
+            self._call_helper(function, own)
+        function(LEADER, team)
+        self._wait()
+        return team.result
+
+    def dismiss(self) -> None:
+        """Let helpers drop what they were called with last; the next turn calls them again."""
+        self._notice_fork()
+        self._team.dismiss(True)
+        wait(self._helpers.values())
+        self._team.dismiss(False)
+        self._helpers = {}
 
     def close(self) -> None:
         """Stop the threads; the next run starts them again."""
-        if self._pool is not None and self._process == os.getpid():
+        self.dismiss()
+        if self._pool is not None:
             self._pool.shutdown()
         self._pool = None
+
+    def _useful(self, total: int) -> int:
+        return max(min(self.count, total // _FEWEST), 1)
+
+    def _call_helper(self, function: Callable[[int, Team], object], own: int) -> None:
+        """Let a helper wait for turns, unless it does."""
+        helper = self._helpers.get(own)
+        if helper is not None and not helper.done():
+            return
+        if helper is not None:
+            self._helpers.pop(own).result()  # raises what the function raised
+        self._helpers[own] = self._submit(partial(function, own, self._team))
+
+    def _wait(self) -> None:
+        """Wait until helpers have ended the last turn, which takes them as long as an item at most."""
+        while self._team.is_helped:
+            _let_others_run()
+
+    def _submit(self, call: Callable[[], Returned]) -> Future[Returned]:
+        """Call a function in a thread of the pool."""
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self.count - 1, thread_name_prefix="worlds")
+        return self._pool.submit(call)
+
+    def _notice_fork(self) -> None:
+        """Forget the threads in a forked process: they exist in its parent alone."""
+        if self._process != os.getpid():
+            self._process, self._pool, self._helpers, self._shared = os.getpid(), None, {}, -1
+
+
+def _let_others_run() -> None:
+    """Give the core to another thread, if one waits for it."""
+    if hasattr(os, "sched_yield"):
+        os.sched_yield()
+    else:
+        time.sleep(0)
 
 
 def all_cores() -> int:

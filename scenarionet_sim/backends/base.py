@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_data.errors import BadParameter
+from scenarionet_sim.kernels.actions import clip_actions
 
 if TYPE_CHECKING:
     from scenarionet_sim.worlds.state import State
@@ -104,8 +106,8 @@ def checked_actions(actions: npt.ArrayLike) -> Float64:
     Raises:
         BadParameter: An action is NaN.
     """
-    clipped: Float64 = np.maximum(np.asarray(actions, np.float64).reshape(-1, 2), -1.0)
-    np.minimum(clipped, 1.0, out=clipped)
-    if math.isnan(np.add.reduce(clipped, axis=None)):
-        raise BadParameter(f"an action is not a number: {clipped[np.isnan(clipped).any(axis=1)][0].tolist()}")
+    clipped: Float64 = np.array(actions, np.float64, order="C").reshape(-1, 2)
+    invalid = unchecked(clip_actions)(clipped)
+    if invalid >= 0:
+        raise BadParameter(f"an action is not a number: {clipped[invalid].tolist()}")
     return clipped

@@ -3,27 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.agents import among
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, StepResult
+from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, StepResult, report_scores
 from scenarionet_sim.kernels.step import OBSERVE, SCORE
 from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.task.task import ARRIVED, DRIVING, OFF_ROUTE, TIMED_OUT, task_parameters
+from scenarionet_sim.task.task import ARRIVED, DRIVING, OFF_ROUTE, TIMED_OUT, Status, task_parameters
 from scenarionet_sim.worlds.world import World
 
 ENDS = {"success": ARRIVED, "out_of_road": OFF_ROUTE, "timeout": TIMED_OUT}
 """How an episode ended, in the terms of the paper's metrics."""
+
+
+INFOS = (*NUMBERS, *ENDS, "timestep", "scenario_id")
+"""Names of what is known of an agent after a step."""
+
+_ENDS_OF = {int(status): tuple(status == code for code in ENDS.values()) for status in Status}
+
+
+@dataclass(frozen=True, eq=False)
+class StepOutcome:
+    """Result of a step for A agents, in arrays that later steps leave alone.
+
+    Attributes:
+        rewards: (A,) float64 sums of the terms.
+        terminated: (A,) agents that arrived or left their route.
+        truncated: (A,) agents whose time is over.
+        numbers: (14, A) float64 values by ``NUMBERS``.
+        ends: (3, A) bool by ``ENDS``.
+        num_ended: Number of agents that are terminated or truncated.
+    """
+
+    rewards: Float64
+    terminated: Bool
+    truncated: Bool
+    numbers: Float64
+    ends: Bool
+    num_ended: int
 
 
 class BatchedEnvironment:
@@ -90,26 +118,13 @@ class BatchedEnvironment:
         """(A,) codes of ``task.Status``."""
         return self._scorer.result.status
 
-    @property
-    def rewards(self) -> Float64:
-        """(A,) sums of the terms."""
-        rewards: Float64 = np.add.reduce(self.terms, axis=1)
-        return rewards
-
-    @property
-    def terminated(self) -> Bool:
-        """(A,) agents that arrived or left their route."""
-        return self.ended ^ self.truncated
-
-    @property
-    def ended(self) -> Bool:
-        """(A,) agents that are terminated or truncated."""
-        return np.asarray(self.status != DRIVING)
-
-    @property
-    def truncated(self) -> Bool:
-        """(A,) agents whose time is over."""
-        return np.asarray(self.status == TIMED_OUT)
+    def outcome(self) -> StepOutcome:
+        """Return the result of the last step."""
+        count = len(self.status)
+        numbers, rewards = np.empty((len(NUMBERS), count)), np.empty(count)
+        flags: Bool = np.empty((2 + len(ENDS), count), np.bool_)
+        num_ended = unchecked(report_scores)(self._scorer.result, rewards, numbers, flags[:2], flags[2:])
+        return StepOutcome(rewards, flags[0], flags[1], numbers, flags[2:], num_ended)
 
     @property
     def arc(self) -> Float64:
@@ -173,13 +188,11 @@ class BatchedEnvironment:
 
     def infos(self) -> list[dict[str, Any]]:
         """Return ``NUMBERS``, ``ENDS``, timestep and scenario id of each agent."""
-        numbers, status = self.numbers.tolist(), self.status.tolist()
         timestep, worlds = self.simulation.state.timestep.tolist(), self.simulation.batch.worlds
+        of_agents = self.numbers.tolist(), self.status.tolist(), self.agents[:, 0].tolist()
         return [
-            dict(zip(NUMBERS, numbers[a], strict=True))
-            | {name: status[a] == code for name, code in ENDS.items()}
-            | {"timestep": timestep[w], "scenario_id": worlds[w].scenario_id}
-            for a, w in enumerate(self.agents[:, 0].tolist())
+            dict(zip(INFOS, (*numbers, *_ENDS_OF[status], timestep[w], worlds[w].scenario_id), strict=True))
+            for numbers, status, w in zip(*of_agents, strict=True)
         ]
 
     def close(self) -> None:

@@ -10,14 +10,16 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32, Int64, IntP
+from scenarionet_data.arrays.compiled import unchecked
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64, IntP
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.episodes import Episodes, action_space
+from scenarionet_sim.kernels.actions import actions_by_agent
 from scenarionet_sim.kernels.scoring import NUMBERS
+from scenarionet_sim.kernels.seats import Seats, seat_worlds, settle
 from scenarionet_sim.policies import External
-from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
 from scenarionet_sim.threads import all_cores
 from scenarionet_sim.worlds.world import World
 
@@ -95,14 +97,13 @@ class FlatEnv:
         self._episodes = Episodes(config, seed, num_worlds, prefetch, threads or all_cores())
         self.single_observation_space: spaces.Space[Any] = self._episodes.observation.space
         self.single_action_space = action_space()
-        shape = self.num_agents, *(self.single_observation_space.shape or ())
-        self.observations: Float32 = np.zeros(shape, np.float32)
-        self.last_observations: Float32 = np.zeros(shape, np.float32)
-        self.rewards: Float32 = np.zeros(self.num_agents, np.float32)
-        self.terminals, self.truncations, self.arrivals, self.masks = np.zeros((4, self.num_agents), np.bool_)
-        self.last_numbers: Float64 = np.zeros((self.num_agents, len(NUMBERS)))
-        self._seat_of: Int32 = np.full((num_worlds, 0), -1, np.int32)  # row of each object, -1 without one
-        self._num_ended: Int64 = np.zeros((num_worlds, 2), np.int64)  # agents that ended, and those that arrived
+        (width,) = self.single_observation_space.shape or (0,)
+        self._seats = seats_of = Seats.of(num_worlds, self.num_agents, width, len(NUMBERS))
+        self.observations, self.last_observations = seats_of.observations, seats_of.last_observations
+        self.rewards, self.terminals, self.truncations = seats_of.rewards, seats_of.terminals, seats_of.truncations
+        self.arrivals, self.masks, self.last_numbers = seats_of.arrivals, seats_of.masks, seats_of.last_numbers
+        self._everywhere: Bool = np.ones(num_worlds, np.bool_)
+        self._nowhere, self._is_over = np.zeros((2, num_worlds), np.bool_)
         self._ages: Int64 = np.zeros(num_worlds, np.int64)  # steps since the episodes began
         self._past: deque[Array] | None = deque() if keeps_past else None
 
@@ -111,7 +112,7 @@ class FlatEnv:
         self._episodes.restart(seed)
         worlds = [self._episodes.draw_playable(slot) for slot in range(self.num_worlds)]
         core = self._episodes.prepare(worlds)
-        self._begin(core, np.arange(self.num_worlds), worlds)
+        self._begin(core, list(range(self.num_worlds)), worlds)
         self._clear_results()
         if self._past is not None:
             self._past.clear()
@@ -131,14 +132,11 @@ class FlatEnv:
             ResetNeeded: No episode has begun.
             BadParameter: An action is NaN.
         """
-        core = self._episodes.core
+        core, given = self._episodes.core, np.ascontiguousarray(actions)
         if self._past is not None:
-            self._past.append(np.where(self.masks[:, None], actions, 0.0).astype(np.asarray(actions).dtype))
-        rows = self._advance(core, actions)
-        has_row = rows >= 0
-        self.rewards[rows[has_row]] = core.rewards[has_row]
+            self._past.append(np.where(self.masks[:, None], given, 0.0).astype(given.dtype))
+        over = self._advance(core, given, self._everywhere)
         self._ages += 1
-        over = self._end(core, np.flatnonzero(core.status != DRIVING), rows)
         infos = self._begin_next(core, over)
         while self._past and len(self._past) > self._ages.max():
             self._past.popleft()
@@ -148,7 +146,7 @@ class FlatEnv:
     def positions(self) -> Float64:
         """(num_agents, 2) positions in the scenario's frame [m]; NaN at rows without an agent."""
         core, found = self._episodes.core, np.full((self.num_agents, 2), np.nan)
-        rows = self._rows(core)
+        rows = self._seats.row_of[core.agents[:, 0], core.agents[:, 1]]
         worlds, objects = core.agents[rows >= 0].T
         found[rows[rows >= 0]] = core.simulation.state.position[worlds, objects]
         return found
@@ -196,15 +194,13 @@ class FlatEnv:
         """
         worlds = self._episodes.restore(state.series)
         core = self._episodes.prepare(worlds)
-        self._begin(core, np.arange(self.num_worlds), worlds)
+        self._begin(core, list(range(self.num_worlds)), worlds)
         longest = len(state.actions)
         for step, actions in enumerate([*state.actions, None]):
             if len(due := np.flatnonzero(state.ages == longest - step)):
-                self._begin(core, due, [worlds[slot] for slot in due])
+                self._begin(core, due.tolist(), [worlds[slot] for slot in due])
             if actions is not None:
-                rows, ended = self._advance(core, actions), core.status != DRIVING
-                has_begun = state.ages >= longest - step
-                self._end(core, np.flatnonzero(ended & has_begun[core.agents[:, 0]]), rows)
+                self._advance(core, actions, state.ages >= longest - step)
         self._clear_results()
         self._ages[:], self.observations[:] = state.ages, state.observations
         self._past = deque(state.actions)
@@ -222,76 +218,55 @@ class FlatEnv:
         self.rewards[:] = 0.0
         self.terminals[:] = self.truncations[:] = self.arrivals[:] = False
 
-    def _rows(self, core: BatchedEnvironment) -> Int32:
-        """Return the row of each agent, or -1."""
-        rows: Int32 = self._seat_of[core.agents[:, 0], core.agents[:, 1]]
-        return rows
-
-    def _begin_rows(self, slots: IntP) -> None:
-        """Clear the rows of some worlds."""
-        more = self._episodes.core.simulation.driver.shape[1] - self._seat_of.shape[1]
-        self._seat_of = np.pad(self._seat_of, ((0, 0), (0, more)), constant_values=-1)
-        self._seat_of[slots], self._num_ended[slots] = -1, 0
-        for values in (self.observations, self.masks):
-            values.reshape(self.num_worlds, self.seats, -1)[slots] = 0
-
-    def _seat(self, core: BatchedEnvironment, begun: IntP | None) -> Int32:
-        """Give rows to agents without one, and write the observations of all agents, or of those that have begun."""
-        agents = core.agents
-        for agent in np.flatnonzero(self._rows(core) < 0):
-            world, row = agents[agent]
-            (free,) = np.nonzero(~self.masks[world * self.seats : (world + 1) * self.seats])
-            if len(free):
-                self._seat_of[world, row] = place = world * self.seats + free[0]
-                self.masks[place] = True
-        rows, seen = self._rows(core), self._episodes.observe(begun)
-        chosen = np.flatnonzero(rows >= 0) if begun is None else begun[rows[begun] >= 0]
-        self.observations[rows[chosen]] = seen[chosen]
-        return rows
-
-    def _begin(self, core: BatchedEnvironment, slots: IntP, worlds: list[World]) -> None:
+    def _begin(self, core: BatchedEnvironment, slots: list[int], worlds: list[World]) -> None:
         """Begin episodes in some slots."""
-        core.begin(slots.tolist(), worlds)
-        self._begin_rows(slots)
-        is_begun = np.zeros(self.num_worlds, np.bool_)
-        is_begun[slots] = True
-        self._seat(core, np.flatnonzero(is_begun[core.agents[:, 0]]))
+        core.begin(slots, worlds)
+        simulation, begun = core.simulation, np.array(slots)
+        more = simulation.driver.shape[1] - self._seats.row_of.shape[1]
+        if more > 0:
+            row_of = np.pad(self._seats.row_of, ((0, 0), (0, more)), constant_values=-1)
+            self._seats = self._seats._replace(row_of=row_of)
+        observed = self._episodes.observe(simulation.agents_of(begun))
+        unchecked(seat_worlds)(begun, core.agents, simulation.first_agents, observed, self._seats)
 
-    def _advance(self, core: BatchedEnvironment, actions: npt.ArrayLike) -> Int32:
-        """Drive for a timestep; return the row of each agent, or -1."""
-        rows, given = self._rows(core), np.asarray(actions, np.float64)
-        core.step(np.where(rows[:, None] >= 0, given[rows], 0.0))
-        self._clear_results()
-        return self._seat(core, None)
+    def _advance(self, core: BatchedEnvironment, given: Array, can_end: Bool) -> IntP:
+        """Drive for a timestep.
 
-    def _end(self, core: BatchedEnvironment, ended: IntP, rows: Int32) -> IntP:
-        """Let agents that ended leave; return the worlds in which none is left."""
-        status, worlds, rows = core.status[ended], core.agents[ended, 0], rows[ended]
-        taken, has_row = rows[rows >= 0], rows >= 0
-        self.truncations[taken] = is_late = status[has_row] == TIMED_OUT
-        self.terminals[taken], self.arrivals[taken] = ~is_late, status[has_row] == ARRIVED
-        self.last_observations[taken], self.last_numbers[taken] = self.observations[taken], core.numbers[ended][has_row]
-        self.observations[taken], self.masks[taken] = 0.0, False
-        self._seat_of[worlds, core.agents[ended, 1]] = -1
-        np.add.at(self._num_ended, worlds, np.stack([np.ones_like(status), status == ARRIVED], axis=1).astype(np.int64))
-        left = np.bincount(core.agents[:, 0], minlength=self.num_worlds)
-        np.subtract.at(left, worlds, 1)
-        over = np.flatnonzero((left == 0) & ~core.simulation.are_agents_due()) if len(ended) else ended
-        is_over = np.zeros(self.num_worlds, np.bool_)
-        is_over[over] = True
-        if len(stay := ended[~is_over[worlds]]):
-            core.retire(stay)
-        return over
+        Args:
+            core: The worlds.
+            given: (num_agents, 2) actions.
+            can_end: (W,) worlds in which agents may end.
+
+        Returns:
+            The worlds in which agents ended and none is left.
+        """
+        rows, seats, simulation = core.agents, self._seats, core.simulation
+        actions = np.empty((len(rows), 2))
+        unchecked(actions_by_agent)(rows, seats.row_of, np.ascontiguousarray(given, np.float64), actions)
+        core.step(actions)
+        observed, agents, status = self._episodes.observe(), core.agents, core.status
+        retires, is_due = np.empty(len(agents), np.bool_), self._nowhere
+        if simulation.awaits_agents and status.any():
+            is_due = simulation.are_agents_due()
+        results = agents, status, core.numbers, observed, can_end, is_due
+        if not unchecked(settle)(*results, seats, self._is_over, retires):
+            return _NONE
+        if retires.any():
+            core.retire(np.flatnonzero(retires))
+        return np.flatnonzero(self._is_over)
 
     def _begin_next(self, core: BatchedEnvironment, slots: IntP) -> list[dict[str, Any]]:
         """Begin the next scenarios in some worlds; return the infos of the episodes that ended there."""
-        infos = []
-        for slot in slots.tolist():
-            count, arrived = self._num_ended[slot].tolist()
+        infos, over = [], slots.tolist()
+        for slot in over:
+            count, arrived = self._seats.ended[slot].tolist()
             self._episodes.report(slot, arrived / max(count, 1))
             played = core.simulation.batch.worlds[slot].scenario_id
             infos.append({"slot": slot, "scenario_id": played, "agents": count, "success": arrived / max(count, 1)})
-        if infos:
-            self._begin(core, slots, [self._episodes.draw_playable(slot) for slot in slots.tolist()])
+        if over:
+            self._begin(core, over, [self._episodes.draw_playable(slot) for slot in over])
             self._ages[slots] = 0
         return infos
+
+
+_NONE: IntP = np.zeros(0, np.intp)

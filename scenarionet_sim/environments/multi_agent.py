@@ -11,7 +11,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from pettingzoo import ParallelEnv
 
-from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import MultiAgentConfig, make_config
@@ -60,6 +60,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         self._action_space = action_space()
         self.agents: list[str] = []
         self.possible_agents: list[str] = []
+        self._named_rows: Int32 | None = None
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetParallelEnv], tuple[Any, ...]]:
         return type(self), (self.config, self.render_mode, self._episodes.seed)
@@ -84,7 +85,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         core = self._episodes.prepare([world])
         core.begin([0], [world], options.get("timestep"))
         self.possible_agents = self._find_possible(core, world)
-        self._coming, self._num_arrived = set(self.possible_agents), 0
+        self._coming, self._num_arrived, self._named_rows = set(self.possible_agents), 0, None
         self._wait(core)
         if self._renderer.is_window:
             self._renderer.render(core)
@@ -113,12 +114,12 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         core = self.core
         core.step(np.array([actions[agent] for agent in self.agents], np.float64))
         self._name_agents(core)
-        status = core.status.copy()
-        ends = core.terminated.tolist(), core.truncated.tolist()
-        values = self._seen(), core.rewards.tolist(), *ends, core.infos()
+        status, outcome = core.status.copy(), core.outcome()
+        ends = outcome.terminated.tolist(), outcome.truncated.tolist()
+        values = self._seen(), outcome.rewards.tolist(), *ends, core.infos()
         observations, rewards, terminated, truncated, infos = map(self._named, values)
-        self._num_arrived += int((status == ARRIVED).sum())
-        if status.any():
+        if outcome.num_ended:
+            self._num_arrived += int((status == ARRIVED).sum())
             core.retire(np.flatnonzero(status))
             self._wait(core)
             late = set(self.agents) - observations.keys()  # appeared during skipped timesteps
@@ -169,7 +170,10 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
             self._episodes.report(0, self._num_arrived / len(self.possible_agents))
 
     def _name_agents(self, core: BatchedEnvironment) -> None:
-        (world,) = core.simulation.batch.worlds
+        """Name the present agents, if they are others than last."""
+        if self._named_rows is core.agents:
+            return
+        (world,), self._named_rows = core.simulation.batch.worlds, core.agents
         self.agents = list(map(str, world.track_ids[core.agents[:, 1]]))
         self._coming.difference_update(self.agents)
 

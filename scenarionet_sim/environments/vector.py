@@ -12,12 +12,10 @@ from gymnasium.vector.utils import batch_space
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Object, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
+from scenarionet_sim.environments.batched import ENDS, INFOS, BatchedEnvironment, StepOutcome
 from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
-from scenarionet_sim.kernels.scoring import NUMBERS
-from scenarionet_sim.task.task import ARRIVED
 from scenarionet_sim.threads import all_cores
 from scenarionet_sim.worlds.world import World
 
@@ -72,11 +70,11 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self.single_observation_space, self.single_action_space = self._episodes.observation.space, action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._has_ended = np.zeros(num_envs, np.bool_)
+        self._ended: list[int] = []  # slots that begin another episode in the next step
         self._scenario_ids: Object = np.full(num_envs, "", dtype=object)
         everywhere = np.ones(num_envs, np.bool_)
         everywhere.flags.writeable = False  # one array for all infos
-        self._everywhere = {f"_{name}": everywhere for name in (*NUMBERS, *ENDS, "timestep", "scenario_id")}
+        self._everywhere = {f"_{name}": everywhere for name in INFOS}
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetVectorEnv], tuple[Any, ...]]:
         return type(self), (self.num_envs, self.config, self._mode, self._episodes.seed, self.render_mode)
@@ -102,8 +100,8 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         if len(core.agents) != self.num_envs:
             raise BadParameter("expected one agent per world; use External(objects=ego) to drive the egos alone")
         core.begin(range(self.num_envs), worlds)
-        self._has_ended[:] = False
-        return self._observed(), self._infos()
+        self._ended = []
+        return self._observed(), self._infos(core.outcome())
 
     def step(self, actions: npt.ArrayLike) -> tuple[Any, Float64, Bool, Bool, dict[str, Any]]:
         """Drive every world for one timestep.
@@ -117,19 +115,17 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             LakeError: The next scenario cannot be read.
         """
         core = self.core
-        if self._has_ended.any():
-            slots = np.flatnonzero(self._has_ended).tolist()
-            core.begin_in_step(slots, self._drawn(slots))
+        if self._ended:
+            core.begin_in_step(self._ended, self._drawn(self._ended))
         core.step(actions)
-        rewards, ended, truncated = core.rewards, core.ended, core.truncated
-        for slot in np.flatnonzero(ended).tolist():
-            self._episodes.report(slot, float(core.status[slot] == ARRIVED))
-        observed, infos = self._observed(), self._infos()
-        if self._mode is AutoresetMode.NEXT_STEP:
-            self._has_ended = ended
-        elif ended.any():
-            observed, infos = self._begin_others(ended, observed, infos)
-        return observed, rewards, ended ^ truncated, truncated, infos
+        outcome = core.outcome()
+        self._ended = np.flatnonzero(outcome.terminated | outcome.truncated).tolist() if outcome.num_ended else []
+        for slot in self._ended:
+            self._episodes.report(slot, float(outcome.ends[_SUCCESS, slot]))
+        observed, infos = self._observed(), self._infos(outcome)
+        if self._ended and self._mode is AutoresetMode.SAME_STEP:
+            observed, infos = self._begin_others(observed, infos)
+        return observed, outcome.rewards, outcome.terminated, outcome.truncated, infos
 
     def render(self) -> tuple[UInt8, ...] | None:
         """Return an image (H, W, 3) uint8 of each world from above, centred on its ego; None without a render mode.
@@ -159,32 +155,34 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         """Draw the next scenarios for some slots."""
         worlds = [self._episodes.draw(slot) for slot in slots]
         self._scenario_ids = self._scenario_ids.copy()  # earlier infos have the array from before
-        self._scenario_ids[slots] = [world.scenario_id for world in worlds]
+        for slot, world in zip(slots, worlds, strict=True):
+            self._scenario_ids[slot] = world.scenario_id
         return worlds
 
     def _observed(self) -> Any:
         return self._episodes.observation.copy(self._episodes.observe())
 
-    def _begin_others(self, ended: Bool, last_seen: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+    def _begin_others(self, last_seen: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """Begin the next scenarios in the slots that ended; return the observations and infos."""
-        slots, last = np.flatnonzero(ended), np.full(self.num_envs, None, dtype=object)
+        slots, last = np.array(self._ended), np.full(self.num_envs, None, dtype=object)
         observation = self._episodes.observation
         for slot, seen in zip(slots, observation.split(observation.take(last_seen, slots)), strict=True):
             last[slot] = seen
-        numbers = slots.tolist()
-        self.core.begin(numbers, self._drawn(numbers))
+        self.core.begin(self._ended, self._drawn(self._ended))
+        self._ended = []
         observed = observation.copy(self._episodes.observe(slots))
+        ended = np.zeros(self.num_envs, np.bool_)
+        ended[slots] = True
         final = {name: ended.copy() if name.startswith("_") else values for name, values in infos.items()}
-        return observed, self._infos() | {
-            "final_obs": last, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended.copy(),
+        return observed, self._infos(self.core.outcome()) | {
+            "final_obs": last, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended,
         }  # fmt: skip
 
-    def _infos(self) -> dict[str, Any]:
+    def _infos(self, outcome: StepOutcome) -> dict[str, Any]:
         """Return the infos of all slots as arrays (W,), each with a mask."""
-        core = self.core
-        known: dict[str, Any] = dict(zip(NUMBERS, core.numbers.T.copy(), strict=True))
-        for name, code in ENDS.items():
-            known[name] = core.status == code
-        known["timestep"] = core.simulation.state.timestep.copy()
-        known["scenario_id"] = self._scenario_ids
-        return known | self._everywhere
+        timestep = self.core.simulation.state.timestep.copy()
+        values = *outcome.numbers, *outcome.ends, timestep, self._scenario_ids
+        return dict(zip(INFOS, values, strict=True)) | self._everywhere
+
+
+_SUCCESS = list(ENDS).index("success")

@@ -15,21 +15,29 @@ UNDRIVEN = 255
 
 @kernel(allocates=False)
 def begin_worlds(
-    slots: Int32, starts: Int32, recorded: Recorded, now: StateArrays, then: StateArrays, driver: UInt8
+    slots: Int32,
+    at: int,
+    recorded: Recorded,
+    now: StateArrays,
+    then: StateArrays,
+    driver: UInt8,
+    has_begun: Bool,
 ) -> None:
     """Set slots to a timestep of the logs of their worlds, in the current and in the next state.
 
     Args:
         slots: (B,) the slots.
-        starts: (B,) timesteps; -1 for the first at which the ego is valid.
+        at: The timestep; -1 for the first at which the ego is valid.
         recorded: Logs of W worlds.
         now, then: The two states.
         driver: (W, N) policy of each object, written.
+        has_begun: (W,) set to True in the slots.
     """
     for b in range(len(slots)):
         w = slots[b]
+        has_begun[w] = True
         count, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, OBJECTS]
-        start = recorded.place[w, FIRST_STEP] if starts[b] < 0 else starts[b]
+        start = recorded.place[w, FIRST_STEP] if at < 0 else at
         now.timestep[w], then.timestep[w] = start, start
         for n in range(driver.shape[1]):
             driver[w, n] = recorded.driver[objects + n] if n < count else UNDRIVEN
@@ -46,31 +54,39 @@ def begin_worlds(
 
 
 @kernel(allocates=False)
-def list_agents(place: Int64, driver: UInt8, present: Bool, is_agent: Bool, rows: Int32, first: Int32) -> bool:
+def list_agents(
+    place: Int64, driver: UInt8, present: Bool, is_agent: Bool, known: Int32, rows: Int32, first: Int32
+) -> tuple[bool, bool, bool]:
     """List the present agents.
 
     Args:
         place: (W, NUM_PLACES) see ``Recorded``.
         driver, present: (W, N) policy of each object, and whether it is present.
         is_agent: (256,) policies of agents.
+        known: (A, 2) agents as listed last.
         rows: (W * N, 2) output: world and row of each agent.
-        first: (W + 1,) output: first agent of each world.
+        first: (W + 1,) first agent of each world as listed last; output.
 
     Returns:
-        Whether another agent is still absent.
+        Whether another agent is still absent; whether another object is an agent than before; whether a world has
+        another number of agents than before.
     """
-    count, is_due = 0, False
+    count, is_due, is_other, is_resized = 0, False, False, False
     for w in range(driver.shape[0]):
+        is_resized |= first[w] != count
         first[w] = count
         for n in range(place[w, NUM_OBJECTS]):
-            if is_agent[driver[w, n]]:
-                if present[w, n]:
-                    rows[count, 0], rows[count, 1] = w, n
-                    count += 1
-                else:
-                    is_due = True
+            if not is_agent[driver[w, n]]:
+                continue
+            if not present[w, n]:
+                is_due = True
+                continue
+            rows[count, 0], rows[count, 1] = w, n
+            is_other |= count >= len(known) or known[count, 0] != w or known[count, 1] != n
+            count += 1
+    is_resized |= first[driver.shape[0]] != count
     first[driver.shape[0]] = count
-    return is_due
+    return is_due, is_other or count != len(known), is_resized
 
 
 @device_function

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VALID, VX, VY, X, Y
@@ -39,6 +39,7 @@ _COMPLETION, _LATERAL, _COST, _CRASHES, _SPEED, _MEAN_SPEED, _DISTANCE, _MEAN_DI
 _VEHICLE, _PEDESTRIAN, _CYCLIST = int(ObjectType.VEHICLE), int(ObjectType.PEDESTRIAN), int(ObjectType.CYCLIST)
 _STEPS, _SPEEDS, _LOG_STEPS, _LOG_DISTANCES = 3, 4, 5, 6  # columns of totals, after three of crashes
 NUM_TOTALS = 7
+_NUM_TERMS = len(TERMS)
 
 
 class StepResult(NamedTuple):
@@ -59,6 +60,33 @@ class StepResult(NamedTuple):
 
 
 Touched = tuple[Bool, Bool, np.uint32]
+
+
+@kernel(allocates=False)
+def report_scores(result: StepResult, rewards: Float64, numbers: Float64, ended: Bool, ends: Bool) -> int:
+    """Write the result of a step as one array per number.
+
+    Args:
+        result: Result of A agents.
+        rewards: (A,) output: sums of the terms.
+        numbers: (14, A) output: columns of ``result.numbers``.
+        ended: (2, A) output: agents that arrived or left their route; agents whose time is over.
+        ends: (3, A) output: agents that arrived, left their route, are out of time.
+
+    Returns:
+        Number of agents that ended.
+    """
+    count = 0
+    for a in range(len(result.status)):
+        status, rewards[a] = result.status[a], 0.0
+        for k in range(result.numbers.shape[1]):
+            numbers[k, a] = result.numbers[a, k]
+            if k < _NUM_TERMS:
+                rewards[a] += result.numbers[a, k]
+        ends[0, a], ends[1, a], ends[2, a] = status == ARRIVED, status == OFF_ROUTE, status == TIMED_OUT
+        ended[0, a], ended[1, a] = ends[0, a] or ends[1, a], ends[2, a]
+        count += status != DRIVING
+    return count
 
 
 @device_function

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.boxes import write_boxes
 from scenarionet_sim.kernels.episodes import copy_world
@@ -22,7 +22,7 @@ from scenarionet_sim.kernels.observation import Scratch, Sensing, observe
 from scenarionet_sim.kernels.overlap import touch
 from scenarionet_sim.kernels.paths import PathRows, locate
 from scenarionet_sim.kernels.scoring import StepResult, score
-from scenarionet_sim.kernels.sharing import take
+from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, take
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
     NUM_OBJECTS,
@@ -108,62 +108,68 @@ class StepArrays(NamedTuple):
 
 @kernel(nogil=True, allocates=False)
 def step_worlds(
-    span: tuple[int, int, int],
+    own: int,
+    team: Team,
+    phases: int,
+    substeps: int,
     numbers: tuple[float, float, float, float],
-    ranges: Int64,
     arrays: StepArrays,
     scratch: Scratch,
-) -> int:
-    """Advance worlds by one step.
+) -> None:
+    """Advance worlds by one step; the largest result of any thread is an agent that is not located on its path, or -1.
 
     Args:
-        span: Range of worlds that this thread takes first; phases; substeps of the vehicle model.
+        own: Number of the thread.
+        team: Threads that share the worlds; all but the leader's arguments are taken from the leader.
+        phases: Phases of the step.
+        substeps: Substeps of the vehicle model.
         numbers: Length of the step [s]; search window on a path behind and ahead of an agent [m]; 1 if the routes
             of the agents are those of the state, 0 if they have a location of their own.
-        ranges: Worlds by thread, see ``kernels.sharing``.
         arrays: What the step reads and writes.
-        scratch: Memory of this call.
-
-    Returns:
-        An agent that is not located on its path, or -1.
+        scratch: Memory of this thread.
     """
-    own, phases, substeps = span
-    lost, w = -1, take(ranges, own)
-    while w >= 0:
-        if phases & MOVE and not arrays.has_begun[w]:
-            _move(w, numbers[0], arrays.recorded, arrays.now, arrays.then, arrays.traffic)
-        lost = larger(lost, _finish(w, phases, substeps, numbers, arrays, scratch))
-        w = take(ranges, own)
-    return lost
+    if own == LEADER:
+        keep(team, (phases, substeps, numbers, arrays))
+    turn = begin(team, own, 0)
+    while turn:
+        given = kept(team, (phases, substeps, numbers, arrays))
+        lost, w = -1, take(team.ranges, own)
+        while w >= 0:
+            _move(w, given[0], given[2][0], given[3])
+            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
+            w = take(team.ranges, own)
+        turn = end(team, own, turn, lost)
 
 
 @kernel(nogil=True, allocates=False)
 def step_reactive_worlds(
-    span: tuple[int, int, int],
+    own: int,
+    team: Team,
+    phases: int,
+    substeps: int,
     numbers: tuple[float, float, float, float],
-    ranges: Int64,
     arrays: StepArrays,
     scratch: Scratch,
     memory: SightMemory,
-) -> int:
+) -> None:
     """Advance worlds in which objects follow paths by IDM: a kernel of its own, as replays need not compile that.
 
     Args:
-        span, numbers, ranges, arrays, scratch: See :func:`step_worlds`.
-        memory: Memory of this call.
-
-    Returns:
-        An agent that is not located on its path, or -1.
+        own, team, phases, substeps, numbers, arrays, scratch: See :func:`step_worlds`.
+        memory: Memory of this thread.
     """
-    own, phases, substeps = span
-    lost, w = -1, take(ranges, own)
-    while w >= 0:
-        if phases & MOVE and not arrays.has_begun[w]:
-            _move(w, numbers[0], arrays.recorded, arrays.now, arrays.then, arrays.traffic)
-            _drive_by_idm(w, numbers[0], arrays.recorded, arrays.now, arrays.then, arrays.traffic, memory)
-        lost = larger(lost, _finish(w, phases, substeps, numbers, arrays, scratch))
-        w = take(ranges, own)
-    return lost
+    if own == LEADER:
+        keep(team, (phases, substeps, numbers, arrays))
+    turn = begin(team, own, 0)
+    while turn:
+        given = kept(team, (phases, substeps, numbers, arrays))
+        lost, w = -1, take(team.ranges, own)
+        while w >= 0:
+            _move(w, given[0], given[2][0], given[3])
+            _drive_by_idm(w, given[0], given[2][0], given[3], memory)
+            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
+            w = take(team.ranges, own)
+        turn = end(team, own, turn, lost)
 
 
 @device_function(forceinline=True)
@@ -207,26 +213,26 @@ def _finish(
 
 
 @device_function(forceinline=True)
-def _drive_by_idm(
-    w: int,
-    dt: float,
-    recorded: Recorded,
-    now: StateArrays,
-    then: StateArrays,
-    traffic: Traffic,
-    memory: SightMemory,
-) -> None:
+def _drive_by_idm(w: int, phases: int, dt: float, arrays: StepArrays, memory: SightMemory) -> None:
     """Write the next state of objects that follow paths by IDM."""
+    if not phases & MOVE or arrays.has_begun[w]:
+        return
+    recorded, traffic = arrays.recorded, arrays.traffic
     for policy in range(len(traffic.movement)):
         if traffic.movement[policy] == FOLLOW_PATH and recorded.place[w, DRIVERS] >> policy & 1:
             row = traffic.law[w, policy]
             law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
-            drive_along_paths(w, recorded, now, then, traffic.driver, policy, dt, law, traffic.colors, memory)
+            drive_along_paths(
+                w, recorded, arrays.now, arrays.then, traffic.driver, policy, dt, law, traffic.colors, memory
+            )
 
 
 @device_function(forceinline=True)
-def _move(w: int, dt: float, recorded: Recorded, now: StateArrays, then: StateArrays, traffic: Traffic) -> None:
+def _move(w: int, phases: int, dt: float, arrays: StepArrays) -> None:
     """Write the next state of all objects that do not follow paths and whose policy is compiled; others keep theirs."""
+    if not phases & MOVE or arrays.has_begun[w]:
+        return
+    recorded, now, then, traffic = arrays.recorded, arrays.now, arrays.then, arrays.traffic
     copy_world(w, recorded.place[w, NUM_OBJECTS], now, then)
     then.timestep[w] = now.timestep[w] + 1
     t, driver = now.timestep[w], traffic.driver

@@ -40,8 +40,8 @@ class SlotPolicies:
         movement = [policy.movement if is_compiled(policy) else UNCOMPILED for policy in policies]
         self.are_compiled, self.follow_paths = UNCOMPILED not in movement, FOLLOW_PATH in movement
         self._movement: UInt8 = np.array(movement, np.uint8)
-        self._law: Float64 = np.zeros((num_slots, len(policies), 8))
-        self._next_law = _laws(policies)
+        self._next_law, self._are_replaced = _laws(policies), False
+        self._law = np.repeat(self._next_law[None], num_slots, axis=0)
 
     def replace(self, policies: Policies) -> None:
         """Set the policies of the episodes that begin next.
@@ -53,7 +53,7 @@ class SlotPolicies:
         if kinds != expected:
             raise BadParameter(f"policies of the kinds {kinds} in a simulation of {expected}; make a new simulation")
         if policies != self.of_next:  # worlds are prepared once for the same tuple
-            self.of_next, self._next_law = policies, _laws(policies)
+            self.of_next, self._next_law, self._are_replaced = policies, _laws(policies), True
 
     @property
     def are_external(self) -> Bool:
@@ -64,9 +64,9 @@ class SlotPolicies:
 
     def begin(self, slots: Sequence[int]) -> None:
         """Let episodes that begin in some slots have the next policies."""
-        for slot in slots:
-            self._playing[slot] = self.of_next
-        self._law[list(slots)] = self._next_law
+        if self._are_replaced:
+            for slot in slots:
+                self._playing[slot], self._law[slot] = self.of_next, self._next_law
 
     def begin_uncompiled(self, batch: WorldBatch, state: State, slot: int) -> None:
         """Prepare the policies outside of the compiled step for an episode that begins in a slot."""

@@ -52,6 +52,7 @@ class ScenarioStream(Generic[Prepared]):
         self._prefetch, self._cache_size = prefetch, cache_size
         self._drawn: deque[int] = deque()
         self._cache: OrderedDict[int, Future[Prepared]] = OrderedDict()
+        self._ready: dict[int, Prepared] = {}  # of the cache, those that were played before
         self._thread: ThreadPoolExecutor | None = None
 
     def restart(self, seed: int) -> None:
@@ -95,9 +96,13 @@ class ScenarioStream(Generic[Prepared]):
 
     def get(self, index: int) -> Prepared:
         """Return the scenario with an index, without a draw."""
+        if index in self._ready:
+            self._cache.move_to_end(index)
+            return self._ready[index]
         if index in self._cache and self._cache[index].done() and self._cache[index].exception():
             del self._cache[index]  # retry, the file may have been repaired
-        return self._submit(index).result()
+        self._ready[index] = prepared = self._submit(index).result()
+        return prepared
 
     def index(self, scenario_id: str) -> int:
         """Return the index of a scenario id.
@@ -115,6 +120,7 @@ class ScenarioStream(Generic[Prepared]):
             self._thread.shutdown(wait=True, cancel_futures=True)
             self._thread = None
         self._cache.clear()
+        self._ready.clear()
         self._drawn.clear()
 
     def _prepared(self, index: int) -> Prepared:
@@ -137,5 +143,6 @@ class ScenarioStream(Generic[Prepared]):
             future.set_result(self._prepared(index))
         self._cache[index] = future
         while len(self._cache) > max(self._cache_size, self._prefetch + 1):
-            self._cache.popitem(last=False)
+            oldest, _ = self._cache.popitem(last=False)
+            self._ready.pop(oldest, None)
         return future

@@ -47,7 +47,11 @@ def test_several_agents_per_world_equal_the_parallel_environment(only):
     observations, _ = alone.reset(seed=0)
     infos: list[dict] = []
     for step in range(150):
-        row_of = {track: flat._seat_of[0, row] for row, track in enumerate(_tracks(flat)) if flat._seat_of[0, row] >= 0}
+        row_of = {
+            track: flat._seats.row_of[0, row]
+            for row, track in enumerate(_tracks(flat))
+            if flat._seats.row_of[0, row] >= 0
+        }
         assert row_of.keys() == set(alone.agents)
         for agent, seen in observations.items():
             if agent in row_of:
@@ -94,6 +98,23 @@ def test_scenarios_that_cannot_be_read_are_skipped(only, monkeypatch):
     assert scenario_id.endswith("wall") and "made to fail" in reason and count == 3
     with pytest.raises(InvalidScenario):
         FlatEnv(1, VectorConfig(only("wall"), prefetch=0)).reset()
+    flat.close()
+
+
+def test_agents_that_waited_for_a_row_see_before_they_act(only):
+    """Also when they get it in a step in which another world begins an episode."""
+    flat, rng, num_waited = (
+        FlatEnv(4, MultiAgentConfig(only(*NAMES, order="random")), seats=2),
+        np.random.default_rng(0),
+        0,
+    )
+    flat.reset(seed=5)
+    for _ in range(200):
+        before = flat.masks.copy()
+        flat.step(rng.uniform([-0.3, 0.0], [0.3, 1.0], (flat.num_agents, 2)))
+        np.testing.assert_array_equal(flat.observations.any(axis=1), flat.masks)
+        num_waited += (flat.masks & ~before).sum()
+    assert num_waited
     flat.close()
 
 
