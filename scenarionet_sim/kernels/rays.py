@@ -105,7 +105,7 @@ def _ray_to_segment(x: float, y: float, dx: float, dy: float, segment: Float32) 
     if side_a * side_b > 0.0 or side_a == side_b:  # on one side of the ray, in a test that mostly fails; or parallel
         return -1.0
     share = side_a / (side_a - side_b)
-    return (ax + share * (bx - ax)) * dx + (ay + share * (by - ay)) * dy
+    return float((ax + share * (bx - ax)) * dx + (ay + share * (by - ay)) * dy)
 
 
 @kernel
