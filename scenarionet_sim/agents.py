@@ -6,7 +6,7 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8, UInt32
-from scenarionet_sim.kernels.episodes import list_agents
+from scenarionet_sim.kernels.episodes import list_agents, place_among
 from scenarionet_sim.kernels.step import DrivenArrays
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
@@ -72,9 +72,11 @@ class PresentAgents:
         old, contacts, before = self.rows, self.contacts, self.contacts_before
         hits, actions, width = self.hits, self.actions, self.contacts.shape[1]
         self._allocate(rows.copy(), batch.max_objects)
-        kept, place = among(old, rows), among(rows, old)
-        self.contacts[place, :width], self.contacts_before[place, :width] = contacts[kept], before[kept]
-        self.hits[place], self.actions[place] = hits[kept], actions[kept]
+        place = places(self.rows, old)
+        here = np.flatnonzero(place >= 0)
+        there = place[here]
+        self.contacts[here, :width], self.contacts_before[here, :width] = contacts[there], before[there]
+        self.hits[here], self.actions[here] = hits[there], actions[there]
         return True
 
     def arrays(self, before: State, now: State) -> DrivenArrays:
@@ -120,9 +122,8 @@ def _wider(route: Float64, batch: WorldBatch) -> Float64:
     return wider
 
 
-def among(rows: Int32, others: Int32) -> Bool:
-    """Return which rows (A, 2) of worlds and objects are among others (B, 2); both are sorted."""
-    keys = np.array([1 << 32, 1])
-    wanted, known = rows @ keys, others @ keys
-    found: Bool = np.append(known, -1)[np.searchsorted(known, wanted)] == wanted
+def places(rows: Int32, others: Int32) -> Int32:
+    """Return where agents (A, 2) are in another list of agents (B, 2), -1 for nowhere; both are sorted."""
+    found = np.empty(len(rows), np.int32)
+    unchecked(place_among)(rows, others, found)
     return found

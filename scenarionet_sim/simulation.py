@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP, UInt8, UInt32
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.agents import PresentAgents, among
+from scenarionet_sim.agents import PresentAgents, places
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
 from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
@@ -92,7 +92,7 @@ class Simulation:
         self._dt = worlds[0].dt
         self._threads = Threads(threads)
         self._memory: list[tuple[Any, ...]] = []  # by thread
-        self._memory_for: tuple[int, Any] = 0, None  # largest number of objects, sensors
+        self._memory_for: tuple[int, Any] = 0, None  # largest number of objects, kinds of sensors
         self._policies = SlotPolicies(tuple(policies), len(worlds))
         self.batch = WorldBatch(worlds, self.policies, self._prepare, keep)
         shape = len(worlds), self.batch.max_objects
@@ -269,8 +269,9 @@ class Simulation:
     def _step_in_parts(self, drive: int, rest: int) -> None:
         """Step with policies or a backend outside of the compiled step, or with agents that appear."""
         self._run(MOVE | drive)
-        driver = np.where(self._has_begun[:, None], np.uint8(UNDRIVEN), self.driver)
-        self._policies.advance_uncompiled(self.batch, self.previous, self.state, driver, self.dt)
+        if not self._policies.are_compiled:
+            driver = np.where(self._has_begun[:, None], np.uint8(UNDRIVEN), self.driver)
+            self._policies.advance_uncompiled(self.batch, self.previous, self.state, driver, self.dt)
         if not drive and len(self.agents) and not self._agents.are_egos:
             moves = ~self._has_begun[self.agents[:, 0]]
             self._session.drive(self.state, self.agents[moves], self.actions[moves], self.dt)
@@ -280,7 +281,7 @@ class Simulation:
         if self.agents is acted:
             self._run(rest)
             return
-        is_new = ~among(self.agents, acted)
+        is_new = places(self.agents, acted) < 0
         self._run(LOCATE)
         self._agents.contacts_before[is_new] = self.contacts[is_new]  # a new agent's first contacts are no crashes
         self._run(rest & ~LOCATE)
@@ -313,10 +314,10 @@ class Simulation:
     def _allocate_memory(self) -> None:
         """Allocate the memory of the threads for the compiled step, if it is for other sensors or smaller worlds."""
         count, sensing = self.batch.max_objects, self.observer.sensing
-        if self._memory and self._memory_for[0] == count and self._memory_for[1] is sensing:
+        if self._memory and self._memory_for[0] == count and self._memory_for[1] is sensing.kind:
             return
         self._threads.dismiss()
-        self._memory_for = count, sensing
+        self._memory_for = count, sensing.kind
         self._memory = [
             (Scratch.of(count, sensing), *((SightMemory.of(count),) if self._policies.follow_paths else ()))
             for _ in range(self._threads.count)

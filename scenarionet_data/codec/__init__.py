@@ -14,17 +14,17 @@ import pyarrow as pa
 
 from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.codec.columns import ScenarioColumns, codes
+from scenarionet_data.codec.columns import LAYOUTS, ScenarioColumns, codes
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import check_points, decode_maps, encode_map
 from scenarionet_data.codec.tracks import check_lists, decode_tracks, encode_tracks
 from scenarionet_data.scenario.canonical_json import from_json, to_json
 from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
-from scenarionet_data.schema import tables
 from scenarionet_data.statistics import summarise
 
 __all__ = [
+    "LAYOUTS",
     "Encoded",
     "ScenarioColumns",
     "check_lists",
@@ -120,7 +120,7 @@ def decode_many(
 
 
 def _rows(table: str, batch: pa.RecordBatch) -> ScenarioColumns:
-    return ScenarioColumns(Columns.from_arrow(batch, tables.load(table).columns), [0, batch.num_rows])
+    return ScenarioColumns(Columns.from_arrow(batch, LAYOUTS[table]), [0, batch.num_rows])
 
 
 def _scenario(

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 
-from scenarionet_data.arrays.columns import Columns
+from scenarionet_data.arrays.columns import ColumnLayout, Columns
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
+from scenarionet_data.schema import tables
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,22 +28,39 @@ class ScenarioColumns:
     bounds: list[int]
 
 
+LAYOUTS = {
+    table: ColumnLayout(column for column in tables.load(table).columns if column.name not in unused)
+    for table, unused in {
+        "tracks": {"scenario_id", "track_index"},
+        "lights": {"scenario_id"},
+        "maps": {"map_id", "feature_index", "tile"}
+        | {f"{end}_{axis}" for end in ("min", "max", "origin") for axis in "xyz"},
+    }.items()
+}
+"""Columns of each table that a scenario is decoded from."""
+
+
 def codes(columns: Columns, name: str, vocabulary: type[IntEnum]) -> Array:
     """uint8 codes of a dictionary column, of lists concatenated.
 
     Raises:
         LakeError: A word is not in the vocabulary.
     """
-    indices = columns.flat[name] if name in columns.flat else columns.lists[name].values
+    found: Array = _table(name, columns.words[name], vocabulary)[columns.values(name)]
+    return found
+
+
+@lru_cache(1024)
+def _table(name: str, words: tuple[str, ...], vocabulary: type[IntEnum]) -> Array:
+    """(words,) uint8 code of each word of a dictionary."""
     known = _CODES[vocabulary]
-    unknown = [word for word in columns.words[name] if word not in known]
+    unknown = [word for word in words if word not in known]
     if unknown:
         raise LakeError(
             f"{name} is {unknown[0]!r}, which is no {vocabulary.__name__}: a file is damaged; `scenarionet fsck "
             "--deep` names it; restore it from a copy of the lake, or convert its recordings again"
         )
-    found: Array = np.array([known[word] for word in columns.words[name]], np.uint8)[indices]
-    return found
+    return np.array([known[word] for word in words], np.uint8)
 
 
 _CODES: dict[type[IntEnum], dict[str, int]] = {

@@ -2,84 +2,260 @@
 
 from __future__ import annotations
 
-from scenarionet_data.arrays.compiled import kernel
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from scenarionet_data.arrays.columns import ColumnBlock
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 
+EQUAL, OR_ONE, OR_NONE, OR_NEVER = range(4)
+"""Lengths that a list may have: that of its span; or 1; or 0; or 0 if those of its scenario all have it."""
+
 
 @kernel(nogil=True, allocates=False)
-def fill_states(
-    first: int, start: Array, lengths: Array, at: int, at_z: int, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
-) -> None:
-    """Scatter the lists of a scenario's objects to their timesteps: ``position[i, start[i] + k]`` is element ``k``.
+def check_spans(block: ColumnBlock, start: int, lists: int, bounds: Array, steps: Array) -> bool:
+    """Whether the spans of objects are within their scenarios.
 
     Args:
+        block: Rows of tracks.
+        start: Column of the first timestep of each span.
+        lists: Column of lists of the length of each span.
+        bounds: (scenarios + 1,) int64 first row of each scenario, and the end of the last one.
+        steps: (scenarios,) int64 number of timesteps.
+    """
+    starts = block.words[block.firsts[start] : block.firsts[start] + block.counts[start]]
+    for scenario in range(len(steps)):
+        for row in range(bounds[scenario], bounds[scenario + 1]):
+            begin = np.int64(np.int32(starts[row]))
+            if begin < 0 or begin + block.lists[0, lists, row] > steps[scenario]:
+                return False
+    return True
+
+
+@kernel(nogil=True, allocates=False)
+def check_lengths(block: ColumnBlock, like: int, columns: Array, others: Array, bounds: Array) -> int:
+    """Compare the lengths of lists with those of another column.
+
+    Args:
+        block: Rows of scenarios.
+        like: The other column.
+        columns: (n,) int64 the columns.
+        others: (n,) int64 other lengths that their lists may have: OR_ONE, ...
+        bounds: As in :func:`check_spans`.
+
+    Returns:
+        Place in ``columns`` of the first that differs, or n.
+    """
+    for place in range(len(columns)):
+        lengths, offsets, other = block.lists[0, columns[place]], block.lists[1, columns[place]], others[place]
+        for scenario in range(len(bounds) - 1):
+            first, last = bounds[scenario], bounds[scenario + 1]
+            may_be_none = other == OR_NONE or (other == OR_NEVER and offsets[first] == offsets[last])
+            for row in range(first, last):
+                length = lengths[row]
+                if length != block.lists[0, like, row]:
+                    is_other = length == 1 if other == OR_ONE else length == 0 and may_be_none
+                    if not is_other:
+                        return place
+    return len(columns)
+
+
+class Grids(NamedTuple):
+    """Arrays over time of N objects, zeros until they are filled."""
+
+    position: Array  # (N, T, 3) float32
+    heading: Array  # (N, T) float32
+    velocity: Array  # (N, T, 2) float32
+    size: Array  # (N, T, 3) float32
+    valid: Array  # (N, T) bool
+    is_interpolated: Array  # (N, T) bool
+
+
+@kernel(nogil=True, allocates=False)
+def fill_grids(block: ColumnBlock, numbers: Array, columns: Array, first: int, out: Grids) -> None:
+    """Scatter the lists of a scenario's objects to their timesteps.
+
+    Args:
+        block: Rows of tracks, which :func:`check_spans` and :func:`check_lengths` have checked.
+        numbers: float32 words of the block.
+        columns: (12,) int64 columns start, x, y, z, heading, vx, vy, length, width, height, valid, is_interpolated.
         first: Row of the scenario's first object.
-        start: (rows,) int32 timestep of each list's first element.
-        lengths: (rows,) int32.
-        at: Offset of the first object's elements.
-        at_z: The same for ``z``; negative for a scenario without heights.
-        inputs: Elements of the lists: float32 x, y, z, heading, vx, vy.
-        outputs: (N, T, 3) position, (N, T) heading, (N, T, 2) velocity, float32 zeros, filled.
+        out: Filled.
     """
-    x, y, z, heading, vx, vy = inputs
-    position, headings, velocity = outputs
-    for row in range(len(headings)):
-        begin = start[first + row]
-        for step in range(begin, begin + lengths[first + row]):
-            position[row, step, 0] = x[at]
-            position[row, step, 1] = y[at]
-            position[row, step, 2] = 0 if at_z < 0 else z[at_z]
-            headings[row, step] = heading[at]
-            velocity[row, step, 0] = vx[at]
-            velocity[row, step, 1] = vy[at]
-            at += 1
-            at_z += at_z >= 0
+    starts = block.words[block.firsts[columns[0]] :]
+    for row in range(len(out.heading)):
+        begin, count = np.int64(starts[first + row]), np.int64(block.lists[0, columns[1], first + row])
+        span = slice(begin, begin + count)
+        position, velocity, size = out.position[row, span], out.velocity[row, span], out.size[row, span]
+        heading, valid = out.heading[row, span], out.valid[row, span]
+        for axis in range(3):
+            _copy_list(block, numbers, columns[1 + axis], first + row, position, axis)
+        start = _element(block, columns[4], first + row)
+        values = numbers[start : start + count]
+        for k in range(count):
+            heading[k] = values[k]
+        for axis in range(2):
+            _copy_list(block, numbers, columns[5 + axis], first + row, velocity, axis)
+        _fill_flags(block, columns[10], first + row, True, valid)
+        _fill_flags(block, columns[11], first + row, False, out.is_interpolated[row, span])
+        for axis in range(3):
+            _fill_size(block, numbers, columns[7 + axis], first + row, valid, size, axis)
+
+
+@device_function
+def _element(block: ColumnBlock, column: int, row: int) -> Any:
+    """Place of the first element of a list."""
+    return block.firsts[column] + block.lists[1, column, row]
+
+
+@device_function
+def _copy_list(block: ColumnBlock, numbers: Array, column: int, row: int, points: Array, axis: int) -> None:
+    """Copy a list of coordinates to points, (n, 2 or 3); an empty list to none of them."""
+    start = _element(block, column, row)
+    values = numbers[start : start + block.lists[0, column, row]]
+    for k in range(len(values)):
+        points[k, axis] = values[k]
+
+
+@device_function
+def _fill_size(block: ColumnBlock, numbers: Array, column: int, row: int, valid: Array, size: Array, axis: int) -> None:
+    """Fill an extent at the valid timesteps of a span; a list of one element holds at all of them."""
+    start, count = _element(block, column, row), block.lists[0, column, row]
+    values = numbers[start : start + count]
+    if count == 1:
+        for k in range(len(valid)):
+            size[k, axis] = values[0] if valid[k] else 0
+    else:
+        for k in range(len(values)):
+            size[k, axis] = values[k] if valid[k] else 0
+
+
+@device_function
+def _fill_flags(block: ColumnBlock, column: int, row: int, default: bool, out: Array) -> None:
+    """Fill the flags of a span: the listed ones, or ``default`` where there is no list."""
+    start, count = _element(block, column, row), block.lists[0, column, row]
+    flags = block.bits[start : start + count]
+    for k in range(len(out)):
+        out[k] = flags[k] != 0 if count else default
 
 
 @kernel(nogil=True, allocates=False)
-def fill_flags(
-    first: int, start: Array, lengths: Array, num_flags: Array, at: int, flags: Array, default: bool, out: Array
-) -> None:
-    """Fill the flags of each span: the listed ones, or ``default`` where there is no list.
+def fill_points(block: ColumnBlock, numbers: Array, columns: Array, first: int, offsets: Array, points: Array) -> None:
+    """Fill lists of points from lists of their coordinates.
 
     Args:
-        first, start, lengths: As in :func:`fill_states`.
-        num_flags: (rows,) int32 length of the span, or 0.
-        at: Offset of the first object's flags.
-        flags: bool.
-        default: Flag of the spans without a list.
-        out: (N, T) bool, all False, filled.
+        block: Rows, whose lists :func:`check_lengths` has compared with those of the first coordinate.
+        numbers: float32 words of the block.
+        columns: (2 or 3,) int64 columns of coordinates; those without elements in a row are 0.
+        first: First row.
+        offsets: (M + 1,) int32, filled; see ``Ragged``.
+        points: (P, 2 or 3) float32 zeros, filled.
     """
-    for row in range(len(out)):
-        begin = start[first + row]
-        has_flags = num_flags[first + row] > 0
-        for step in range(begin, begin + lengths[first + row]):
-            out[row, step] = flags[at] if has_flags else default
-            at += has_flags
+    start = block.lists[1, columns[0], first]
+    for row in range(len(offsets)):
+        offsets[row] = block.lists[1, columns[0], first + row] - start
+    for row in range(len(offsets) - 1):
+        target = points[offsets[row] : offsets[row + 1]]
+        for axis in range(len(columns)):
+            _copy_list(block, numbers, columns[axis], first + row, target, axis)
 
 
 @kernel(nogil=True, allocates=False)
-def fill_sizes(
-    first: int, start: Array, spans: Array, lengths: Array, at: int, values: Array, valid: Array, size: Array, axis: int
-) -> None:
-    """Fill extents at the valid timesteps; a list of one element holds at all of them.
+def have_steps(block: ColumnBlock, column: int, bounds: Array, steps: Array) -> bool:
+    """Whether all lists of a column have one element for each timestep of their scenario.
 
     Args:
-        first, start: As in :func:`fill_states`.
-        spans: (rows,) int32 timesteps from the first valid one to the last.
-        lengths: (rows,) int32: 1, or the length of the span.
-        at: Offset of the first object's elements.
-        values: float32 elements.
-        valid: (N, T) bool.
-        size: (N, T, 3) float32 zeros, filled along ``axis``.
+        block: Rows of scenarios.
+        column: The column.
+        bounds, steps: As in :func:`check_spans`.
     """
-    for row in range(len(valid)):
-        begin, length = start[first + row], lengths[first + row]
-        step_size = 0 if length == 1 else 1
-        for step in range(begin, begin + spans[first + row]):
-            if valid[row, step]:
-                size[row, step, axis] = values[at + step_size * (step - begin)]
-        at += length
+    for scenario in range(len(steps)):
+        for row in range(bounds[scenario], bounds[scenario + 1]):
+            if block.lists[0, column, row] != steps[scenario]:
+                return False
+    return True
+
+
+@kernel(nogil=True, allocates=False)
+def measure_texts(block: ColumnBlock, columns: Array, are_lists: Array, first: int, last: int) -> tuple[int, int]:
+    """Number of texts in some rows of some columns, and their bytes.
+
+    Args:
+        block: Rows.
+        columns: (n,) int64 columns of texts.
+        are_lists: (n,) bool whether they hold lists.
+        first, last: The rows.
+    """
+    count, size = 0, 0
+    for place in range(len(columns)):
+        begin, end = _texts(block, columns[place], are_lists[place], first, last)
+        count += end - begin
+        size += block.ends[end] - block.ends[begin]
+    return count, size
+
+
+@kernel(nogil=True, allocates=False)
+def copy_texts(
+    block: ColumnBlock,
+    columns: Array,
+    are_lists: Array,
+    first: int,
+    firsts: Array,
+    offsets: Array,
+    ends: Array,
+    text: Array,
+) -> None:
+    """Copy the texts of a scenario, one column after the other; see :func:`measure_texts`.
+
+    Args:
+        block: Rows.
+        columns, are_lists: As in :func:`measure_texts`.
+        first: First row.
+        firsts: (n,) int64, filled: place in ``ends`` of the start of each column.
+        offsets: (n, M + 1) int32, filled: number of texts before each row; a value that is null counts as none.
+        ends: (n + number of texts,) int64, filled: start of the first text of each column, and ends of all.
+        text: uint8, filled.
+    """
+    at, size = 0, 0
+    for place in range(len(columns)):
+        begin, end = _texts(block, columns[place], are_lists[place], first, first + offsets.shape[1] - 1)
+        firsts[place], offsets[place, 0] = at, 0
+        for row in range(offsets.shape[1] - 1):
+            offsets[place, row + 1] = offsets[place, row] + block.lists[0, columns[place], first + row]
+        start = block.ends[begin]
+        for k in range(begin, end + 1):
+            ends[at + k - begin] = block.ends[k] - start + size
+        source = block.text[start : block.ends[end]]
+        target = text[size : size + len(source)]
+        for k in range(len(source)):
+            target[k] = source[k]
+        at, size = at + end - begin + 1, size + len(source)
+
+
+@device_function
+def _texts(block: ColumnBlock, column: int, is_list: bool, first: int, last: int) -> tuple[int, int]:
+    """Places of the start of the first text of some rows, and of the end of the last one."""
+    if is_list:
+        return block.firsts[column] + block.lists[1, column, first], block.firsts[column] + block.lists[1, column, last]
+    return block.firsts[column] + first, block.firsts[column] + last
+
+
+@kernel(nogil=True, allocates=False)
+def fill_stop_points(numbers: Array, firsts: Array, points: Array) -> None:
+    """Fill stop points.
+
+    Args:
+        numbers: float32 words of a block.
+        firsts: (3,) int64 place of x, y and z of its first row.
+        points: (L, 3) float32, filled; known points without a height have z = 0, like all other coordinates.
+    """
+    for row in range(len(points)):
+        for axis in range(3):
+            points[row, axis] = numbers[firsts[axis] + row]
+        if np.isnan(points[row, 2]) and not np.isnan(points[row, 0]):
+            points[row, 2] = 0
 
 
 @kernel(nogil=True)

@@ -8,12 +8,17 @@ from itertools import pairwise
 import numpy as np
 import pyarrow as pa
 
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.codec.arrow import batch, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes
+from scenarionet_data.codec.kernels import fill_stop_points, have_steps
+from scenarionet_data.codec.texts import RowTexts
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Lights
 from scenarionet_data.scenario.vocabulary import LightState, Provenance
 from scenarionet_data.schema import tables
+
+_TEXTS = {"ids": "light_id", "lane_ids": "lane_id"}
 
 
 def encode_lights(scenario_id: str, lights: Lights, has_z: bool) -> pa.RecordBatch:
@@ -53,28 +58,30 @@ def decode_lights(rows: ScenarioColumns | None, steps: Sequence[int]) -> list[Li
     if rows is None:
         return [Lights.empty(num_steps) for num_steps in steps]
     columns, bounds = rows.columns, rows.bounds
-    states = columns.lists["state"]
-    if not np.array_equal(states.lengths, np.repeat(np.array(steps), np.diff(bounds))):
+    place, block = columns.layout.place("state"), columns.block
+    if not unchecked(have_steps)(block, place, np.array(bounds), np.array(steps)):
         raise LakeError(
             "lights.state does not have one state per timestep: its file is damaged; `scenarionet check` lists the "
             "affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
         )
-    stop = np.column_stack([columns.flat[f"stop_{axis}"] for axis in "xyz"])
-    # Without heights stop_z is null; known stop points then have z = 0, like all other coordinates.
-    stop[np.isnan(stop[:, 2]) & ~np.isnan(stop[:, 0]), 2] = 0
+    stops = np.empty((columns.num_rows, 3), np.float32)
+    firsts = columns.block.firsts[columns.layout.places(("stop_x", "stop_y", "stop_z"))]
+    unchecked(fill_stop_points)(columns.numbers, firsts, stops)
     kept = {
-        "ids": columns.strings("light_id"),
-        "lane_ids": columns.strings("lane_id"),
-        "stop_point": stop,
-        "is_lane_in_map": columns.flat["is_lane_in_map"],
+        "stop_point": stops,
+        "is_lane_in_map": columns.values("is_lane_in_map"),
         "provenance": codes(columns, "provenance", Provenance),
     }
     state = codes(columns, "state", LightState)
+    ends = block.lists[1, place].tolist()
     # Copies, so that one scenario of a batch does not keep the others in memory.
     return [
-        Lights(
-            state=state[states.offsets[first] : states.offsets[last]].reshape(-1, num_steps).copy(),
-            **{name: values[first:last].copy() for name, values in kept.items()},
+        Lights.read(
+            {
+                "state": state[ends[first] : ends[last]].reshape(-1, num_steps).copy(),
+                **{name: values[first:last].copy() for name, values in kept.items()},
+            },
+            RowTexts(columns, _TEXTS, first, last),
         )
         for (first, last), num_steps in zip(pairwise(bounds), steps, strict=True)
     ]

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data.arrays.columns import Columns, Lists
+from scenarionet_data.arrays.columns import Columns
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes
-from scenarionet_data.codec.kernels import find_bounds
+from scenarionet_data.codec.kernels import OR_NONE, check_lengths, fill_points, find_bounds
+from scenarionet_data.codec.texts import RowTexts
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -24,6 +26,7 @@ _POINTS = {
     "polygon": ("polygon_x", "polygon_y", "polygon_z"),
     "width": ("width_left", "width_right"),
 }
+_TEXTS = {"ids": "feature_id", "extras": "extras", **{name: name for name in ID_LISTS}}
 
 
 def encode_map(
@@ -91,51 +94,38 @@ def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
     for names in _POINTS.values():
         check_points(columns, names)
     kept = {
-        "ids": columns.strings("feature_id"),
         "feature_type": codes(columns, "feature_type", MapFeatureType),
-        "speed_limit": columns.flat["speed_limit"],
-        "is_intersection": columns.flat["is_intersection"],
-        "extras": columns.strings("extras"),
+        "speed_limit": columns.values("speed_limit"),
+        "is_intersection": columns.values("is_intersection"),
     }
-    return [_features(columns, kept, first, last) for first, last in pairwise(rows.bounds)]
+    return [_features(rows, kept, first, last) for first, last in pairwise(rows.bounds)]
 
 
-def _features(columns: Columns, kept: Mapping[str, Array], first: int, last: int) -> MapFeatures:
+def _features(rows: ScenarioColumns, kept: Mapping[str, Array], first: int, last: int) -> MapFeatures:
     """Features of one scenario; copies, so that it does not keep the others of a batch in memory."""
-    fields: dict[str, Any] = {name: values[first:last].copy() for name, values in kept.items()}
-    fields |= {name: _points(columns, first, last, names) for name, names in _POINTS.items()}
-    fields |= {name: _ids(columns.lists[name], first, last) for name in ID_LISTS}
-    return MapFeatures(**fields)
+    made: dict[str, Any] = {name: values[first:last].copy() for name, values in kept.items()}
+    made |= {name: _points(rows.columns, first, last, names) for name, names in _POINTS.items()}
+    return MapFeatures.read(made, RowTexts(rows.columns, _TEXTS, first, last))
 
 
-def _points(columns: Columns, first: int, last: int, names: Sequence[str]) -> Ragged:
+def _points(columns: Columns, first: int, last: int, names: tuple[str, ...]) -> Ragged:
     """Stack columns of coordinates into lists of points; 0 for a column without lists."""
-    offsets = columns.lists[names[0]].offsets
-    points = np.zeros((offsets[last] - offsets[first], len(names)), np.float32)
-    for axis, name in enumerate(names):
-        column = columns.lists[name]
-        start, end = column.offsets[first], column.offsets[last]
-        if end > start:
-            _require(name, end - start == len(points))
-            points[:, axis] = column.values[start:end]
-    return Ragged(offsets[first : last + 1] - offsets[first], points)
+    places, ends = columns.layout.places(names), columns.block.lists[1]
+    offsets = np.empty(last - first + 1, np.int32)
+    points = np.zeros((ends[places[0], last] - ends[places[0], first], len(names)), np.float32)
+    unchecked(fill_points)(columns.block, columns.numbers, places, first, offsets, points)
+    return Ragged(offsets, points)
 
 
-def _ids(column: Lists, first: int, last: int) -> Ragged:
-    start, end = column.offsets[first], column.offsets[last]
-    return Ragged(column.offsets[first : last + 1] - start, column.values[start:end].copy())
-
-
-def check_points(columns: Columns, names: Sequence[str]) -> None:
+def check_points(columns: Columns, names: tuple[str, ...]) -> None:
     """Raise unless the lists of all coordinates have the same lengths; z may be null.
 
     Raises:
         LakeError: They have not: the file is damaged.
     """
-    lengths = columns.lists[names[0]].lengths
-    for name in names[1:]:
-        found = columns.lists[name].lengths
-        _require(name, bool(((found == lengths) | (found == 0)).all()))
+    places, others = columns.layout.places(names), np.full(len(names), OR_NONE)
+    differs = unchecked(check_lengths)(columns.block, places[0], places, others, np.array([0, columns.num_rows]))
+    _require(names[differs] if differs < len(names) else "", differs == len(names))
 
 
 def _require(column: str, fits: bool) -> None:

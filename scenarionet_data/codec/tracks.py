@@ -8,19 +8,36 @@ from itertools import pairwise
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data.arrays.columns import Columns, Lists, offsets_of
+from scenarionet_data.arrays.columns import Columns, offsets_of
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes
-from scenarionet_data.codec.kernels import fill_flags, fill_sizes, fill_states
+from scenarionet_data.codec.kernels import (
+    EQUAL,
+    OR_NEVER,
+    OR_NONE,
+    OR_ONE,
+    Grids,
+    check_lengths,
+    check_spans,
+    fill_grids,
+)
+from scenarionet_data.codec.texts import RowTexts
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
 
-_STRINGS = {"track_id": "ids", "source_type": "source_type", "extras": "extras"}
-_EXTENTS = ("length", "width", "height")
-_FLAGS = ("valid", "is_interpolated")
-_OVER_TIME = ("x", "y", "z", "heading", "vx", "vy", *_EXTENTS, *_FLAGS)
+_OTHER_LENGTHS = {
+    **dict.fromkeys(("x", "y"), EQUAL),
+    "z": OR_NEVER,  # null in scenarios without heights
+    **dict.fromkeys(("heading", "vx", "vy"), EQUAL),
+    **dict.fromkeys(("length", "width", "height"), OR_ONE),
+    **dict.fromkeys(("valid", "is_interpolated"), OR_NONE),  # null when they are the same in the whole span
+}
+"""Columns of lists, and lengths that theirs may have besides that of the span."""
+_TEXTS = {"ids": "track_id", "extras": "extras"}
+_OVER_TIME = tuple(_OTHER_LENGTHS)
 
 
 def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBatch:
@@ -72,18 +89,23 @@ def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
         LakeError: Lists do not match their spans, or spans exceed the scenario: the file is damaged.
     """
     check_lists(rows, steps, _OVER_TIME)
-    columns, bounds = rows.columns, rows.bounds
-    kept = {name: columns.flat[name] for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated")}
-    kept |= {field: columns.strings(name) for name, field in _STRINGS.items()}
-    kept["object_type"] = codes(columns, "object_type", ObjectType)
+    columns = rows.columns
+    kept = {name: columns.values(name) for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated")}
+    kept |= {"object_type": codes(columns, "object_type", ObjectType), "source_type": columns.strings("source_type")}
     # Copies, so that one scenario of a batch does not keep the others in memory.
     return [
-        Tracks(**_grids(columns, first, last, num_steps), **{name: kept[name][first:last].copy() for name in kept})
-        for (first, last), num_steps in zip(pairwise(bounds), steps, strict=True)
+        Tracks.read(
+            {
+                **_grids(columns, first, last, num_steps)._asdict(),
+                **{name: values[first:last].copy() for name, values in kept.items()},
+            },
+            RowTexts(columns, _TEXTS, first, last),
+        )
+        for (first, last), num_steps in zip(pairwise(rows.bounds), steps, strict=True)
     ]
 
 
-def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: Sequence[str]) -> None:
+def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, ...]) -> None:
     """Raise unless lists are as long as their spans, and spans are within their scenarios.
 
     Args:
@@ -94,56 +116,28 @@ def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: Sequence[str
     Raises:
         LakeError: They are not: the file is damaged.
     """
-    columns, bounds = rows.columns, rows.bounds
-    start, spans = columns.flat["start"], columns.lists["x"].lengths
-    ends = np.repeat(np.array(steps), np.diff(bounds))
-    _require("start", bool((start >= 0).all() and (spans <= ends - start).all()))  # int64: no sum overflows
-    for name in names:
-        _require(name, _is_like(columns.lists[name], name, spans, bounds))
+    block, layout, bounds = rows.columns.block, rows.columns.layout, np.array(rows.bounds)
+    start, like = layout.place("start"), layout.place("x")
+    _require("start", unchecked(check_spans)(block, start, like, bounds, np.array(steps)))
+    others = np.array([_OTHER_LENGTHS[name] for name in names])
+    differs = unchecked(check_lengths)(block, like, layout.places(names), others, bounds)
+    _require(names[differs] if differs < len(names) else "", differs == len(names))
 
 
-def _is_like(column: Lists, name: str, spans: Array, bounds: Sequence[int]) -> bool:
-    """Whether lists are as long as their spans; kernels do not check bounds."""
-    if column.lengths.tobytes() == spans.tobytes():  # of int32; quicker than a comparison of arrays
-        return bool(column.offsets[-1] <= len(column.values))
-    fits = column.lengths == spans
-    if name in _EXTENTS:
-        fits |= column.lengths == 1
-    elif name in _FLAGS:  # null when they are the same in the whole span
-        fits |= column.lengths == 0
-    elif name == "z":  # null in scenarios without heights
-        has_any = np.diff(column.offsets[bounds]) > 0
-        fits |= (column.lengths == 0) & ~np.repeat(has_any, np.diff(bounds))
-    return bool(fits.all()) and column.offsets[-1] <= len(column.values)
-
-
-def _grids(columns: Columns, first: int, last: int, steps: int) -> dict[str, Array]:
+def _grids(columns: Columns, first: int, last: int, steps: int) -> Grids:
     """Arrays over time of one scenario's tracks."""
     shape = (last - first, steps)
-    position, heading = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32)
-    velocity, size = np.zeros((*shape, 2), np.float32), np.zeros((*shape, 3), np.float32)
-    valid, is_interpolated = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
-    start, lists = columns.flat["start"], columns.lists
-    spans, heights = lists["x"], lists["z"]
-    has_z = heights.offsets[last] > heights.offsets[first]
-    at, at_z = int(spans.offsets[first]), int(heights.offsets[first]) if has_z else -1
-    states = tuple(lists[name].values for name in ("x", "y", "z", "heading", "vx", "vy"))
-    fill_states(first, start, spans.lengths, at, at_z, states, (position, heading, velocity))
-    for name, default, out in (("valid", True, valid), ("is_interpolated", False, is_interpolated)):
-        flags = lists[name]
-        fill_flags(first, start, spans.lengths, flags.lengths, flags.offsets[first], flags.values, default, out)
-    for axis, name in enumerate(_EXTENTS):
-        extent = lists[name]
-        at = extent.offsets[first]
-        fill_sizes(first, start, spans.lengths, extent.lengths, at, extent.values, valid, size, axis)
-    return {
-        "position": position,
-        "heading": heading,
-        "velocity": velocity,
-        "size": size,
-        "valid": valid,
-        "is_interpolated": is_interpolated,
-    }
+    out = Grids(
+        np.zeros((*shape, 3), np.float32),
+        np.zeros(shape, np.float32),
+        np.zeros((*shape, 2), np.float32),
+        np.zeros((*shape, 3), np.float32),
+        np.zeros(shape, np.bool_),
+        np.zeros(shape, np.bool_),
+    )
+    places = columns.layout.places(("start", *_OVER_TIME))
+    unchecked(fill_grids)(columns.block, columns.numbers, places, first, out)
+    return out
 
 
 def _spans(valid: Array) -> tuple[Array, Array]:

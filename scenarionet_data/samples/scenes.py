@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data import codec
-from scenarionet_data.arrays.dtypes import Array, Float64, Int32, UInt64
+from scenarionet_data.arrays.dtypes import Float64, Int32, UInt64
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.codec.columns import ScenarioColumns
 from scenarionet_data.errors import LakeError
@@ -79,15 +79,15 @@ class Scenes:
         """
         codec.check_lists(self.track_rows, [row["num_timesteps"] for row in self.metadata], _LISTS)
         columns = self.track_rows.columns
-        lists = {name: (columns.lists[name].offsets, _owned(columns.lists[name].values)) for name in _LISTS}
-        x = columns.lists["x"]
+        lists = {name: columns.lists(name)[1:] for name in _LISTS}
+        x = columns.lists("x")
         states = (lists[name][1] for name in ("x", "y", "heading", "vx", "vy"))
         others = (part for name in ("length", "width", "height", "valid", "is_interpolated") for part in lists[name])
         return TrackLists(
             np.array(self.track_rows.bounds, np.int64),
             codec.codes(columns, "object_type", ObjectType),
-            _owned(columns.flat["start"]),
-            _owned(x.lengths),
+            columns.values("start"),
+            x.lengths,
             x.offsets,
             *states,
             *others,
@@ -219,11 +219,6 @@ def uniform(keys: UInt64, count: int) -> Float64:
     return found
 
 
-def _owned(values: Array) -> Array:
-    """Values in writable memory: kernels are compiled for each kind of array."""
-    return values if values.flags.writeable else values.copy()
-
-
 def _own_map(rows: ScenarioColumns | None, count: int) -> MapLists:
     """Features of maps of the scenarios' own."""
     if rows is None:
@@ -233,8 +228,8 @@ def _own_map(rows: ScenarioColumns | None, count: int) -> MapLists:
     columns = rows.columns
     codec.check_points(columns, ("x", "y"))
     codec.check_points(columns, ("polygon_x", "polygon_y"))
-    line, outline = columns.lists["x"], columns.lists["polygon_x"]
-    x, y, outline_x, outline_y = (_owned(columns.lists[name].values) for name in ("x", "y", "polygon_x", "polygon_y"))
+    line, outline = columns.lists("x"), columns.lists("polygon_x")
+    x, y, outline_x, outline_y = (columns.values(name) for name in ("x", "y", "polygon_x", "polygon_y"))
     kinds = codec.codes(columns, "feature_type", MapFeatureType)
     bounds = np.array(rows.bounds, np.int64)
     return MapLists(bounds, kinds, line.offsets, x, y, outline.offsets, outline_x, outline_y)

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol, Self, cast
 from urllib.parse import quote
 
 import numpy as np
@@ -46,11 +47,41 @@ def strings(values: Any) -> Object:
     return np.array(list(map(str, values)), dtype=object)
 
 
+class Unread(Protocol):
+    """Values of fields, which are made when they are first read."""
+
+    def __contains__(self, field: str) -> bool: ...
+
+    def __getitem__(self, field: str) -> Any: ...
+
+
+class ScenarioPart:
+    """Base of the parts of a scenario: values that take many Python objects may be made when they are first read."""
+
+    if not TYPE_CHECKING:  # type checkers know the fields
+
+        def __getattr__(self, name: str) -> Any:
+            unread: Unread = self.__dict__.get("_unread", ())
+            if name not in unread:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            return self.__dict__.setdefault(name, unread[name])  # the same for all threads
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {each.name: getattr(self, each.name) for each in fields(cast(Any, self))}
+
+    @classmethod
+    def read(cls, values: Mapping[str, Any], unread: Unread) -> Self:
+        """A part whose fields are all in ``values`` or ``unread``."""
+        part = object.__new__(cls)
+        part.__dict__.update(values, _unread=unread)
+        return part
+
+
 _NOT_GIVEN: Bool = np.zeros((0, 0), np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
-class Tracks:
+class Tracks(ScenarioPart):
     """The objects of a scenario.
 
     Attributes:
@@ -86,7 +117,7 @@ class Tracks:
             object.__setattr__(self, "is_interpolated", np.zeros_like(self.valid))
 
     def __len__(self) -> int:
-        return len(self.ids)
+        return len(self.object_type)
 
     def index(self, track_id: str) -> int:
         """Return the row of a track; raise KeyError if the scenario has no such track."""
@@ -97,7 +128,7 @@ class Tracks:
 
 
 @dataclass(frozen=True, eq=False)
-class Lights:
+class Lights(ScenarioPart):
     """Traffic lights, one row per lane they control.
 
     Attributes:
@@ -117,7 +148,7 @@ class Lights:
     provenance: UInt8
 
     def __len__(self) -> int:
-        return len(self.ids)
+        return len(self.provenance)
 
     @classmethod
     def empty(cls, num_timesteps: int) -> Lights:
@@ -147,7 +178,7 @@ ID_LISTS = (
 
 
 @dataclass(frozen=True, eq=False)
-class MapFeatures:
+class MapFeatures(ScenarioPart):
     """Lanes, lines, edges and areas.
 
     Attributes:
@@ -184,7 +215,7 @@ class MapFeatures:
     extras: Object
 
     def __len__(self) -> int:
-        return len(self.ids)
+        return len(self.feature_type)
 
     @property
     def types(self) -> UInt8:

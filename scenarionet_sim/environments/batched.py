@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.agents import among
+from scenarionet_sim.agents import places
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, StepResult, report_scores
@@ -163,7 +163,7 @@ class BatchedEnvironment:
         self.simulation.step(actions if self._has_actions else None)
         if self.agents is not acting:
             # Agents that appeared in this step earn nothing: they act from the next step on.
-            is_new = ~among(self.agents, acting)
+            is_new = places(self.agents, acting) < 0
             self.terms[is_new], self.status[is_new] = 0.0, DRIVING
 
     def retire(self, agents: Array) -> None:
@@ -215,7 +215,9 @@ class _Scorer(Observer):
 
     def resize(self, num_agents: int, num_worlds: int, num_objects: int) -> None:
         """Allocate results for other agents, all zero; totals of objects are kept."""
-        totals, old = np.zeros((num_worlds, num_objects, NUM_TOTALS)), self.result.totals
-        totals[: old.shape[0], : old.shape[1]] = old
+        totals = old = self.result.totals
+        if old.shape[:2] != (num_worlds, num_objects):
+            totals = np.zeros((num_worlds, num_objects, NUM_TOTALS))
+            totals[: old.shape[0], : old.shape[1]] = old
         self.result = StepResult(np.zeros((num_agents, len(NUMBERS))), np.zeros(num_agents, np.uint8), totals)
         self.observed, self.sensing = self._observation.allocate(num_agents)

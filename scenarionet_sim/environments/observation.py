@@ -11,7 +11,7 @@ from gymnasium import spaces
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, IntP
 from scenarionet_sim.kernels.observation import Sensing
-from scenarionet_sim.sensors.base import Sensor, compiled_form
+from scenarionet_sim.sensors.base import CompiledSensor, Sensor, compiled_form
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -30,7 +30,10 @@ class Observation:
 
     def __init__(self, sensors: Sequence[Sensor], form: Literal["flat", "dict"]) -> None:
         self._sensors = tuple(sensors)
-        self._compiled = [compiled_form(sensor) for sensor in self._sensors]
+        forms = [compiled_form(sensor) for sensor in self._sensors]
+        self._numbers = np.array([number for number, form in enumerate(forms) if form is not None], np.intp)
+        self._compiled = _sensing_of([form for form in forms if form is not None])
+        self._uncompiled = [number for number, form in enumerate(forms) if form is None]
         self._sizes = [int(np.prod(sensor.shape)) for sensor in self._sensors]
         self._is_flat = form == "flat"
         self.names = _names(self._sensors)
@@ -72,18 +75,10 @@ class Observation:
         return observed, self._sensing(values, first, stride)
 
     def _sensing(self, values: Float32, first: IntP, stride: IntP) -> Sensing:
-        compiled = [(number, form) for number, form in enumerate(self._compiled) if form is not None]
-        kind, place = np.zeros(len(compiled), np.uint8), np.zeros((len(compiled), 4), np.int32)
-        scale, types = np.zeros((len(compiled), 8)), np.zeros((len(compiled), 256), np.bool_)
-        directions: list[Float64] = [np.zeros((0, 2))]
-        for row, (number, form) in enumerate(compiled):
-            kind[row], scale[row, : len(form.scale)] = form.kind, form.scale
-            place[row] = first[number], stride[number], sum(map(len, directions)), form.parts
-            if form.types is not None:
-                types[row] = form.types
-            if form.directions is not None:
-                directions.append(form.directions)
-        return Sensing(kind, place, scale, types, np.concatenate(directions), values)
+        """Return the compiled sensors that write to an array."""
+        place = self._compiled.place.copy()
+        place[:, 0], place[:, 1] = first[self._numbers], stride[self._numbers]
+        return self._compiled._replace(place=place, out=values)
 
     def complete(
         self,
@@ -101,17 +96,18 @@ class Observation:
             batch, state, agents, rng: As :meth:`Sensor.observe` takes them.
             rows: Indices into ``agents`` of those that observe; None for all.
         """
+        if not self._uncompiled:
+            return
         seen_by = agents if rows is None else agents[rows]
         place = slice(None) if rows is None else rows
-        end = 0
-        for name, sensor, size, form in zip(self.names, self._sensors, self._sizes, self._compiled, strict=True):
-            end += size
-            if form is None:
-                seen = sensor.observe(batch, state, seen_by, rng, sensor.empty(len(seen_by)))
-                if self._is_flat:
-                    observed[place, end - size : end] = seen.reshape(len(seen_by), size)
-                else:
-                    observed[name][place] = seen
+        ends = np.cumsum(self._sizes)
+        for number in self._uncompiled:
+            sensor, size, end = self._sensors[number], self._sizes[number], ends[number]
+            seen = sensor.observe(batch, state, seen_by, rng, sensor.empty(len(seen_by)))
+            if self._is_flat:
+                observed[place, end - size : end] = seen.reshape(len(seen_by), size)
+            else:
+                observed[self.names[number]][place] = seen
 
     def copy(self, observed: Any) -> Any:
         """Copy the observations of all agents."""
@@ -135,6 +131,21 @@ class Observation:
             name: observed[..., end - size : end].reshape(*observed.shape[:-1], *sensor.shape)
             for name, sensor, size, end in zip(self.names, self._sensors, self._sizes, ends, strict=True)
         }
+
+
+def _sensing_of(forms: Sequence[CompiledSensor]) -> Sensing:
+    """Return the arrays of compiled sensors, without places in an array of observations."""
+    kind, place = np.zeros(len(forms), np.uint8), np.zeros((len(forms), 4), np.int32)
+    scale, types = np.zeros((len(forms), 8)), np.zeros((len(forms), 256), np.bool_)
+    directions: list[Float64] = [np.zeros((0, 2))]
+    for row, form in enumerate(forms):
+        kind[row], scale[row, : len(form.scale)] = form.kind, form.scale
+        place[row, 2], place[row, 3] = sum(map(len, directions)), form.parts
+        if form.types is not None:
+            types[row] = form.types
+        if form.directions is not None:
+            directions.append(form.directions)
+    return Sensing(kind, place, scale, types, np.concatenate(directions), np.zeros(0, np.float32))
 
 
 def _joined(parts: list[spaces.Box]) -> spaces.Box:

@@ -89,6 +89,25 @@ def list_agents(
     return is_due, is_other or count != len(known), is_resized
 
 
+@kernel(allocates=False)
+def place_among(rows: Int32, others: Int32, place: Int32) -> None:
+    """Find agents in another list of agents.
+
+    Args:
+        rows: (A, 2) world and row of each agent, sorted.
+        others: (B, 2) the other list, sorted.
+        place: (A,) output: index in the other list; -1 if it is not there.
+    """
+    b = 0
+    for a in range(len(rows)):
+        while b < len(others) and (
+            others[b, 0] < rows[a, 0] or (others[b, 0] == rows[a, 0] and others[b, 1] < rows[a, 1])
+        ):
+            b += 1
+        is_there = b < len(others) and others[b, 0] == rows[a, 0] and others[b, 1] == rows[a, 1]
+        place[a] = b if is_there else -1
+
+
 @device_function
 def copy_world(w: int, count: int, source: StateArrays, target: StateArrays) -> None:
     """Copy presence and routes of the objects of a world, and the motion of those that are present."""

@@ -24,7 +24,7 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import sha256
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.read import row_groups
-from scenarionet_data.storage.read.parquet import footer, page_kernels
+from scenarionet_data.storage.read.parquet import column_reader, footer
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import partition
 from scenarionet_data.storage.write.table_file import publish_table
@@ -98,7 +98,7 @@ def test_a_batch_keeps_the_order_asked_for(lake):
 
 @pytest.mark.parametrize("known", ["everything", "nothing"])
 def test_kernels_and_arrow_read_the_same(lake, known, monkeypatch):
-    monkeypatch.setattr(page_kernels, "is_compiled", lambda: True)
+    monkeypatch.setattr(column_reader, "is_compiled", lambda: True)
     if known == "nothing":
         monkeypatch.setattr(footer, "_KNOWN", {})
     for seed, scenario in enumerate(ScenarioLoader(lake)):

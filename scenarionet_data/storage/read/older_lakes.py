@@ -53,7 +53,7 @@ def check_ids(files: LakeFiles, metadata: Sequence[Mapping[str, Any]], tracks: S
     Raises:
         LakeError: They differ.
     """
-    stored = tracks.columns.flat["scenario_id"]
+    stored = tracks.columns.strings("scenario_id")
     for row, start, end in zip(metadata, tracks.bounds, tracks.bounds[1:], strict=False):
         if set(stored[start:end].tolist()) != {row["scenario_id"]}:
             raise _damage(files, row, "its tracks are those of another scenario")

@@ -47,22 +47,42 @@ def _getter(column: pa.Array) -> _Getter:
     """Function that returns the value of a column in a row."""
     if column.null_count == len(column):
         return lambda _: None
-    if pa.types.is_dictionary(column.type):
-        words, numbers = [*column.dictionary.to_pylist(), None], column.indices.fill_null(-1).to_numpy()
-        return lambda index: words[numbers[index]]
-    if _is_number(column.type) and not column.null_count:
-        values: Any = np.asarray(column.to_numpy(zero_copy_only=False))
+    get = _values(column)
+    if not column.null_count:
+        return get
+    is_valid = column.is_valid().to_numpy(zero_copy_only=False).item
+    return lambda index: get(index) if is_valid(index) else None
+
+
+def _values(column: pa.Array) -> _Getter:
+    """The same for rows that are not null."""
+    kind = column.type
+    if pa.types.is_dictionary(kind):
+        words, number = column.dictionary.to_pylist(), column.indices.fill_null(0).to_numpy().item
+        return lambda index: words[number(index)]
+    if _is_number(kind):
+        filled = column.fill_null(False if pa.types.is_boolean(kind) else 0) if column.null_count else column
+        values: Any = np.asarray(filled.to_numpy(zero_copy_only=False))
         return values.item  # type: ignore[no-any-return]
-    if pa.types.is_list(column.type) and _is_number(column.type.value_type) and not column.values.null_count:
-        return _list_getter(column)
+    if pa.types.is_string(kind):
+        return _texts(column)
+    if pa.types.is_list(kind) and not column.values.null_count:
+        start = column.offsets.to_numpy().item
+        if _is_number(kind.value_type):
+            numbers = np.asarray(column.values.to_numpy(zero_copy_only=False))
+            return lambda index: numbers[start(index) : start(index + 1)].tolist()
+        if pa.types.is_string(kind.value_type):
+            text = _texts(column.values)
+            return lambda index: [text(place) for place in range(start(index), start(index + 1))]
     return lambda index: column[index].as_py()
 
 
-def _list_getter(column: pa.ListArray) -> _Getter:
-    """Function that returns the list of numbers in a row."""
-    starts, numbers = column.offsets.to_numpy(), np.asarray(column.values.to_numpy(zero_copy_only=False))
-    is_null = column.is_null().to_numpy(zero_copy_only=False)
-    return lambda index: None if is_null[index] else numbers[starts[index] : starts[index + 1]].tolist()
+def _texts(column: pa.StringArray) -> _Getter:
+    """The same for texts; a slice of bytes takes a third of the time of a scalar."""
+    _, ends, data = column.buffers()
+    end = np.frombuffer(ends, np.int32)[column.offset :].item
+    content = memoryview(data or b"")
+    return lambda index: str(content[end(index) : end(index + 1)], "utf-8")
 
 
 def _is_number(kind: pa.DataType) -> bool:

@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import accumulate
 from typing import Any
 
-from scenarionet_data.arrays.columns import Columns
+from scenarionet_data.arrays.columns import ColumnLayout, Columns
 from scenarionet_data.arrays.memory import Memory
-from scenarionet_data.codec import ScenarioColumns
+from scenarionet_data.codec import LAYOUTS, ScenarioColumns
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
@@ -20,9 +20,6 @@ from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 TABLES = ("tracks", "lights", "maps")
 
-_UNUSED = {"scenario_id", "map_id", "track_index", "feature_index", "tile"} | {
-    f"{end}_{axis}" for end in ("min", "max", "origin") for axis in "xyz"
-}
 _ADDRESS = {
     table: tuple(f"{table}_{part}" for part in ("file", "row_group", "first_row", "num_rows")) for table in TABLES
 }
@@ -53,12 +50,9 @@ class ScenarioReader:
     ) -> None:
         self._files = files
         self._snapshot = snapshot
-        unused = _UNUSED - {"scenario_id"} if with_ids else _UNUSED
-        wanted = columns or {table: {c.name for c in tables.load(table).columns} - unused for table in TABLES}
         self.memory = Memory()
         self._readers = {
-            table: ColumnReader([column for column in tables.load(table).columns if column.name in names], self.memory)
-            for table, names in wanted.items()
+            table: ColumnReader(_layout(table, with_ids, columns), self.memory) for table in columns or TABLES
         }
         self._remote = RemoteRowGroups(files, self._readers) if isinstance(files, RemoteLakeFiles) else None
         self._row_groups: RowGroups = self._remote or LocalRowGroups(files, self._readers)
@@ -123,6 +117,12 @@ class ScenarioReader:
                 with reading(error.url):
                     raise
         return dict(zip(addresses, accumulate((group.num_rows for group in groups), initial=0), strict=False)), columns
+
+
+def _layout(table: str, with_ids: bool, columns: Mapping[str, Collection[str]] | None) -> ColumnLayout:
+    wanted = {column.name for column in LAYOUTS[table].columns} if columns is None else columns[table]
+    ids = {"scenario_id"} if with_ids else set()
+    return ColumnLayout(column for column in tables.load(table).columns if column.name in {*wanted, *ids})
 
 
 def _addresses(table: str, metadata: Sequence[Mapping[str, Any]]) -> dict[RowGroupAddress, None]:

@@ -14,7 +14,7 @@ from scenarionet_data.storage.files import remote
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.read import row_groups
-from scenarionet_data.storage.read.parquet import footer, page_kernels
+from scenarionet_data.storage.read.parquet import column_reader, footer
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
@@ -52,7 +52,7 @@ def lake(url):
 
 
 def test_arrow_reads_use_byte_ranges(lake, store, monkeypatch):
-    monkeypatch.setattr(page_kernels, "is_compiled", lambda: True)
+    monkeypatch.setattr(column_reader, "is_compiled", lambda: True)
     monkeypatch.setattr(footer, "_KNOWN", {"float32": footer._KNOWN["float32"]})  # leave the rest to Arrow
     loaded = ScenarioLoader(lake)
     assert [differences(a, b) for a, b in zip(loaded.batch(range(6)), MADE, strict=True)] == [[]] * 6

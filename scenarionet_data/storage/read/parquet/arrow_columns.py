@@ -7,19 +7,19 @@ from itertools import groupby
 
 import pyarrow as pa
 
-from scenarionet_data.arrays.columns import Columns, ColumnType
+from scenarionet_data.arrays.columns import ColumnLayout, Columns
 from scenarionet_data.storage.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet.footer import RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.page_checks import check_pages
 
 
-def read_by_arrow(groups: Sequence[RowGroup], columns: Sequence[ColumnType]) -> Columns:
+def read_by_arrow(groups: Sequence[RowGroup], layout: ColumnLayout) -> Columns:
     """Read columns with Arrow; consecutive row groups in the same bytes are read in one call."""
     tables = []
     for _, run in groupby(groups, key=lambda group: (id(group.footer), id(group.content))):
         together = list(run)
         footer = together[0].footer
-        names = [column.name for column in columns if column.name not in footer.missing]
+        names = [column.name for column in layout.columns if column.name not in footer.missing]
         names = names or [name for name in footer.names if name not in footer.missing][:1]  # for the number of rows
         _check_pages(together, names)
         try:
@@ -27,7 +27,7 @@ def read_by_arrow(groups: Sequence[RowGroup], columns: Sequence[ColumnType]) -> 
             tables.append(file.read_row_groups([group.number for group in together], names, use_threads=False))
         except (OSError, pa.ArrowException) as error:
             raise UnreadableFile(footer.url, str(error)) from error
-    return Columns.from_arrow(pa.concat_tables(tables, promote_options="default"), columns)
+    return Columns.from_arrow(pa.concat_tables(tables, promote_options="default"), layout)
 
 
 def _check_pages(groups: Sequence[RowGroup], names: Sequence[str]) -> None:

@@ -62,8 +62,17 @@ def _store(_: Any, target: Any, to: Any, value: Any) -> Any:
     return _types.void(target, to, value), generate
 
 
+def _trailing_zeros(_: Any, value: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return _types.int64(value), generate
+
+
 byte_at = _load(8, _types.int64)
 short_at = _load(16, _types.int64)
 double_at = _load(64, _types.uint64)
 copy_8, copy_16 = _copy(8), _copy(16)
 store_8 = _intrinsic(_store)
+trailing_zeros = _intrinsic(_trailing_zeros)
+"""Number of bits below the lowest one that is set, of a uint64 that is not 0."""

@@ -12,14 +12,12 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import chain
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import zstandard
 
-from scenarionet_data.arrays.columns import Columns, ColumnType, Lists
+from scenarionet_data.arrays.columns import ColumnBlock, ColumnLayout, Columns
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
@@ -27,13 +25,16 @@ from scenarionet_data.storage.read.parquet import page_kernels as pages
 from scenarionet_data.storage.read.parquet import value_kernels as values
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, UnreadableFile
+from scenarionet_data.storage.read.parquet.row_group_kernels import (
+    decode_stored_pages,
+    is_compiled,
+    read_row_group,
+    reserve,
+)
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
 COMPILE_AFTER = 64
 """Row groups that a reader leaves to Arrow before it compiles the kernels: compiling costs as much as 1,500."""
-_TEXT = ("string", "json")
-_NULLS = {"float32": np.float32(np.nan), "bool": np.int8(-1), "dictionary": np.int32(-1), **dict.fromkeys(_TEXT)}
-_KINDS = {"bool": values.BITS, "dictionary": values.INDICES, **dict.fromkeys(_TEXT, values.TEXTS)}
 _POSITIONS = [pages.START, pages.END, pages.STORED, pages.STORED_END]
 
 
@@ -45,18 +46,17 @@ class ColumnReader:
     """Reads columns of one table; for one thread.
 
     Args:
-        columns: The columns.
+        layout: The columns.
         memory: Memory for pages and values; of its own by default.
         compile_after: Row groups that are left to Arrow unless the kernels are compiled already.
     """
 
-    def __init__(
-        self, columns: Sequence[ColumnType], memory: Memory | None = None, compile_after: int = COMPILE_AFTER
-    ) -> None:
-        self._columns = list(columns)
-        self._texts = [place for place, column in enumerate(self._columns) if column.element in _TEXT]
-        self._dictionaries = [place for place, column in enumerate(self._columns) if column.element == "dictionary"]
-        self._plan = np.array([_described(column) for column in self._columns], np.int64)
+    def __init__(self, layout: ColumnLayout, memory: Memory | None = None, compile_after: int = COMPILE_AFTER) -> None:
+        self._layout = layout
+        self._plan = np.zeros((len(layout.columns), values.NUM_COLUMN_FIELDS), np.int64)
+        self._plan[:, values.SHAPE] = [pages.LIST * c.is_list + pages.NULLABLE * c.nullable for c in layout.columns]
+        self._plan[:, values.KIND] = layout.kinds
+        self._dictionaries = [(c.name, place) for place, c in enumerate(layout.columns) if c.element == "dictionary"]
         self._zstd = zstandard.ZstdDecompressor()
         self._left_to_arrow = compile_after
         self._memory = memory or Memory()
@@ -72,7 +72,7 @@ class ColumnReader:
         Raises:
             UnreadableFile: A required column is missing.
         """
-        return Footer(url, metadata, self._columns, has_checksums)
+        return Footer(url, metadata, self._layout.columns, has_checksums)
 
     def read(self, groups: Sequence[RowGroup]) -> Columns:
         """Rows of some row groups, concatenated.
@@ -80,66 +80,72 @@ class ColumnReader:
         Raises:
             UnreadableFile: A page is damaged.
         """
-        if self._left_to_arrow > 0 and not pages.is_compiled():
+        if self._left_to_arrow > 0 and not is_compiled():
             self._left_to_arrow -= len(groups)
-            return read_by_arrow(groups, self._columns)
+            return read_by_arrow(groups, self._layout)
         try:
-            return self._read(groups)
+            found = self._read(groups)
         except _Damaged as error:
             if len(groups) > 1:
                 for group in groups:  # raises for the damaged one
                     self.read([group])
             raise UnreadableFile(groups[0].footer.url, str(error)) from error
+        return read_by_arrow(groups, self._layout) if found is None else found
 
-    def _read(self, groups: Sequence[RowGroup]) -> Columns:
+    def _read(self, groups: Sequence[RowGroup]) -> Columns | None:
+        """Read with the kernels; None if there is something that they do not know."""
+        needed = [group.footer.memory(group.number) for group in groups]
+        if (0, 0) in needed:
+            return None
+        empty, count = self._memory.empty, len(self._layout.columns)
+        scratch = empty(max(size for size, _ in needed), np.uint8)
+        levels = empty((4, max(size for _, size in needed)), np.uint8)
         plan, out = self._reserved(groups)
-        scratch = self._memory.empty(max(group.footer.size(group.number) for group in groups) + pages.SPARE, np.uint8)
-        found = np.zeros((len(groups), len(self._columns), pages.NUM_PAGE_FIELDS), np.int64)
-        counts = np.zeros((len(groups) + 1, len(self._columns)), np.int64)
-        row, dictionaries, decode = 0, [], unchecked(values.decode_pages)
-        for index, group in enumerate(groups):
-            self._load_pages(group, found[index], scratch)
-            dictionaries.append([_dictionary(found[index, place], scratch) for place in self._dictionaries])
-            damaged = decode(scratch, found[index], plan, row, group.num_rows, out)
-            if damaged >= 0:
-                raise self._damaged(damaged)
-            row += group.num_rows
-            counts[index + 1] = out.counts
-        return self._columns_of(groups, plan, out, counts, dictionaries)
+        row, dictionaries = 0, _Dictionaries(self._dictionaries, out)
+        for group in groups:
+            found = np.zeros((count, pages.NUM_PAGE_FIELDS), np.int64)
+            chunks, num_rows = group.footer.chunks(group.number), group.num_rows
+            done = unchecked(read_row_group)(
+                group.content, group.base, chunks, scratch, levels, found, plan, row, num_rows, out
+            )
+            if done > count:
+                self._decompress(group, found, scratch)
+                done = unchecked(decode_stored_pages)(scratch, levels, found, plan, row, num_rows, out)
+            if done == UNKNOWN:
+                return None
+            if done < count:
+                raise self._damaged(done)
+            dictionaries.add(found)
+            row += num_rows
+        return Columns(row, self._layout, out, dictionaries.words)
 
-    def _reserved(self, groups: Sequence[RowGroup]) -> tuple[Array, values.Decoded]:
+    def _reserved(self, groups: Sequence[RowGroup]) -> tuple[Array, ColumnBlock]:
         """The columns with places for their values, and memory for these."""
         chunks = [group.footer.chunks(group.number) for group in groups]
         total = chunks[0] if len(chunks) == 1 else np.sum(chunks, axis=0)
-        plan, empty = self._plan.copy(), self._memory.empty
-        num_words, num_bits, num_texts, size = unchecked(values.reserve)(total, plan)
-        ends = empty(num_texts + 1, np.int64)
-        ends[0] = 0
-        return plan, values.Decoded(
-            empty((2, len(plan), sum(group.num_rows for group in groups) + 1), np.int32),
+        plan, firsts, empty = self._plan.copy(), np.empty(len(self._plan), np.int64), self._memory.empty
+        num_rows = sum(group.num_rows for group in groups)
+        num_words, num_bits, num_ends, size = unchecked(reserve)(total, num_rows, plan, firsts)
+        return plan, ColumnBlock(
+            empty((2, len(plan), num_rows + 1), np.int32),
+            firsts,
             np.zeros(len(plan), np.int64),
             empty(num_words, np.uint32),
             empty(num_bits, np.int8),
-            ends,
+            empty(num_ends, np.int64),
             empty(size, np.uint8),
-            np.zeros(1, np.int64),
         )
 
-    def _load_pages(self, group: RowGroup, found: Array, scratch: Array) -> None:
-        """Locate the pages of a row group in ``found``, and decompress them into ``scratch``."""
-        chunks = group.footer.chunks(group.number)
-        stored = unchecked(pages.load_pages)(group.content, group.base, chunks, found, scratch)
-        if stored > 0:  # in files of earlier versions
-            columns = np.flatnonzero(found[:, pages.STORED_END] > 0)
-            content, target = group.content.data, scratch.data
-            places = found[columns[:, None], _POSITIONS].tolist()
-            for column, (start, stop, first, last) in zip(columns.tolist(), places, strict=True):
-                if not self._decompress(content[first:last], target[start:stop]):
-                    raise self._damaged(column)
-        if stored < 0:
-            raise self._damaged(int(np.argmax(found[:, pages.START] == pages.DAMAGED)))
+    def _decompress(self, group: RowGroup, found: Array, scratch: Array) -> None:
+        """Decompress the pages in zstd to their places."""
+        columns = np.flatnonzero(found[:, pages.STORED_END] > 0)
+        content, target = group.content.data, scratch.data
+        places = found[columns[:, None], _POSITIONS].tolist()
+        for column, (start, stop, first, last) in zip(columns.tolist(), places, strict=True):
+            if not self._fills(content[first:last], target[start:stop]):
+                raise self._damaged(column)
 
-    def _decompress(self, stored: memoryview, target: memoryview) -> bool:
+    def _fills(self, stored: memoryview, target: memoryview) -> bool:
         """Decompress a zstd page; returns whether it fills the target exactly."""
         try:
             # Compared first, because readinto would truncate a longer page.
@@ -148,95 +154,36 @@ class ColumnReader:
         except zstandard.ZstdError:
             return False
 
-    def _columns_of(
-        self,
-        groups: Sequence[RowGroup],
-        plan: Array,
-        out: values.Decoded,
-        counts: Array,
-        dictionaries: Sequence[Sequence[Sequence[str]]],
-    ) -> Columns:
-        """The decoded columns, and those that are left to Arrow.
-
-        Args:
-            groups: The row groups.
-            plan: Places of the values.
-            out: The values.
-            counts: (1 + groups, columns) number of values before each row group, and of all.
-            dictionaries: Words of each row group's dictionary columns.
-        """
-        flat: dict[str, Array] = {}
-        lists: dict[str, Lists] = {}
-        words: dict[str, Sequence[str]] = {}
-        others: list[ColumnType] = []
-        texts = self._strings(out, counts)
-        numbers = {"float32": out.words.view(np.float32), "int32": out.words.view(np.int32), "bool": out.bits}
-        firsts, ends = plan[:, values.FIRST].tolist(), counts[-1].tolist()
-        rows = zip(self._columns, firsts, ends, out.lists[0, :, :-1], out.lists[1], strict=True)
-        for place, (column, first, count, lengths, offsets) in enumerate(rows):
-            name, element = column.name, column.element
-            if count == UNKNOWN:
-                others.append(column)
-                continue
-            if element in _TEXT:
-                found = texts[place]
-            elif element == "dictionary":
-                found = numbers["int32"][first : first + count]
-                number = self._dictionaries.index(place)
-                words[name] = _joined([each[number] for each in dictionaries], found, counts[:, place])
-            else:
-                found = numbers[element][first : first + count]
-            if column.is_list:
-                lists[name] = Lists(lengths, offsets, found.view(np.bool_) if element == "bool" else found)
-            else:
-                found = found.view(np.bool_) if element == "bool" and not column.nullable else found
-                flat[name] = _with_nulls(column, lengths, found)
-        if others:
-            read = read_by_arrow(groups, others)
-            flat, lists, words = flat | {**read.flat}, lists | {**read.lists}, words | {**read.words}
-        return Columns(out.lists.shape[2] - 1, flat, lists, words)
-
-    def _strings(self, out: values.Decoded, counts: Array) -> dict[int, Array]:
-        """Values of text columns, (n,) str each, by place; all are created in one Arrow call."""
-        num_texts = int(out.num_texts[0])
-        if not self._texts:
-            return {}
-        buffers = [None, pa.py_buffer(out.ends[: num_texts + 1]), pa.py_buffer(out.text)]
-        array = pa.Array.from_buffers(pa.large_string(), num_texts, buffers)
-        try:
-            strings: Array = array.to_numpy(zero_copy_only=False)
-        except (UnicodeDecodeError, pa.ArrowException) as error:
-            raise _Damaged("a text is damaged") from error
-        if len(counts) == 2:
-            ends = np.cumsum(np.maximum(counts[1, self._texts], 0)).tolist()
-            return {place: strings[first:end] for place, first, end in zip(self._texts, [0, *ends], ends, strict=False)}
-        lengths = np.maximum(np.diff(counts[:, self._texts], axis=0), 0)  # by row group, then by column
-        owner = np.repeat(np.tile(self._texts, len(lengths)), lengths.ravel())
-        return {place: strings[owner == place] for place in self._texts}
-
     def _damaged(self, column: int) -> _Damaged:
-        return _Damaged(f"column {self._columns[column].name} is damaged")
+        return _Damaged(f"column {self._layout.columns[column].name} is damaged")
 
 
-def _described(column: ColumnType) -> tuple[int, ...]:
-    """A column as numbers, see ``value_kernels``."""
-    shape = pages.LIST * column.is_list + pages.NULLABLE * column.nullable
-    return shape, _KINDS.get(column.element, values.WORDS), 0, 0
+class _Dictionaries:
+    """The dictionaries of columns, joined over row groups.
 
+    Args:
+        columns: Names and places of the columns.
+        out: The block; indices in the dictionary of a row group become those in all.
+    """
 
-def _dictionary(page: Array, data: Array) -> Sequence[str]:
-    """The words of a page's dictionary."""
-    words = _words(data[page[pages.WORDS_START] : page[pages.WORDS_END]].tobytes())
-    page[pages.NUM_WORDS] = len(words)
-    return words
+    def __init__(self, columns: Sequence[tuple[str, int]], out: ColumnBlock) -> None:
+        self._columns, self._out = columns, out
+        self._starts = dict.fromkeys((place for _, place in columns), 0)
+        self.words: dict[str, tuple[str, ...]] = {}
 
-
-def _joined(dictionaries: Sequence[Sequence[str]], indices: Array, counts: Array) -> list[str]:
-    """The words of all row groups; indices of each one's words become those of all."""
-    if len(dictionaries) > 1:
-        starts = np.cumsum([0, *map(len, dictionaries[:-1])], dtype=np.int32)
-        indices += np.repeat(starts, np.diff(counts))
-    return list(chain.from_iterable(dictionaries))
+    def add(self, found: Array) -> None:
+        """Add the dictionaries of a row group's pages."""
+        for name, place in self._columns:
+            first, size = found[place, pages.WORDS_PLACE], found[place, pages.WORDS_SIZE]
+            words = _words(self._out.text[first : first + size].tobytes())
+            start, end = self._starts[place], int(self._out.counts[place])
+            known = self.words.setdefault(name, words)
+            if known != words:
+                at = self._out.firsts[place]
+                indices = self._out.words[at + start : at + end].view(np.int32)
+                indices[indices >= 0] += len(known)
+                self.words[name] = known + words
+            self._starts[place] = end
 
 
 @lru_cache(1024)
@@ -251,12 +198,3 @@ def _words(page: bytes) -> tuple[str, ...]:
     except (struct.error, UnicodeDecodeError) as error:
         raise _Damaged("a dictionary is damaged") from error
     return tuple(words)
-
-
-def _with_nulls(column: ColumnType, lengths: Array, found: Array) -> Array:
-    """One value per row: the values of rows that have one, else the null value of the type."""
-    if len(found) == len(lengths):
-        return found
-    rows: Array = np.full(len(lengths), _NULLS[column.element], found.dtype)
-    rows[lengths > 0] = found
-    return rows

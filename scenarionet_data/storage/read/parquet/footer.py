@@ -97,7 +97,7 @@ class Footer:
         self._columns = [(positions.get(c.path), _known_encodings(c), c.element in _PACKED) for c in columns]
         self._encodings = self._read_encodings()
         self._chunks: dict[int, Int64] = {}
-        self._sizes: dict[int, int] = {}
+        self._memory: dict[int, tuple[int, int]] = {}
         self._num_rows: dict[int, int] = {}
 
     def _read_encodings(self) -> list[int]:
@@ -135,13 +135,19 @@ class Footer:
             self._chunks[number] = np.array(rows, np.int64)
         return self._chunks[number]
 
-    def size(self, number: int) -> int:
-        """Uncompressed bytes of a row group's chunks in codecs that the kernels know."""
-        if number not in self._sizes:
+    def memory(self, number: int) -> tuple[int, int]:
+        """Bytes that the pages of a row group need while they are decoded, and the largest one; 0 if Arrow decodes it.
+
+        One page at a time is decoded, but all pages in zstd are decompressed together.
+        """
+        if number not in self._memory:
             chunks = self.chunks(number)
-            is_known = chunks[:, kernels.CODEC] != kernels.OTHER_CODEC
-            self._sizes[number] = int(chunks[is_known, kernels.CHUNK_SIZE].sum())
-        return self._sizes[number]
+            present = chunks[chunks[:, kernels.CHUNK_END] > 0]
+            sizes, is_zstd = present[:, kernels.CHUNK_SIZE], present[:, kernels.CODEC] == kernels.ZSTD
+            largest, stored = int(sizes.max(initial=0)), int(sizes[is_zstd].sum())
+            can_decode = present[:, kernels.CAN_DECODE].all()
+            self._memory[number] = (largest + stored + kernels.SPARE, largest) if can_decode else (0, 0)
+        return self._memory[number]
 
 
 def _holds(stored: pq.ColumnSchema, column: ColumnType) -> bool:

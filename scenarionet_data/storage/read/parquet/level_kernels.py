@@ -6,10 +6,13 @@ https://parquet.apache.org/docs/file-format/data-pages/encodings/. Nothing is re
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.storage.read.parquet.byte_kernels import double_at, trailing_zeros
 from scenarionet_data.storage.read.parquet.page_kernels import (
     COUNT,
     END,
@@ -21,6 +24,8 @@ from scenarionet_data.storage.read.parquet.page_kernels import (
     uint32_at,
 )
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN, count_at
+
+_ONE = np.uint64(1)
 
 
 @device_function
@@ -58,17 +63,33 @@ def read_levels(data: Array, page: Array, shape: int, lengths: Array) -> bool:
 
 
 @device_function
-def repeat_levels(data: Array, page: Array, other: Array) -> bool:
-    """Locate the values of another page if it has the same levels, as the coordinates of points have."""
-    size, differences = page[VALUES] - page[START], np.uint8(0)
-    if other[LEVELS] != page[LEVELS] or size > other[END] - other[START]:
+def repeat_levels(data: Array, page: Array, levels: Array, known: Array) -> bool:
+    """Locate the values of a page if it has the same levels as an earlier one, as the coordinates of points have.
+
+    Args:
+        data: (n,) uint8 decompressed pages.
+        page: (NUM_PAGE_FIELDS,) int64; fills VALUES and COUNT.
+        levels: uint8 levels of the earlier page.
+        known: The earlier page, whose VALUES is the size of its levels.
+    """
+    size, differences = known[VALUES], np.uint8(0)
+    if page[LEVELS] != known[LEVELS] or size > page[END] - page[START]:
         return False
-    for k in range(size):
-        differences |= data[page[START] + k] ^ data[other[START] + k]
+    found = data[page[START] : page[START] + size]
+    for k in range(len(found)):
+        differences |= found[k] ^ levels[k]
     if differences:
         return False
-    other[VALUES], other[COUNT] = other[START] + size, page[COUNT]
+    page[VALUES], page[COUNT] = page[START] + size, known[COUNT]
     return True
+
+
+@device_function
+def keep_levels(data: Array, page: Array, levels: Array) -> None:
+    """Copy the levels of a page to ``levels``, at least as large as the page, for :func:`repeat_levels`."""
+    found = data[page[START] : page[VALUES]]
+    for k in range(len(found)):
+        levels[k] = found[k]
 
 
 @device_function
@@ -91,23 +112,41 @@ def _count_levels(data: Array, at: int, end: int, num_levels: int, lengths: Arra
         size = (stop - done + 7) >> 3 if is_packed else 1
         if at + size > end or (done == 0 and size and data[at] & 1):  # the first level must begin a list
             return UNKNOWN
-        has_none = not is_packed and data[at] & 1
-        for place in range(done, done if has_none else stop, 8):
-            bits = data[at + ((place - done) >> 3)] if is_packed else data[at]
-            if bits == 255:
-                continue
-            for level in range(place, min(place + 8, stop)):
-                if bits >> (level - place) & 1 == 0:
-                    if rows == len(lengths):
-                        return UNKNOWN
+        if not is_packed:
+            if data[at] & 1 == 0:  # lists of one element
+                if stop - done > len(lengths) - rows:
+                    return UNKNOWN
+                for level in range(done, stop):
                     lengths[max(rows - 1, 0)] = level - begin
                     rows, begin = rows + 1, level
+        else:
+            for place in range(done, stop, 56):
+                begins = _first_bits(data, at + ((place - done) >> 3), min(stop - place, 56))
+                while begins:
+                    if rows == len(lengths):
+                        return UNKNOWN
+                    level = place + trailing_zeros(begins)
+                    lengths[max(rows - 1, 0)] = level - begin
+                    rows, begin = rows + 1, level
+                    begins &= begins - _ONE
         at += length if is_packed else 1
         done = stop
     if done < num_levels or rows == 0:
         return UNKNOWN
     lengths[rows - 1] = num_levels - begin
     return rows
+
+
+@device_function
+def _first_bits(data: Array, at: int, count: int) -> Any:
+    """Up to 56 bits from a byte on, inverted: a bit is set where a list begins."""
+    bits = np.uint64(0)
+    if at + 8 <= len(data):
+        bits = double_at(data, at)
+    else:
+        for k in range((count + 7) >> 3):
+            bits |= np.uint64(data[at + k]) << np.uint64(8 * k)
+    return ~bits & ((_ONE << np.uint64(count)) - _ONE)
 
 
 @device_function
@@ -125,9 +164,12 @@ def _mark_empty(data: Array, at: int, end: int, num_levels: int, deepest: int, l
         stop = min(done + (header >> 1) * (8 if is_packed else 1), num_levels)
         if at + (((stop - done) * width + 7) >> 3 if is_packed else 1) > end:
             return UNKNOWN
+        if not is_packed and data[at] == deepest:
+            done, at = stop, at + 1
+            continue
         for first in range(done, stop, 1 << shift):
             bits = data[at + ((first - done) >> shift)] if is_packed else data[at]
-            if bits == (full if is_packed else deepest):
+            if is_packed and bits == full:
                 continue
             for place in range(first, min(first + (1 << shift), stop)):
                 if is_packed and bits >> ((place - first) * width) & mask == deepest:

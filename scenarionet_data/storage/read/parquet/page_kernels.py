@@ -1,4 +1,4 @@
-"""Compiled loops that locate and decompress the pages of a row group.
+"""Compiled loops that locate and decompress pages.
 
 Format: https://parquet.apache.org/docs/file-format/ (data pages of version 1; levels and dictionary indices in the
 RLE/bit-packed hybrid; values PLAIN or in BYTE_STREAM_SPLIT). Pages of sealed files are compared with their CRC-32.
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.crc_kernels import crc32
 from scenarionet_data.storage.read.parquet.lz4_kernels import decompress
@@ -38,10 +38,10 @@ CHUNK_SIZE, EXPECTED, CAN_DECODE, IS_CHECKED, CHUNK_ROOM = range(5, NUM_CHUNK_FI
 OTHER_CODEC, LZ4, ZSTD = 0, 1, 2
 
 # Columns of an array of pages: start (or UNKNOWN, DAMAGED) and end of the uncompressed page, number of levels,
-# encoding, start, end and number of words of the dictionary, start and end in the file of a page that is still
+# encoding, place, bytes and number of words of the dictionary, start and end in the file of a page that is still
 # compressed, and start and number of the values.
 NUM_PAGE_FIELDS = 11
-START, END, LEVELS, ENCODING, WORDS_START, WORDS_END, NUM_WORDS = range(7)
+START, END, LEVELS, ENCODING, WORDS_PLACE, WORDS_SIZE, NUM_WORDS = range(7)
 STORED, STORED_END, VALUES, COUNT = range(7, NUM_PAGE_FIELDS)
 PLAIN, BYTE_STREAM_SPLIT, INDICES = 0, 9, 8
 
@@ -52,54 +52,26 @@ SPARE = 4
 NULLABLE, LIST = 1, 2
 
 
-def is_compiled() -> bool:
-    """Whether this process has compiled the kernels or loaded them from the cache."""
-    return bool(getattr(load_pages, "signatures", True))
-
-
-@kernel(nogil=True, allocates=False)
-def load_pages(data: Array, base: int, chunks: Array, pages: Array, scratch: Array) -> int:
-    """Locate a row group's pages; decompress those in LZ4, and reserve space for those in zstd.
-
-    Args:
-        data: (n,) uint8 bytes of the file, starting at position ``base``.
-        chunks: (C, NUM_CHUNK_FIELDS) int64, see CHUNK_START.
-        pages: (C, NUM_PAGE_FIELDS) int64 zeros, filled; UNKNOWN for a column with more than one page or of another
-            kind, DAMAGED for one that is inconsistent.
-        scratch: (m,) uint8, filled; large enough for the chunks of known codecs.
-
-    Returns:
-        Number of pages in zstd, or DAMAGED.
-    """
-    at, stored, is_damaged = 0, 0, False
-    for column in range(len(chunks)):
-        size = chunks[column, CHUNK_SIZE] if chunks[column, CODEC] != OTHER_CODEC else 0
-        limit = min(at + size, len(scratch))
-        page = pages[column]
-        page[START] = _load_page(data, base, chunks[column], page, scratch, at, limit)
-        is_damaged |= page[START] == DAMAGED
-        stored += page[STORED_END] > 0
-        at = limit
-    return DAMAGED if is_damaged else stored
-
-
 @device_function
-def _load_page(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at: int, limit: int) -> int:
-    """Load a column's page into ``scratch`` between ``at`` and ``limit``; returns its start."""
+def load_page(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at: int, words: Array) -> int:
+    """Load a column's page into ``scratch`` from ``at`` on, and its dictionary into ``words``; returns its start.
+
+    A page in zstd is only located. The result is UNKNOWN for more than one page or pages of another kind, and DAMAGED
+    for those that are inconsistent.
+    """
     first, middle, end = chunk[CHUNK_START] - base, chunk[DATA_START] - base, chunk[CHUNK_END] - base
-    codec = chunk[CODEC]
+    codec, limit = chunk[CODEC], min(at + chunk[CHUNK_SIZE], len(scratch) - SPARE)
     if not 0 <= first <= middle <= end <= len(data) or codec == OTHER_CODEC:
         return UNKNOWN
     if first < middle:  # a dictionary before the data page
-        kind, size, stored_size, checksum, count, _ = read_header(data, first)
-        if kind != DICTIONARY_PAGE or codec != LZ4 or stored_size > middle - first or size > limit - at:
+        kind, size, stored_size, checksum, _, _ = read_header(data, first)
+        if kind != DICTIONARY_PAGE or codec != LZ4 or stored_size > middle - first or size > len(words):
             return UNKNOWN
         if chunk[IS_CHECKED] and checksum != crc32(data, middle - stored_size, middle):
             return DAMAGED
-        if not decompress(data, middle - stored_size, middle, scratch, at, at + size):
+        if not decompress(data, middle - stored_size, middle, words, 0, size):
             return DAMAGED
-        page[WORDS_START], page[WORDS_END], page[NUM_WORDS] = at, at + size, count
-        at += size
+        page[WORDS_SIZE] = size
     kind, size, stored_size, checksum, count, encoding = read_header(data, middle)
     is_known = kind == DATA_PAGE and count == chunk[NUM_VALUES] and encoding == chunk[EXPECTED] and chunk[CAN_DECODE]
     if not is_known or stored_size > end - middle or size > limit - at:  # one of several pages does not hold all levels

@@ -6,125 +6,130 @@ https://parquet.apache.org/docs/file-format/data-pages/encodings/. Nothing is re
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.columns import BITS, INDICES, TEXTS, WORDS, ColumnBlock
+from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.byte_kernels import byte_at
-from scenarionet_data.storage.read.parquet.level_kernels import read_levels, repeat_levels
+from scenarionet_data.storage.read.parquet.level_kernels import keep_levels, read_levels, repeat_levels
 from scenarionet_data.storage.read.parquet.page_kernels import (
     BYTE_STREAM_SPLIT,
-    CHUNK_ROOM,
-    CHUNK_SIZE,
     COUNT,
     ENCODING,
     END,
+    LIST,
     NUM_WORDS,
     START,
     VALUES,
     uint32_at,
 )
+from scenarionet_data.storage.read.parquet.text_kernels import copy_text
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN, count_at
 
-# Columns of an array of columns: LIST and NULLABLE, kind of the values, place of the first one, and how many there is
-# room for.
-NUM_COLUMN_FIELDS = 4
-SHAPE, KIND, FIRST, ROOM = range(NUM_COLUMN_FIELDS)
-WORDS, BITS, INDICES, TEXTS = range(4)
+# Columns of an array of columns: LIST and NULLABLE, kind of the values, how many there is room for, and first and last
+# place of the bytes of texts and dictionaries.
+NUM_COLUMN_FIELDS = 5
+SHAPE, KIND, ROOM, FIRST_BYTE, LAST_BYTE = range(NUM_COLUMN_FIELDS)
 
-
-class Decoded(NamedTuple):
-    """Memory for the values of some row groups; C columns, R rows."""
-
-    lists: Array  # (2, C, R + 1) int32 length of each row's list, or 1 for a value and 0 for null; and offsets
-    counts: Array  # (C,) int64 number of values; UNKNOWN for a column with a page that is
-    words: Array  # uint32 numbers, and indices in the dictionary of the page
-    bits: Array  # int8 truth values
-    ends: Array  # int64 ends of the texts of all columns, by row group; the first is 0
-    text: Array  # uint8 these texts
-    num_texts: Array  # (1,) int64
-
-
-@kernel(nogil=True, allocates=False)
-def reserve(chunks: Array, columns: Array) -> tuple[int, int, int, int]:
-    """Reserve places for values.
-
-    Args:
-        chunks: (C, NUM_CHUNK_FIELDS) int64 sum over the row groups.
-        columns: (C, NUM_COLUMN_FIELDS) int64; fills FIRST and ROOM.
-
-    Returns:
-        Number of words, bits, texts, and bytes of texts.
-    """
-    words, bits, texts, size = 0, 0, 0, 0
-    for column in range(len(columns)):
-        kind, count = columns[column, KIND], chunks[column, CHUNK_ROOM]
-        columns[column, ROOM] = count
-        if kind == TEXTS:
-            texts += count
-            size += chunks[column, CHUNK_SIZE] if count else 0
-        elif kind == BITS:
-            columns[column, FIRST] = bits
-            bits += count
-        else:
-            columns[column, FIRST] = words
-            words += count
-    return words, bits, texts, size
-
-
-@kernel(nogil=True, allocates=False)
-def decode_pages(data: Array, pages: Array, columns: Array, row: int, num_rows: int, out: Decoded) -> int:
-    """Decode the pages of a row group behind the values of those before.
-
-    Args:
-        data: (n,) uint8 decompressed pages, followed by SPARE bytes.
-        pages: (C, NUM_PAGE_FIELDS) int64.
-        columns: (C, NUM_COLUMN_FIELDS) int64.
-        row: First row of the row group.
-        num_rows: Its number of rows.
-        out: Filled.
-
-    Returns:
-        The first column that is damaged; -1 for none.
-    """
-    for column in range(len(pages)):
-        if out.counts[column] == UNKNOWN or pages[column, START] < 0:
-            out.counts[column] = UNKNOWN
-        elif not _decode_page(data, pages, columns, column, row, num_rows, out):
-            return column
-    return -1
+_NAN, _NO_WORD, _NO_BIT = np.uint32(0x7FC00000), np.uint32(0xFFFFFFFF), np.int8(-1)
+"""Values of rows that are null."""
 
 
 @device_function
-def _decode_page(data: Array, pages: Array, columns: Array, column: int, row: int, num_rows: int, out: Decoded) -> bool:
-    """Decode lengths, offsets and values of a column; returns whether its page is consistent."""
+def decode_page(
+    data: Array,
+    levels: Array,
+    pages: Array,
+    columns: Array,
+    column: int,
+    row: int,
+    num_rows: int,
+    out: ColumnBlock,
+) -> bool:
+    """Decode lengths, offsets and values of a column behind those before; returns whether its page is consistent.
+
+    Args:
+        data: (n,) uint8 decompressed pages, followed by SPARE bytes.
+        levels: (4, m) uint8 levels of the last page of each shape, for columns that repeat them.
+        pages: (C, NUM_PAGE_FIELDS) int64.
+        columns: (C, NUM_COLUMN_FIELDS) int64.
+        column: The column.
+        row: First row of the row group.
+        num_rows: Its number of rows.
+        out: Filled.
+    """
     page, shape, kind = pages[column], columns[column, SHAPE], columns[column, KIND]
     lengths, offsets = out.lists[0, column, row : row + num_rows], out.lists[1, column]
-    other = column - 1
-    while other >= 0 and (columns[other, SHAPE] != shape or out.counts[other] == UNKNOWN):
+    other = column - 1 if shape else -1
+    while other >= 0 and (columns[other, SHAPE] != shape or pages[other, VALUES] == 0):
         other -= 1
-    if other >= 0 and repeat_levels(data, pages[other], page):
+    if other >= 0 and repeat_levels(data, page, levels[shape], pages[other]):
         for k in range(num_rows):
             lengths[k] = out.lists[0, other, row + k]
     elif not read_levels(data, page, shape, lengths):
         return False
+    elif shape:
+        keep_levels(data, page, levels[shape])
     done, count = out.counts[column], page[COUNT]
     offsets[row] = done
     for k in range(num_rows):
         offsets[row + k + 1] = offsets[row + k] + lengths[k]
-    if offsets[row + num_rows] - done != count or count > columns[column, ROOM] - done:
+    places = count if shape & LIST else num_rows
+    if offsets[row + num_rows] - done != count or places > columns[column, ROOM] - done:
         return False
-    out.counts[column] = done + count
-    first = columns[column, FIRST] + done
+    first = out.firsts[column] + done
+    out.counts[column] = done + places
+    is_consistent = _read_values(data, page, columns[column], first, count, out)
+    if places > count:
+        _spread(kind, lengths, first, count, out)
+    page[VALUES] -= page[START]  # the size of its levels
+    return is_consistent
+
+
+@device_function
+def fill_nulls(columns: Array, column: int, row: int, num_rows: int, out: ColumnBlock) -> None:
+    """Add rows to a column that a file lacks."""
+    done = out.counts[column]
+    for k in range(num_rows):
+        out.lists[0, column, row + k] = 0
+        out.lists[1, column, row + k] = done
+    out.lists[1, column, row + num_rows] = done
+    if not columns[column, SHAPE] & LIST:
+        first = out.firsts[column] + done
+        if columns[column, KIND] == TEXTS:
+            out.ends[first] = columns[column, FIRST_BYTE]
+        _spread(columns[column, KIND], out.lists[0, column, row : row + num_rows], first, 0, out)
+        out.counts[column] = done + num_rows
+
+
+@device_function
+def _spread(kind: int, lengths: Array, first: int, count: int, out: ColumnBlock) -> None:
+    """Move the values of a column to their rows; the others are null."""
+    for row in range(len(lengths) - 1, -1, -1):  # in place, so from the last one
+        if kind == TEXTS:
+            out.ends[first + row + 1] = out.ends[first + count]
+        count -= lengths[row]
+        if kind == BITS:
+            out.bits[first + row] = out.bits[first + count] if lengths[row] else _NO_BIT
+        elif kind != TEXTS:
+            null = _NAN if kind == WORDS else _NO_WORD
+            out.words[first + row] = out.words[first + count] if lengths[row] else null
+
+
+@device_function
+def _read_values(data: Array, page: Array, column: Array, first: int, count: int, out: ColumnBlock) -> bool:
+    """Decode the values of a page; returns whether it is consistent."""
+    kind = column[KIND]
     if kind == WORDS:
         return _read_words(data, page, out.words[first : first + count])
     if kind == BITS:
         return _read_bits(data, page, out.bits[first : first + count])
     if kind == INDICES:
         return _read_indices(data, page, out.words[first : first + count])
-    return _read_texts(data, page, out)
+    return _read_texts(data, page, column, out.ends[first : first + count + 1], out.text)
 
 
 @device_function
@@ -191,20 +196,28 @@ def _read_indices(data: Array, page: Array, values: Array) -> bool:
 
 
 @device_function
-def _read_texts(data: Array, page: Array, out: Decoded) -> bool:
-    """Decode texts behind those before; returns whether the page is consistent."""
-    at, end, first = page[VALUES], page[END], out.num_texts[0]
-    size = out.ends[first]
-    if page[COUNT] >= len(out.ends) - first or end - at > len(out.text) - size:
+def _read_texts(data: Array, page: Array, column: Array, ends: Array, text: Array) -> bool:
+    """Decode texts behind those before; returns whether the page is consistent, and the texts are UTF-8."""
+    at, end, size = page[VALUES], page[END], column[FIRST_BYTE]
+    ends[0] = size
+    if end - at > column[LAST_BYTE] - size:
         return False
-    for i in range(page[COUNT]):
+    for i in range(len(ends) - 1):
         length = uint32_at(data, at) if at + 4 <= end else end
         at += 4
-        if length > end - at:
+        if length > end - at or not copy_text(data, at, length, text, size):
             return False
-        for k in range(length):
-            out.text[size + k] = data[at + k]
         at, size = at + length, size + length
-        out.ends[first + i + 1] = size
-    out.num_texts[0] = first + page[COUNT]
+        ends[i + 1] = size
+    column[FIRST_BYTE] = size
     return bool(at == end)
+
+
+@device_function
+def count_words(data: Array) -> Any:
+    """Number of words in a dictionary page; UNKNOWN if it is inconsistent."""
+    at, count = 0, 0
+    while at + 4 <= len(data):
+        size = uint32_at(data, at)
+        at, count = at + 4 + size, count + 1
+    return count if at == len(data) else UNKNOWN

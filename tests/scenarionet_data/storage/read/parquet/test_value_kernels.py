@@ -4,10 +4,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenarionet_data.arrays.columns import BITS, INDICES, TEXTS, WORDS, ColumnBlock
 from scenarionet_data.storage.read.parquet import page_kernels as pages
-from scenarionet_data.storage.read.parquet import value_kernels as values
+from scenarionet_data.storage.read.parquet import row_group_kernels as kernels
 
-KINDS = st.sampled_from([values.WORDS, values.BITS, values.INDICES, values.TEXTS])
+KINDS = st.sampled_from([WORDS, BITS, INDICES, TEXTS])
 SHAPES = st.sampled_from([0, pages.NULLABLE, pages.LIST, pages.LIST | pages.NULLABLE])
 GUARD = 7
 
@@ -17,19 +18,30 @@ def memory(num_columns, num_rows, room, size):
     arrays = [
         np.full(count + 8, GUARD, kind)
         for count, kind in [
-            (2 * num_columns * (num_rows + 1), np.int32), (num_columns, np.int64), (num_columns * room, np.uint32),
-            (num_columns * room, np.int8), (num_columns * room + 1, np.int64), (size, np.uint8), (1, np.int64),
+            (2 * num_columns * (num_rows + 1), np.int32), (num_columns, np.int64), (num_columns, np.int64),
+            (num_columns * room, np.uint32), (num_columns * room, np.int8), (num_columns * (room + 1), np.int64),
+            (num_columns * size, np.uint8),
         ]
     ]  # fmt: skip
-    lists, counts, words, bits, ends, text, num_texts = (array[:-8] for array in arrays)
-    counts[:], ends[0], num_texts[0] = 0, 0, 0
-    lists = lists.reshape(2, num_columns, num_rows + 1)
-    return values.Decoded(lists, counts, words, bits, ends, text, num_texts), arrays
+    lists, firsts, counts, words, bits, ends, text = (array[:-8] for array in arrays)
+    counts[:] = 0
+    return ColumnBlock(lists.reshape(2, num_columns, num_rows + 1), firsts, counts, words, bits, ends, text), arrays
 
 
-def described(columns, room):
-    """Columns of some shapes and kinds; each has its own place in the words and bits."""
-    return np.array([(*column, place * room, room) for place, column in enumerate(columns)], np.int64)
+def described(columns, room, size, block):
+    """Columns of some shapes and kinds; each has its own place in the values."""
+    for place, (_, kind) in enumerate(columns):
+        block.firsts[place] = place * (room + (kind == TEXTS))
+    return np.array(
+        [(*column, room, place * size, (place + 1) * size) for place, column in enumerate(columns)], np.int64
+    )
+
+
+def decoded(data, found, columns, num_rows, block):
+    """Decode decompressed pages; returns the first damaged column, or their number."""
+    found[:, pages.STORED_END] = 1
+    levels = np.zeros((4, len(data)), np.uint8)
+    return kernels.decode_stored_pages(data, levels, found, columns, 0, num_rows, block)
 
 
 @given(
@@ -49,11 +61,13 @@ def test_arbitrary_pages_stay_in_bounds(contents, columns, levels, encoding, num
     found[:, pages.LEVELS] = levels
     found[:, [pages.ENCODING, pages.NUM_WORDS]] = encoding, num_words
     out, arrays = memory(2, num_rows, room, len(data))
-    damaged = values.decode_pages(data, found, described(columns, room), 0, num_rows, out)
+    done = decoded(data, found, described(columns, room, len(data), out), num_rows, out)
     assert all((array[-8:] == GUARD).all() for array in arrays)
-    for column in range(2 if damaged < 0 else damaged):
+    for column in range(done):
         assert (out.lists[0, column, :-1] >= 0).all()
-        assert out.lists[1, column, -1] == out.counts[column] == out.lists[0, column, :-1].sum() <= room
+        num_values = out.lists[0, column, :-1].sum()
+        assert num_values == out.lists[1, column, -1]
+        assert out.counts[column] == (num_values if columns[column][0] & pages.LIST else num_rows) <= room
 
 
 LEVELS_OF_LISTS = b"\2\0\0\0\3\x16"
@@ -81,12 +95,11 @@ def test_columns_that_repeat_levels_are_read_as_if_alone(levels, shapes, num_row
 
     def read(chosen):
         out, _ = memory(len(chosen), num_rows, 8, 0)
-        columns = described([(shapes[column], values.WORDS) for column in chosen], 8)
-        damaged = values.decode_pages(data, found[chosen].copy(), columns, 0, num_rows, out)
-        whole = range(len(chosen) if damaged < 0 else damaged)
+        columns = described([(shapes[column], WORDS) for column in chosen], 8, 0, out)
+        done = decoded(data, found[chosen].copy(), columns, num_rows, out)
         return [
             (out.lists[:, k].tolist(), count, out.words[8 * k : 8 * k + count].tolist())
-            for k, count in zip(whole, out.counts.tolist(), strict=False)
+            for k, count in zip(range(done), out.counts.tolist(), strict=False)
         ]
 
     alone = read([0])

@@ -1,0 +1,144 @@
+"""Compiled entries of the decoder: they read all columns of a row group in one call.
+
+A page is decoded as soon as it is decompressed, so that it stays in the processor's fastest cache; pages in zstd are
+decompressed between two calls. The kernels release the interpreter lock, so that threads decode in parallel.
+"""
+
+from __future__ import annotations
+
+from scenarionet_data.arrays.columns import BITS, INDICES, TEXTS, ColumnBlock
+from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.storage.read.parquet.page_kernels import (
+    CHUNK_END,
+    CHUNK_ROOM,
+    CHUNK_SIZE,
+    DAMAGED,
+    END,
+    LIST,
+    NUM_WORDS,
+    START,
+    STORED_END,
+    WORDS_PLACE,
+    WORDS_SIZE,
+    load_page,
+)
+from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
+from scenarionet_data.storage.read.parquet.value_kernels import (
+    FIRST_BYTE,
+    KIND,
+    LAST_BYTE,
+    ROOM,
+    SHAPE,
+    count_words,
+    decode_page,
+    fill_nulls,
+)
+
+
+def is_compiled() -> bool:
+    """Whether this process has compiled the kernels or loaded them from the cache."""
+    return bool(getattr(read_row_group, "signatures", True))
+
+
+@kernel(nogil=True, allocates=False)
+def reserve(chunks: Array, num_rows: int, columns: Array, firsts: Array) -> tuple[int, int, int, int]:
+    """Reserve places for values.
+
+    Args:
+        chunks: (C, NUM_CHUNK_FIELDS) int64 sum over the row groups.
+        num_rows: Rows of them all.
+        columns: (C, NUM_COLUMN_FIELDS) int64; fills ROOM, FIRST_BYTE and LAST_BYTE.
+        firsts: (C,) int64, filled; see ``ColumnBlock``.
+
+    Returns:
+        Number of words, bits, ends of texts, and bytes of texts.
+    """
+    words, bits, ends, size = 0, 0, 0, 0
+    for column in range(len(columns)):
+        kind = columns[column, KIND]
+        count = chunks[column, CHUNK_ROOM] if columns[column, SHAPE] & LIST else num_rows
+        columns[column, ROOM] = count
+        columns[column, FIRST_BYTE] = size
+        if kind in (TEXTS, INDICES):
+            size += chunks[column, CHUNK_SIZE]
+        columns[column, LAST_BYTE] = size
+        if kind == TEXTS:
+            firsts[column] = ends
+            ends += count + 1
+        elif kind == BITS:
+            firsts[column] = bits
+            bits += count
+        else:
+            firsts[column] = words
+            words += count
+    return words, bits, ends, size
+
+
+@kernel(nogil=True, allocates=False)
+def read_row_group(
+    data: Array,
+    base: int,
+    chunks: Array,
+    scratch: Array,
+    levels: Array,
+    pages: Array,
+    columns: Array,
+    row: int,
+    num_rows: int,
+    out: ColumnBlock,
+) -> int:
+    """Decode the columns of a row group behind the values of those before, but for pages in zstd.
+
+    Args:
+        data: (n,) uint8 bytes of the file, starting at position ``base``.
+        base: See ``data``.
+        chunks: (C, NUM_CHUNK_FIELDS) int64, see CHUNK_START; zeros for a column that the file lacks.
+        scratch: uint8 memory for decompressed pages, see ``Footer.size``.
+        levels: (4, m) uint8 memory for the levels of a page.
+        pages: (C, NUM_PAGE_FIELDS) int64 zeros, filled.
+        columns: (C, NUM_COLUMN_FIELDS) int64, see :func:`reserve`.
+        row: First row of the row group.
+        num_rows: Its number of rows.
+        out: Filled.
+
+    Returns:
+        The first column that is damaged, or the number of columns and pages in zstd; UNKNOWN if a column has more than
+        one page, or of another kind.
+    """
+    at, stored = 0, 0
+    for column in range(len(chunks)):
+        page = pages[column]
+        if chunks[column, CHUNK_END] == 0:
+            fill_nulls(columns, column, row, num_rows, out)
+            continue
+        words = out.text[columns[column, FIRST_BYTE] : columns[column, LAST_BYTE]]
+        page[START] = load_page(data, base, chunks[column], page, scratch, at, words)
+        if page[START] == UNKNOWN:
+            return UNKNOWN
+        if page[START] == DAMAGED:
+            return column
+        if page[WORDS_SIZE]:
+            page[WORDS_PLACE], page[NUM_WORDS] = columns[column, FIRST_BYTE], count_words(words[: page[WORDS_SIZE]])
+            columns[column, FIRST_BYTE] += page[WORDS_SIZE]
+        if page[STORED_END]:
+            at, stored = page[END], stored + 1
+        elif not decode_page(scratch, levels, pages, columns, column, row, num_rows, out):
+            return column
+    return len(chunks) + stored
+
+
+@kernel(nogil=True, allocates=False)
+def decode_stored_pages(
+    scratch: Array, levels: Array, pages: Array, columns: Array, row: int, num_rows: int, out: ColumnBlock
+) -> int:
+    """Decode the pages that :func:`read_row_group` left in zstd, after they were decompressed to their places.
+
+    Returns:
+        The first column that is damaged, or their number.
+    """
+    for column in range(len(pages)):
+        is_stored = pages[column, STORED_END] > 0
+        if is_stored and not decode_page(scratch, levels, pages, columns, column, row, num_rows, out):
+            return column
+    return len(pages)
