@@ -36,6 +36,8 @@ class PathRows(NamedTuple):
 @device_function
 def wrapped(angle: float) -> float:
     """Wrap an angle to [-pi, pi)."""
+    if abs(angle) < 3.0:
+        return angle  # as nearly always, without a quotient
     return float(angle - 2.0 * np.pi * np.floor((angle + np.pi) / (2.0 * np.pi)))
 
 
@@ -44,12 +46,18 @@ def segment_at(path: PathRows, s: float) -> int:
     """Return the first point of the segment at arc length ``s``, clamped to the first and last segment."""
     low, high = path.first, path.end - 1
     while high - low > 1:
-        middle = (low + high) // 2
-        if path.points[middle, ARC] <= s:
-            low = middle
-        else:
-            high = middle
+        middle = (low + high) >> 1
+        is_behind = path.points[middle, ARC] <= s
+        low, high = middle if is_behind else low, high if is_behind else middle
     return low
+
+
+@device_function
+def segment_from(path: PathRows, k: int, s: float) -> int:
+    """Return what :func:`segment_at` does, if that is ``k`` or a few segments further."""
+    while k + 2 < path.end and path.points[k + 1, ARC] <= s:
+        k += 1
+    return k
 
 
 @device_function
@@ -64,7 +72,12 @@ def direction(path: PathRows, k: int) -> tuple[float, float, float]:
 @device_function
 def pose_at(path: PathRows, s: float) -> tuple[float, float, float, float]:
     """Return x, y, z [m] and heading [rad] at an arc length; the path has at least two points."""
-    k = segment_at(path, s)
+    return pose_on(path, segment_at(path, s), s)
+
+
+@device_function
+def pose_on(path: PathRows, k: int, s: float) -> tuple[float, float, float, float]:
+    """Return what :func:`pose_at` does at an arc length on segment ``k``."""
     share = (s - path.points[k, ARC]) / (np.float64(path.points[k + 1, ARC]) - path.points[k, ARC])
     x = path.points[k, 0] + share * (np.float64(path.points[k + 1, 0]) - path.points[k, 0])
     y = path.points[k, 1] + share * (np.float64(path.points[k + 1, 1]) - path.points[k, 1])

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_sim.kernels.bicycle import drive_bicycle
+from scenarionet_sim.kernels.boxes import write_boxes
 from scenarionet_sim.kernels.episodes import copy_world
 from scenarionet_sim.kernels.idm import Law, SightMemory, drive_along_paths
 from scenarionet_sim.kernels.minmax import larger
@@ -200,12 +201,14 @@ def _finish(
         else:
             for a in range(a0, a1):
                 _score(a, w, agents.rows[a, 1], recorded, then, agents, arrays.task, result)
-    if phases & OBSERVE:
+    if phases & OBSERVE and a1 > a0:
+        count = recorded.place[w, NUM_OBJECTS]
+        num_boxes = write_boxes(count, then.motion[w], then.size[w], then.present[w], scratch.boxes)
         for a in range(a0, a1):
             n = agents.rows[a, 1]
             if np.isnan(agents.route[w, n, 0]):
                 lost = a
-            observe(a, w, n, recorded, arrays.lines, then, agents.route, arrays.sensing, scratch)
+            observe(a, w, n, num_boxes, recorded, arrays.lines, then, agents.route, arrays.sensing, scratch)
     return lost
 
 
