@@ -186,10 +186,8 @@ def span_of(bounds: Int32, spans: Float64, row: int) -> tuple[float, float]:
     left, right = bounds[0] * 1.0, bounds[2] * 1.0
     for edge in range(0, 9, 3):
         crossing = np.ceil(spans[edge] + spans[edge + 1] * row)  # beyond all integers where an edge is level
-        if spans[edge + 2] > 0.0:
-            left = larger(left, crossing)
-        else:
-            right = smaller(right, crossing)
+        is_left = spans[edge + 2] > 0.0
+        left, right = larger(left, crossing if is_left else left), smaller(right, right if is_left else crossing)
     return left, right
 
 
@@ -213,15 +211,14 @@ def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, ne
         return
     step = spans[10] + 0.0
     inverse = spans[9] + spans[11] * row + step * left
-    first, end = start + int(left), start + int(right)
+    first, end, number = start + int(left), start + int(right), np.int32(triangle)
     if end - first > SHORT:
         _cover(triangle, inverse, step, near[first:end], seen[first:end])
         return
     for k in range(end - first):
-        here = single(inverse + step * k)
-        if here > near[first + k]:
-            near[first + k] = here
-            seen[first + k] = triangle
+        here, before = single(inverse + step * k), near[first + k]
+        seen[first + k] = number if here > before else seen[first + k]
+        near[first + k] = larger(before, here)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
