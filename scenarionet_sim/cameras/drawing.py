@@ -43,6 +43,9 @@ CHANNELS: dict[str, tuple[int, type[np.generic]]] = {
 _TAILS = {name: (numbers,) if numbers > 1 else () for name, (numbers, _) in CHANNELS.items()}
 _NO_PICTURES = Pictures(*(np.empty((0, 0, *_TAILS[name]), dtype) for name, (_, dtype) in CHANNELS.items()))
 
+_NEIGHBOURS = 4
+"""Bands that a thread draws one after another: the light of the sky between them is computed once."""
+
 MAX_TRIANGLES = 200_000
 _MAX_VERTICES = 2_000
 _MAX_INSTANCES = 2_000
@@ -119,7 +122,8 @@ def draw(
 @lru_cache
 def _order(bands: int, threads: int) -> Int64:
     """Return the bands of a frame in the order in which they are drawn: threads get equal shares of all its parts."""
-    return np.concatenate([np.arange(start, bands, threads) for start in range(threads)])
+    number = np.arange(bands)
+    return np.argsort(number // _NEIGHBOURS % threads, kind="stable")
 
 
 @lru_cache
@@ -151,6 +155,7 @@ def _scratch(width: int) -> FrameMemory:
             cells=np.zeros(TILE, np.int32),
             texels=np.zeros((3, TILE), np.int32),
             box=np.zeros(7),
+            is_near=np.empty(_MAX_INSTANCES, np.int32),
             sky=np.zeros((2, columns // SKY_STEP + 2, 4), np.float32),
         )
     return found

@@ -27,7 +27,7 @@ from scenarionet_sim.kernels.cameras.layout import (
 from scenarionet_sim.kernels.cameras.paving import color_ground
 from scenarionet_sim.kernels.cameras.rows import look_along
 from scenarionet_sim.kernels.cameras.shading import cast_shadows, color_triangles, expose
-from scenarionet_sim.kernels.cameras.sky import color_sky
+from scenarionet_sim.kernels.cameras.sky import carry_sky, color_sky
 from scenarionet_sim.kernels.cameras.triangles import trace_band
 from scenarionet_sim.kernels.minmax import smaller
 
@@ -70,7 +70,7 @@ def draw_frames(
     height, width = size
     are_boxes, reach, dt = options
     is_colored = len(pictures.rgb) > 0
-    drawn, count, num_shadows = -1, 0, 0
+    drawn, count, num_shadows, shown, above = -1, 0, 0, -1, -1
     for turn in range(first, end):
         frame, band = turn // len(order), order[turn % len(order)]
         slot, pose = owners[frame, 0], poses[frame]
@@ -83,9 +83,8 @@ def draw_frames(
             drawn = frame
         top, bottom = band * BAND, smaller(band * BAND + BAND, height)
         trace_band(top, bottom, count, lens, rays, width, scratch)
-        for node in range(scratch.sky.shape[1]):
-            scratch.sky[0, node, 3] = 0.0
-            scratch.sky[1, node, 3] = 0.0
+        carry_sky(frame == shown and band == above + 1, scratch.sky)
+        shown, above = frame, band
         num_pixels = (bottom - top) * width
         num_tiles = (num_pixels + TILE - 1) // TILE
         tile = (num_pixels + num_tiles - 1) // num_tiles

@@ -40,6 +40,9 @@ _HIGHEST, _STEP_BITS, _DARKEST_BITS = np.int32(NUM_LEVELS - 1), np.int32(15), np
 PART = 32
 """Pixels of a row that are tested together for being beside a shadow."""
 
+LONG = 8
+"""Pixels of a row from which on it is worth finding all that see the same triangle."""
+
 SOFT = 0.3
 """Width of the soft edge of a shadow outside of its outline [m]."""
 
@@ -122,14 +125,19 @@ def color_triangles(
         if triangle < 0:
             begin += 1
             continue
-        stop = begin + 1
-        while stop < end and seen[stop] == triangle:
-            stop += 1
-        color, column = colors[triangle], begin + shift
+        color, column, stop = colors[triangle], begin + shift, begin + 1
+        is_wall = labels[triangle, MATERIAL] == FACADE
+        if is_wall or (begin + LONG <= end and seen[begin + LONG - 1] == triangle):
+            while stop < end and seen[stop] == triangle:
+                stop += 1
         red, green = color[0] + color[1] * column + color[2] * row, color[3] + color[4] * column + color[5] * row
         blue = color[6] + color[7] * column + color[8] * row
+        if stop == begin + 1:
+            reds[begin], greens[begin], blues[begin] = red, green, blue
+            begin = stop
+            continue
         _grade(begin, stop, single(red), color[1], single(green), color[4], single(blue), color[7], reds, greens, blues)
-        if labels[triangle, MATERIAL] == FACADE:
+        if is_wall:
             nx, ny = color[9] * (1.0 / 3.2), color[10] * (1.0 / 3.2)
             _open_windows(
                 begin, stop, single(nx), single(ny), single((nx * frame[1] - ny * frame[0]) % 1.0),

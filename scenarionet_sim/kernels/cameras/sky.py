@@ -145,6 +145,15 @@ def _blend_nodes(
         blue[k] = b + step_b * at if is_sky else blue[k]
 
 
+@device_function(forceinline=True)
+def carry_sky(is_below: bool, nodes: Float32) -> None:
+    """Forget the light at the nodes of the band before, except for those at the top of a band right below it."""
+    for node in range(nodes.shape[1]):
+        for channel in range(4):
+            nodes[0, node, channel] = nodes[1, node, channel] if is_below else 0.0
+        nodes[1, node, 3] = 0.0
+
+
 @device_function(divides_by_zero=True)
 def light_node(
     row: int, column: int, pose: Float64, lens: Float64, rays: Float64, light: Float64, grain: UInt8, node: Float32
