@@ -151,7 +151,7 @@ def _choose_nearest(
         to_ground = to_ground if length < most * to_ground else 0.0
         nearest = larger(near[k], to_ground)
         is_triangle = (near[k] >= to_ground) & (seen[k] >= 0)
-        kinds |= _TRIANGLE if is_triangle else (_GROUND if to_ground > 0.0 else _SKY)
+        kinds = np.int32(kinds | (_TRIANGLE if is_triangle else (_GROUND if to_ground > 0.0 else _SKY)))
         seen[k] = seen[k] if is_triangle else (_ON_GROUND if to_ground > 0.0 else _NOTHING)
         distance = 1.0 / nearest if nearest > 0.0 else most
         distances[k], far[k] = distance, distance * length

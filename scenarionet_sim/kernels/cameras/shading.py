@@ -105,7 +105,7 @@ def _cast(strength: float, x0: float, y0: float, shadow: Float64, xs: Float32, y
         shade[k] *= 1.0 - strength * larger(cast, contact)
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def color_triangles(
     row: int, shift: int, first: int, end: int, pose: Float64, lens: Float64, frame: Float64, colors: Float32,
     labels: Int32, seen: Int32, shades: Float32,
@@ -202,11 +202,7 @@ def expose(
             for channel in range(RED, BLUE + 1):
                 shades[channel, k] *= kept
     _list_levels(count, light[EXPOSURE], shades[RED], shades[GREEN], shades[BLUE], levels[0], levels[1], levels[2])
-    reds, greens, blues = levels[0], levels[1], levels[2]
-    for k in range(count):
-        picture[k, 0] = tone[np.uint32(reds[k])]
-        picture[k, 1] = tone[np.uint32(greens[k])]
-        picture[k, 2] = tone[np.uint32(blues[k])]
+    _write_levels(count, tone, levels[0], levels[1], levels[2], picture)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -232,10 +228,17 @@ def _list_levels(
         reds[k], greens[k], blues[k] = _level(red[k] * gain), _level(green[k] * gain), _level(blue[k] * gain)
 
 
+@device_function(forceinline=True, in_lanes=True)
+def _write_levels(count: int, tone: UInt8, reds: Int32, greens: Int32, blues: Int32, picture: UInt8) -> None:
+    for k in range(count):
+        picture[k, 0], picture[k, 1], picture[k, 2] = tone[reds[k]], tone[greens[k]], tone[blues[k]]
+
+
 @device_function(forceinline=True)
 def _level(light: float) -> int:
     """Return the level of linear light, whose float32 is a logarithm in steps: exponent and first bits of mantissa."""
-    return smaller(larger((bits_of(light) - _DARKEST_BITS) >> _STEP_BITS, _NONE), _HIGHEST)  # type: ignore[return-value, type-var]
+    bits = np.int32(bits_of(light) - _DARKEST_BITS)
+    return smaller(larger(np.int32(bits >> _STEP_BITS), _NONE), _HIGHEST)  # type: ignore[return-value, type-var]
 
 
 def light_of_level(level: Array) -> Float64:

@@ -154,7 +154,7 @@ def add_triangle(
     return 2 if is_placed else 1
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def trace_band(
     top: int, end: int, num_instances: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory
 ) -> None:
@@ -180,7 +180,7 @@ def trace_band(
                     )  # fmt: skip
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def span_of(bounds: Int32, spans: Float64, row: int) -> tuple[float, float]:
     """Return the first column and the end of a triangle in a row of a pinhole's picture, from its bounds and spans."""
     left, right = bounds[0] * 1.0, bounds[2] * 1.0
@@ -203,7 +203,7 @@ def inverse_distance(edges: Float64, x: float, y: float, z: float) -> float:
     return -1.0
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, near: Float32, seen: Int32) -> None:
     """Cover the span of a triangle in a row of a pinhole's picture, whose first pixel is number ``start``."""
     left, right = span_of(bounds, spans, row)
