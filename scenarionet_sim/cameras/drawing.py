@@ -15,6 +15,7 @@ from scenarionet_sim.cameras.stage import Scenery, stage_of
 from scenarionet_sim.kernels.cameras.frames import draw_frames
 from scenarionet_sim.kernels.cameras.layout import (
     BAND,
+    BANDS,
     NUM_LIGHTS,
     NUM_POSE,
     NUM_SHADES,
@@ -42,9 +43,6 @@ CHANNELS: dict[str, tuple[int, type[np.generic]]] = {
 
 _TAILS = {name: (numbers,) if numbers > 1 else () for name, (numbers, _) in CHANNELS.items()}
 _NO_PICTURES = Pictures(*(np.empty((0, 0, *_TAILS[name]), dtype) for name, (_, dtype) in CHANNELS.items()))
-
-_NEIGHBOURS = 4
-"""Bands that a thread draws one after another: the light of the sky between them is computed once."""
 
 MAX_TRIANGLES = 200_000
 _MAX_VERTICES = 2_000
@@ -105,25 +103,17 @@ def draw(
     made = {name: np.empty((count, height * width, *_TAILS[name]), CHANNELS[name][1]) for name in channels}
     pictures, stage = _NO_PICTURES._replace(**made), stage_of(batch, scenery)
     solids, meshes, ground = stage.solids(batch, state), library(), stage.ground
-    order, options = _order(-(-height // BAND), threads), (optics.are_boxes, optics.reach, optics.flow_time)
+    options = optics.are_boxes, optics.reach, optics.flow_time
 
-    def draw_bands(first: int, end: int) -> int:
+    def draw_parts(own: int, ranges: Int64) -> None:
         draw_frames(
-            first, end, order, cameras, poses, optics.lens, optics.rays, optics.rings, (height, width), options, solids,
+            own, ranges, cameras, poses, optics.lens, optics.rays, optics.rings, (height, width), options, solids,
             ground, meshes, look, _scratch(width), pictures,
         )  # fmt: skip
-        return end - first
 
     if count:
-        _threads(threads).run(draw_bands, count * len(order))
+        _threads(threads).spread(draw_parts, count * -(-height // (BAND * BANDS)))
     return {name: values.reshape(count, height, width, *_TAILS[name]) for name, values in made.items()}
-
-
-@lru_cache
-def _order(bands: int, threads: int) -> Int64:
-    """Return the bands of a frame in the order in which they are drawn: threads get equal shares of all its parts."""
-    number = np.arange(bands)
-    return np.argsort(number // _NEIGHBOURS % threads, kind="stable")
 
 
 @lru_cache

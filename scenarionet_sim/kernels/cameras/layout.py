@@ -92,6 +92,9 @@ NOTHING, ON_GROUND = -2, -1
 BAND = 8
 """Rows of a band, the part of a frame that a thread draws at a time."""
 
+BANDS = 3
+"""Bands that a thread draws one after another."""
+
 TILE = 384
 """Most pixels of a band drawn at a time: their values stay in the processor's cache."""
 

@@ -119,24 +119,24 @@ def color_triangles(
         colors, labels, seen, shades: See ``FrameMemory``.
     """
     reds, greens, blues = shades[RED], shades[GREEN], shades[BLUE]
-    begin = first
+    begin, line = first, single(row)
     while begin < end:
         triangle = seen[begin]
         if triangle < 0:
             begin += 1
             continue
-        color, column, stop = colors[triangle], begin + shift, begin + 1
+        color, column, stop = colors[triangle], single(begin + shift), begin + 1
         is_wall = labels[triangle, MATERIAL] == FACADE
         if is_wall or (begin + LONG <= end and seen[begin + LONG - 1] == triangle):
             while stop < end and seen[stop] == triangle:
                 stop += 1
-        red, green = color[0] + color[1] * column + color[2] * row, color[3] + color[4] * column + color[5] * row
-        blue = color[6] + color[7] * column + color[8] * row
+        red, green = color[0] + color[1] * column + color[2] * line, color[3] + color[4] * column + color[5] * line
+        blue = color[6] + color[7] * column + color[8] * line
         if stop == begin + 1:
             reds[begin], greens[begin], blues[begin] = red, green, blue
             begin = stop
             continue
-        _grade(begin, stop, single(red), color[1], single(green), color[4], single(blue), color[7], reds, greens, blues)
+        _grade(begin, stop, red, color[1], green, color[4], blue, color[7], reds, greens, blues)
         if is_wall:
             nx, ny = color[9] * (1.0 / 3.2), color[10] * (1.0 / 3.2)
             _open_windows(
