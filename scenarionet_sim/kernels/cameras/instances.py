@@ -121,7 +121,7 @@ def lamp_of(solids: Solids, slot: int, lamp: int) -> int:
     return LAMP_GREEN if color == 1 else (LAMP_YELLOW if color == 2 else (LAMP_RED if color == 3 else -1))
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids, ground: Ground, box: Float64) -> bool:
     """Write x, y, z, heading, length, width, height of an object or fixture; return whether it may be in reach.
 
@@ -147,7 +147,7 @@ def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids,
     return True
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def casts_shadow(
     is_object: bool, box: Float64, pose: Float64, lens: Float64, width: int, height: int, light: Float64
 ) -> bool:
@@ -163,7 +163,7 @@ def casts_shadow(
     return not is_beside_picture(x, y, z, radius, pose, lens, width, height)
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def appearance_of(
     item: int, slot: int, own: int, own_view: int, are_boxes: bool, is_colored: bool, solids: Solids, box: Float64
 ) -> tuple[int, int, int, int, float, float]:
@@ -216,7 +216,7 @@ def _list_near(
         is_near[k] = np.int32(0) if is_beside | is_far | (z < -radius) else np.int32(1)
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def add_solids(
     slot: int, own: int, own_view: int, pose: Float64, lens: Float64, rings: Float64, width: int,
     height: int, reach: float, are_boxes: bool, is_colored: bool, has_normals: bool, solids: Solids, ground: Ground,

@@ -65,7 +65,7 @@ LEAST_AREA = 0.5
 """Twice the area [pixels] of triangles below which their light is the same everywhere."""
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def screen_radius(box: Float64, pose: Float64, lens: Float64, width: int, height: int, reach: float) -> float:
     """Return the radius [pixels] of the ball around a box on the screen; -1 if no pixel can show it."""
     radius = 0.5 * math.sqrt(box[4] ** 2 + box[5] ** 2 + box[6] ** 2) + 0.1
@@ -78,7 +78,7 @@ def screen_radius(box: Float64, pose: Float64, lens: Float64, width: int, height
     return float(lens[FX] * radius / larger(far, 0.1))
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def is_beside_picture(
     wx: float, wy: float, wz: float, radius: float, pose: Float64, lens: Float64, width: int, height: int
 ) -> bool:
@@ -95,7 +95,7 @@ def is_beside_picture(
     return bool(abs(y) * lens[FY] - z * rise > radius * math.sqrt(lens[FY] * lens[FY] + rise * rise))
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def mesh_for(meshes: Meshes, mesh: int, radius: float, box: Float64, pose: Float64) -> tuple[int, float, float]:
     """Return the mesh to draw of a box that is seen under a radius [pixels], and cosine and sine of its heading."""
     x, y, z = box[0] - pose[EYE], box[1] - pose[EYE + 1], box[2] + 0.5 * box[6] - pose[EYE + 2]
@@ -111,7 +111,7 @@ def mesh_for(meshes: Meshes, mesh: int, radius: float, box: Float64, pose: Float
     return mesh, math.cos(box[3]), math.sin(box[3])
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def write_normal(vertices: Float64, a: int, b: int, c: int, colors: Float32) -> None:
     """Write the normal of a triangle into the last columns of ``colors`` (12,)."""
     xs, ys, zs = vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2]
@@ -122,7 +122,7 @@ def write_normal(vertices: Float64, a: int, b: int, c: int, colors: Float32) -> 
     colors[9], colors[10], colors[11] = nx * unit, ny * unit, nz * unit
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def color_triangle(
     meshes: Meshes, material: int, paint: int, glow: int, is_flat: bool, light: Float64, vertices: Float64,
     lights: Float32, corners: tuple[int, int, int], colors: Float32,
@@ -171,7 +171,7 @@ def strength_of(material: int, glow: int, light: Float64) -> float:
     return 0.0
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def corner_light(material: int, color: float, strength: float, lights: Float32, corner: int, channel: int) -> float:
     """Return the light that a corner of a triangle sends to the camera, in one channel.
 
@@ -189,7 +189,7 @@ def corner_light(material: int, color: float, strength: float, lights: Float32, 
     return float(larger(sent * (1.0 + smaller(strength, 0.0)) + larger(strength, 0.0) * color, 0.0))
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def add_mesh(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, lens: Float64,
     rings: Float64, width: int, height: int, light: Float64, scratch: FrameMemory, num_triangles: int, is_colored: bool,
@@ -231,7 +231,7 @@ def add_mesh(
     return num_triangles
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def add_instance(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, box: Float64, spin: float,
     steer: float, pose: Float64, lens: Float64, rings: Float64, width: int, height: int, radius: float,

@@ -47,7 +47,7 @@ SOFT = 0.3
 """Width of the soft edge of a shadow outside of its outline [m]."""
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def cast_shadows(
     row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, seen: Int32,
     xs: Float32, ys: Float32, shade: Float32,
@@ -74,7 +74,7 @@ def cast_shadows(
             )  # fmt: skip
 
 
-@device_function(divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def _is_beside(shadow: Float64, frame: Float64, x0: float, y0: float, x1: float, y1: float) -> bool:
     """Whether a shadow and the points between two are on different sides of an edge of the box around the shadow."""
     cos, sin, x, y = shadow[2], shadow[3], shadow[0] - frame[0], shadow[1] - frame[1]

@@ -45,7 +45,7 @@ WIDE = 0.35
 """Angle [rad] under which a triangle's edges are bent too much by a lens to be bounded by its corners."""
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def bound_triangle(
     vertices: Float64, a: int, b: int, c: int, lens: Float64, rings: Float64, width: int, height: int, bounds: Int32
 ) -> bool:
@@ -122,7 +122,7 @@ def _bound_on_rings(vertices: Float64, a: int, b: int, c: int, slopes: Float64, 
     bounds[1], bounds[3] = first, end
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def add_triangle(
     vertices: Float64, a: int, b: int, c: int, lens: Float64, rings: Float64, width: int, height: int, edges: Float64,
     spans: Float64, bounds: Int32,
@@ -154,7 +154,7 @@ def add_triangle(
     return 2 if is_placed else 1
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def trace_band(
     top: int, end: int, num_instances: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory
 ) -> None:
@@ -231,7 +231,7 @@ def _cover(triangle: int, inverse: float, step: float, near: Float32, seen: Int3
         near[k] = larger(before, here)
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def write_spans(
     first: RayFunction, second: RayFunction, third: RayFunction, inverse: RayFunction, lens: Float64, spans: Float64
 ) -> None:
@@ -245,7 +245,7 @@ def write_spans(
     spans[9] = spans[10] * (0.5 - lens[CX]) + inverse[1] * top + inverse[2]
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def _write_edge(edge: RayFunction, place: int, top: float, per_y: float, lens: Float64, spans: Float64) -> None:
     slope = edge[0] if abs(edge[0]) > 1e-30 else 1e-30
     scale = -lens[FX] / slope
