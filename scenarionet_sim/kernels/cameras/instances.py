@@ -121,7 +121,7 @@ def lamp_of(solids: Solids, slot: int, lamp: int) -> int:
     return LAMP_GREEN if color == 1 else (LAMP_YELLOW if color == 2 else (LAMP_RED if color == 3 else -1))
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids, ground: Ground, box: Float64) -> bool:
     """Write x, y, z, heading, length, width, height of an object or fixture; return whether it may be in reach.
 
@@ -147,7 +147,7 @@ def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids,
     return True
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def casts_shadow(
     is_object: bool, box: Float64, pose: Float64, lens: Float64, width: int, height: int, light: Float64
 ) -> bool:

@@ -23,7 +23,7 @@ from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def light_vertices(light: Float64, count: int, is_glossy: bool, vertices: Float64, lights: Float32) -> None:
     """Write the light on the first vertices of a mesh in view.
 

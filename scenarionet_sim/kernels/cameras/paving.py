@@ -127,7 +127,7 @@ def _find_cells(count: int, frame: Float64, base: int, xs: Float32, ys: Float32,
         cells[k] = first + cell if is_inside else last
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def _read_noise(
     count: int, frame: Float64, shift: float, grain: UInt8, is_near: bool, texels: Int32, shades: Float32
 ) -> None:

@@ -95,7 +95,7 @@ def is_beside_picture(
     return bool(abs(y) * lens[FY] - z * rise > radius * math.sqrt(lens[FY] * lens[FY] + rise * rise))
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def mesh_for(meshes: Meshes, mesh: int, radius: float, box: Float64, pose: Float64) -> tuple[int, float, float]:
     """Return the mesh to draw of a box that is seen under a radius [pixels], and cosine and sine of its heading."""
     x, y, z = box[0] - pose[EYE], box[1] - pose[EYE + 1], box[2] + 0.5 * box[6] - pose[EYE + 2]
@@ -111,7 +111,7 @@ def mesh_for(meshes: Meshes, mesh: int, radius: float, box: Float64, pose: Float
     return mesh, math.cos(box[3]), math.sin(box[3])
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def write_normal(vertices: Float64, a: int, b: int, c: int, colors: Float32) -> None:
     """Write the normal of a triangle into the last columns of ``colors`` (12,)."""
     xs, ys, zs = vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2]
@@ -159,7 +159,7 @@ def color_triangle(
         colors[3 * channel], colors[3 * channel + 1], colors[3 * channel + 2] = start, along, down
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def strength_of(material: int, glow: int, light: Float64) -> float:
     """Return how brightly a material shines by itself, or that it is darker (below 0), by the material that glows."""
     if material == TAIL_LAMP and glow == TAIL_LAMP:

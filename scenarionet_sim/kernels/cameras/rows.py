@@ -41,7 +41,7 @@ _GROUND, _SKY, _TRIANGLE = np.int32(SEES_GROUND), np.int32(SEES_SKY), np.int32(S
 _ON_GROUND, _NOTHING = np.int32(ON_GROUND), np.int32(NOTHING)
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def look_along(
     first: int, count: int, slot: int, pose: Float64, lens: Float64, rays: Float64, width: int, reach: float,
     ground: Ground, near: Float32, seen: Int32, shades: Float32,
@@ -80,7 +80,7 @@ def look_along(
     )  # fmt: skip
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def aim_rays(
     row: int, start: int, first: int, end: int, pose: Float64, lens: Float64, rays: Float64, inverse: float,
     shades: Float32,

@@ -47,7 +47,7 @@ SOFT = 0.3
 """Width of the soft edge of a shadow outside of its outline [m]."""
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def cast_shadows(
     row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, seen: Int32,
     xs: Float32, ys: Float32, shade: Float32,
@@ -105,7 +105,7 @@ def _cast(strength: float, x0: float, y0: float, shadow: Float64, xs: Float32, y
         shade[k] *= 1.0 - strength * larger(cast, contact)
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def color_triangles(
     row: int, shift: int, first: int, end: int, pose: Float64, lens: Float64, frame: Float64, colors: Float32,
     labels: Int32, seen: Int32, shades: Float32,
@@ -132,7 +132,7 @@ def color_triangles(
                 stop += 1
         red, green = color[0] + color[1] * column + color[2] * line, color[3] + color[4] * column + color[5] * line
         blue = color[6] + color[7] * column + color[8] * line
-        if stop == begin + 1:
+        if stop == begin + 1 and not is_wall:
             reds[begin], greens[begin], blues[begin] = red, green, blue
             begin = stop
             continue

@@ -94,7 +94,7 @@ def sky_color(light: Float64, grain: UInt8, x: float, y: float, z: float) -> tup
     return red, green, blue
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def color_sky(
     row: int, start: int, begin: int, stop: int, size: tuple[int, int], pose: Float64, lens: Float64, rays: Float64,
     light: Float64, grain: UInt8, seen: Int32, nodes: Float32, shades: Float32,

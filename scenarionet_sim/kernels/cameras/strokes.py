@@ -66,7 +66,7 @@ def _aim(count: int, ray_x: Float32, ray_y: Float32, view_x: Float32, view_y: Fl
         view_x[k], view_y[k] = ray_x[k] * per, ray_y[k] * per
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def _draw_cell(ground: Ground, slot: int, cell: int, first: int, end: int, shades: Float32) -> None:
     """Draw the strokes of a cell on a run of pixels."""
     frame, across, along = ground.frame[slot], shades[ACROSS, first:end], shades[ALONG, first:end]

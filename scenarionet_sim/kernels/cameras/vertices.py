@@ -37,7 +37,7 @@ STEEP = 1e6
 """Slope of rays that are vertical for a lidar."""
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def place_vertices(
     meshes: Meshes, mesh: int, box: Float64, turn: tuple[float, float], spin: float, steer: float, pose: Float64,
     lens: Float64, vertices: Float64,
