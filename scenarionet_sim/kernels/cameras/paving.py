@@ -54,7 +54,7 @@ _AHEAD = 65600.0
 """Texels before the corner of the grid, more than any pixel sees: numbers of texels are positive."""
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def color_ground(
     slot: int, angle: float, ground: Ground, light: Float64, grain: UInt8, seen: Int32, cells: Int32,
     texels: Int32, shades: Float32,

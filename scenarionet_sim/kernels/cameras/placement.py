@@ -231,7 +231,7 @@ def add_mesh(
     return num_triangles
 
 
-@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def add_instance(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, box: Float64, spin: float,
     steer: float, pose: Float64, lens: Float64, rings: Float64, width: int, height: int, radius: float,

@@ -176,7 +176,7 @@ def _open_windows(
         blue[k] *= 0.1 + 0.9 * bright
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def expose(
     first: int, size: tuple[int, int], kinds: int, light: Float64, tone: UInt8, seen: Int32, levels: Int32,
     shades: Float32, picture: UInt8,
