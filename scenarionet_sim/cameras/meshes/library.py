@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32
-from scenarionet_sim.cameras.meshes import people, things, vehicles
+from scenarionet_sim.cameras.meshes import far_vehicles, people, things, vehicles
 from scenarionet_sim.cameras.meshes.materials import MATERIAL_COLORS, PAINTS
 from scenarionet_sim.cameras.shapes import Shape, box, joined, tube, with_normals
 from scenarionet_sim.kernels.cameras import layout as at
@@ -41,14 +41,14 @@ def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
         at.BUILDING: (things.building(), (15.0, 15.0, 12.0)),
         at.SIGN: (whole, (1.0, 1.0, 1.0)),
         at.DECK: (vehicles.interior(), (4.6, 1.9, 1.55)),
-        at.CAR_FAR: (vehicles.far_car(), (4.6, 1.9, 1.55)),
-        at.TRUCK_FAR: (vehicles.far_truck(), (8.0, 2.5, 3.2)),
+        at.CAR_FAR: (far_vehicles.far_car(), (4.6, 1.9, 1.55)),
+        at.TRUCK_FAR: (far_vehicles.far_truck(), (8.0, 2.5, 3.2)),
         at.PERSON_FAR: (people.far_person(), (0.6, 0.6, 1.75)),
         at.BLOCK: ([things.open_box(at.BODY)], (1.0, 1.0, 1.0)),
         at.WALLS: ([things.open_box(at.FACADE)], (15.0, 15.0, 12.0)),
         at.LIGHT_FAR: (things.far_light_head(), (0.35, 0.35, 1.0)),
-        at.CAR_MIDDLE: (vehicles.middle_car(), (4.6, 1.9, 1.55)),
-        at.VAN_MIDDLE: (vehicles.middle_van(), (5.4, 2.0, 2.0)),
+        at.CAR_MIDDLE: (far_vehicles.middle_car(), (4.6, 1.9, 1.55)),
+        at.VAN_MIDDLE: (far_vehicles.middle_van(), (5.4, 2.0, 2.0)),
         at.TREE_MIDDLE: (things.middle_tree(), (5.0, 5.0, 8.0)),
         at.TREE_FAR: (things.far_tree(), (5.0, 5.0, 8.0)),
         at.TREE_TINY: (things.tiny_tree(6), (5.0, 5.0, 8.0)),
