@@ -131,7 +131,7 @@ def _is_farther(path: PathRows, k: int, dx: float, dy: float, limit: float) -> b
     ty = np.float64(path.points[k + 1, 1]) - path.points[k, 1]
     along, left, squared = tx * dx + ty * dy, tx * dy - ty * dx, tx * tx + ty * ty
     over = smaller(along, 0.0) + larger(along - squared, 0.0)
-    return left * left + over * over > (limit + 1e-9 * limit + 1e-9) * squared
+    return bool(left * left + over * over > (limit + 1e-9 * limit + 1e-9) * squared)
 
 
 @kernel
