@@ -89,7 +89,7 @@ class LoopCompiler(compiler.CompilerBase):
                 _shorten_constants(state.func_ir)
             typed_passes.NopythonTypeInference().run_pass(state)
             state.func_ir = typed_passes.PreLowerStripPhis()._strip_phi_nodes(state.func_ir)
-            state.cr = _lower(state)
+            state.cr = _lower(state, is_in_lanes=self.is_in_lanes)
         state.pipeline = None
         return state.cr
 
@@ -155,7 +155,7 @@ def _shorten_constants(code: Any) -> None:
                 source.value = np.float32(source.value)
 
 
-def _lower(state: Any) -> Any:
+def _lower(state: Any, *, is_in_lanes: bool) -> Any:
     """Return the result of a compilation, from typed code."""
     flags, context, name = state.flags, state.targetctx, state.func_id.func_qualname
     is_device = flags.no_cpython_wrapper
@@ -173,6 +173,7 @@ def _lower(state: Any) -> Any:
     )
     with context.push_code_library(library):
         lower = _LoopLowering(context, library, descriptor, state.func_ir, metadata=state.metadata)
+        lower.counts_from_start = is_in_lanes
         lower.lower()
         if not is_device:
             lower.create_cpython_wrapper(flags.release_gil)
@@ -228,7 +229,14 @@ class _KernelLibrary(_LoopLibrary):
 
 
 class _LoopLowering(lowering.Lower):
-    """Writes LLVM code of typed code without reference counts."""
+    """Writes LLVM code of typed code without reference counts.
+
+    Attributes:
+        counts_from_start: Whether no index counts from the end of an array; else several elements in a row are not
+            known to be neighbours.
+    """
+
+    counts_from_start = False
 
     def _find_singly_assigned_variable(self) -> None:
         """Find variables with one assignment, in a block that precedes every block that uses them."""
@@ -335,7 +343,7 @@ class _LoopLowering(lowering.Lower):
 
     def _from_start(self, kind: Any, value: Any, size: Any) -> Any:
         """Return an index that may count from the end as one that counts from the start."""
-        if isinstance(value, llvm.Constant) and value.constant >= 0:
+        if self.counts_from_start or (isinstance(value, llvm.Constant) and value.constant >= 0):
             return self.context.cast(self.builder, value, kind, types.intp)
         return arrayobj.fix_integer_index(self.context, self.builder, kind, value, size)
 

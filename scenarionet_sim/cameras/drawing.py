@@ -18,7 +18,6 @@ from scenarionet_sim.kernels.cameras.layout import (
     BAND,
     EYE,
     FORWARD,
-    NUM_EXACT,
     NUM_LIGHTS,
     NUM_POSE,
     NUM_SHADES,
@@ -152,12 +151,12 @@ def _scratch(width: int) -> FrameMemory:
             bounds=np.empty((MAX_TRIANGLES, 4), np.int32),
             instances=np.empty((_MAX_INSTANCES, 4), np.int32),
             shadows=np.empty((_MAX_INSTANCES, 12)),
-            near=np.empty(BAND * columns),
+            near=np.empty(BAND * columns, np.float32),
             seen=np.empty(BAND * columns, np.int32),
-            exact=np.zeros((NUM_EXACT, TILE)),
             shades=np.zeros((NUM_SHADES, TILE), np.float32),
             cells=np.zeros(TILE, np.int32),
-            texels=np.zeros(TILE, np.int32),
+            texels=np.zeros((3, TILE), np.int32),
+            box=np.zeros(7),
             sky=np.zeros((2, columns // SKY_STEP + 2, 4), np.float32),
         )
     return found

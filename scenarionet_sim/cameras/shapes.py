@@ -43,6 +43,12 @@ def box(low: Sequence[float], high: Sequence[float], material: int, taper: tuple
     return from_quads(bottom + top, quads, [material] * 6)
 
 
+def without_bottom(shape: Shape) -> Shape:
+    """Return a shape without its triangles that lie on the level of its lowest point."""
+    is_bottom = (shape.points[shape.corners, 2] == shape.points[:, 2].min()).all(axis=1)
+    return Shape(shape.points, shape.corners[~is_bottom], shape.material[~is_bottom], shape.part)
+
+
 def from_quads(points: npt.ArrayLike, quads: Sequence[Sequence[int]], materials: Sequence[int], part: int = 0) -> Shape:
     """Return a shape of convex quads, each split along its diagonal."""
     four = np.asarray(quads, np.int32).reshape(-1, 4)

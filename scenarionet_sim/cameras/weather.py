@@ -23,6 +23,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     WET,
     Look,
 )
+from scenarionet_sim.kernels.cameras.shading import NUM_LEVELS, light_of_level
 from scenarionet_sim.kernels.cameras.sky import GRAIN_SIZE
 
 
@@ -135,8 +136,9 @@ def _grain() -> UInt8:
 
 @lru_cache
 def _tone() -> UInt8:
-    """Return the sRGB values (4096,) of linear light in [0, 1] (IEC 61966-2-1)."""
-    light = (np.arange(4096) + 0.5) / 4096
+    """Return the sRGB values (NUM_LEVELS,) of the levels of linear light (IEC 61966-2-1), highlights compressed."""
+    light = light_of_level(np.arange(NUM_LEVELS) + 0.5)
+    light = np.minimum(1.25 * light / (light + 0.75), 1.0)
     value = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     tone: UInt8 = np.rint(255 * value).astype(np.uint8)
     tone.flags.writeable = False

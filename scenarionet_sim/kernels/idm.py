@@ -11,13 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, UInt8
 from scenarionet_data.arrays.idm import free_acceleration, interaction
+from scenarionet_sim.kernels.boxes import HALF_LENGTH, HALF_WIDTH, RADIUS, Boxes, rotation, write_boxes
+from scenarionet_sim.kernels.boxes import X as BOX_X
+from scenarionet_sim.kernels.boxes import Y as BOX_Y
 from scenarionet_sim.kernels.log import ARC, HEADING, VALID, VX, VY, YAW_RATE, X, Y, Z
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.motion import place_as_recorded
 from scenarionet_sim.kernels.overlap import is_overlapping
-from scenarionet_sim.kernels.paths import PathRows, direction, nearest, pose_at, segment_at, wrapped
+from scenarionet_sim.kernels.paths import PathRows, direction, nearest, pose_on, segment_at, segment_from, wrapped
 from scenarionet_sim.kernels.structures import LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS, OBJECTS, Recorded, StateArrays
 
 
@@ -38,24 +41,26 @@ class SightMemory(NamedTuple):
     """Memory for what one vehicle after another sees.
 
     Attributes:
-        stations: (64, 4) places on its path ahead.
-        boxes: (11, N) present objects of its world.
+        stations: (64, 7) places on its path ahead: x, y, arc length [m] and heading [rad]; then the middle x, y and
+            half of the length [m] of the straight way to the next one.
+        boxes: Boxes of its world.
+        is_near: (N,) boxes that may be on its path.
     """
 
     stations: Float64
-    boxes: Float64
+    boxes: Boxes
+    is_near: Bool
 
     @classmethod
     def of(cls, num_objects: int) -> SightMemory:
         """Allocate the memory for worlds of up to so many objects."""
-        return cls(np.empty((_STATIONS, 4)), np.empty((11, num_objects)))
+        return cls(np.empty((_STATIONS, 7)), Boxes.of(num_objects), np.empty(num_objects, np.bool_))
 
 
 _YELLOW, _RED = 2, 3  # LightColor
 _STATIONS = 64
 _SPACING, _COARSER = 2.0, 1.0 / 12.0  # least distance between stations [m], and its growth with the distance ahead
-_SX, _SY, _ARC, _HEADING = range(4)  # columns of stations
-_BX, _BY, _BZ, _COS, _SIN, _VX, _VY, _HALF_LENGTH, _HALF_WIDTH, _HALF_HEIGHT, _RADIUS = range(11)  # rows of boxes
+_SX, _SY, _ARC, _HEADING, _MIDDLE_X, _MIDDLE_Y, _HALF = range(7)  # columns of stations
 
 
 @device_function
@@ -87,8 +92,10 @@ def drive_along_paths(
         colors: (K,) ``LightColor`` by ``LightState``.
         memory: Written.
     """
-    stations, boxes = memory.stations, memory.boxes[:, : _write_boxes(w, now, memory.boxes)]
+    stations, boxes = memory.stations, memory.boxes
     count, num_steps, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS], recorded.place[w, OBJECTS]
+    motion, sizes = now.motion[w], now.size[w]
+    num_boxes = write_boxes(count, motion, sizes, now.present[w], boxes)
     t, own = smaller(now.timestep[w], num_steps - 1), -1
     log, lights = recorded.place[w, LOG] + (t + 1) * count, recorded.place[w, LIGHTS] + t
     for n in range(count):
@@ -100,7 +107,7 @@ def drive_along_paths(
         if s == np.inf:
             continue
         if not now.present[w, n]:
-            if t + 1 < num_steps and _is_free(recorded.log[log + n], size, boxes):
+            if t + 1 < num_steps and _is_free(recorded.log[log + n], size, motion, sizes, boxes, num_boxes):
                 place_as_recorded(recorded.log[log + n], w, n, then.motion, then.present)
             continue
         path = PathRows(recorded.path, recorded.path_offsets[objects + n], recorded.path_offsets[objects + n + 1])
@@ -108,11 +115,12 @@ def drive_along_paths(
         if np.isnan(s):
             s = larger(nearest(path, row[X], row[Y], -np.inf, np.inf)[0], 0.0)
         speed = np.hypot(row[VX], row[VY])
-        num_stations = _look_ahead(path, s, stations)
-        braking = _braking_for_boxes(boxes, own, stations, num_stations, speed, law)
-        for k in range(recorded.stop_offsets[objects + n], recorded.stop_offsets[objects + n + 1]):
-            color = colors[recorded.light_state[lights + recorded.stop_light[k] * num_steps]]
-            gap = recorded.stop_arc[k] - s - size[0] / 2.0
+        k = segment_at(path, s)
+        num_stations = _look_ahead(path, k, s, stations)
+        braking = _braking_for_boxes(motion, sizes, memory, num_boxes, own, num_stations, speed, law)
+        for stop in range(recorded.stop_offsets[objects + n], recorded.stop_offsets[objects + n + 1]):
+            color = colors[recorded.light_state[lights + recorded.stop_light[stop] * num_steps]]
+            gap = recorded.stop_arc[stop] - s - size[0] / 2.0
             braking = larger(braking, _braking_for_light(color, gap, speed, law))
         top_speed = larger(np.float64(recorded.top_speed[objects + n]), law.slowest)
         desired = _speed_for_bends(top_speed, stations, num_stations, law)
@@ -122,8 +130,9 @@ def drive_along_paths(
         if s >= path.points[path.end - 1, ARC]:
             then.route[w, n, 0] = np.inf
             continue
-        tx, ty, _ = direction(path, segment_at(path, s))
-        x, y, z, angle = pose_at(path, s)
+        k = segment_from(path, k, s)
+        tx, ty, _ = direction(path, k)
+        x, y, z, angle = pose_on(path, k, s)
         moved = then.motion[w, n]
         moved[X], moved[Y], moved[Z], moved[HEADING] = x, y, z, angle
         moved[VX], moved[VY] = new_speed * tx, new_speed * ty
@@ -132,117 +141,152 @@ def drive_along_paths(
 
 
 @device_function
-def _write_boxes(w: int, now: StateArrays, boxes: Float64) -> int:
-    """Write the present boxes of a world in the order of their rows; return their number."""
-    b = 0
-    for n in range(now.present.shape[1]):
-        if not now.present[w, n]:
-            continue
-        row = now.motion[w, n]
-        boxes[_BX, b], boxes[_BY, b], boxes[_BZ, b] = row[X], row[Y], row[Z]
-        boxes[_COS, b], boxes[_SIN, b] = np.cos(row[HEADING]), np.sin(row[HEADING])
-        boxes[_VX, b], boxes[_VY, b] = row[VX], row[VY]
-        for axis in range(3):
-            boxes[_HALF_LENGTH + axis, b] = now.size[w, n, axis] / 2.0
-        boxes[_RADIUS, b] = np.hypot(boxes[_HALF_LENGTH, b], boxes[_HALF_WIDTH, b])
-        b += 1
-    return b
-
-
-@device_function
-def _is_free(row: Float32, size: Float64, boxes: Float64) -> bool:
+def _is_free(row: Float32, size: Float64, motion: Float64, sizes: Float64, boxes: Boxes, num_boxes: int) -> bool:
     """Return whether a row of the log is valid and its box overlaps no other."""
     if row[VALID] == 0.0:
         return False
-    cos, sin = np.cos(np.float64(row[HEADING])), np.sin(np.float64(row[HEADING]))
-    for b in range(boxes.shape[1]):
-        if abs(boxes[_BZ, b] - row[Z]) <= boxes[_HALF_HEIGHT, b] + size[2] / 2.0 and is_overlapping(
-            boxes[_BX, b] - row[X], boxes[_BY, b] - row[Y], cos, sin, size[0], size[1],
-            boxes[_COS, b], boxes[_SIN, b], 2.0 * boxes[_HALF_LENGTH, b], 2.0 * boxes[_HALF_WIDTH, b],
-        ):  # fmt: skip
+    numbers, cos, sin = boxes.numbers, np.cos(np.float64(row[HEADING])), np.sin(np.float64(row[HEADING]))
+    for b in range(num_boxes):
+        dx, dy, reach = numbers[BOX_X, b] - row[X], numbers[BOX_Y, b] - row[Y], numbers[RADIUS, b] + size[0] + size[1]
+        if dx * dx + dy * dy > reach * reach:
+            continue
+        other = boxes.row[b]
+        cos_b, sin_b = rotation(b, motion, boxes)
+        if abs(motion[other, Z] - row[Z]) <= sizes[other, 2] / 2.0 + size[2] / 2.0 and is_overlapping(
+            dx, dy, cos, sin, size[0], size[1], cos_b, sin_b, sizes[other, 0], sizes[other, 1]
+        ):
             return False
     return True
 
 
 @device_function
-def _look_ahead(path: PathRows, s: float, stations: Float64) -> int:
-    """Write stations (x, y, arc, heading) from ``s`` to the end of the path; return their number.
+def _look_ahead(path: PathRows, k: int, s: float, stations: Float64) -> int:
+    """Write stations from ``s``, on segment ``k``, to the end of the path; return their number.
 
     The law has no horizon: cutting it off would let the acceleration jump when a leader comes into view. Stations are
     wider apart with the distance, so that they reach over a kilometre.
     """
-    stations[0, _SX], stations[0, _SY], _, stations[0, _HEADING] = pose_at(path, s)
+    stations[0, _SX], stations[0, _SY], _, stations[0, _HEADING] = pose_on(path, k, s)
     stations[0, _ARC] = s
-    count, last = 1, s
-    for k in range(segment_at(path, s) + 1, path.end):
-        spacing = larger(_SPACING, (last - s) * _COARSER)
-        if path.points[k, ARC] - last >= spacing or (k == path.end - 1 and path.points[k, ARC] > last):
-            stations[count, _SX], stations[count, _SY] = path.points[k, 0], path.points[k, 1]
-            stations[count, _ARC], stations[count, _HEADING] = path.points[k, ARC], path.points[k, HEADING]
-            count, last = count + 1, np.float64(path.points[k, ARC])
+    count, last, spacing, end = 1, s, _SPACING, path.end - 1
+    for j in range(k + 1, path.end):
+        point = path.points[j]
+        if point[ARC] - last >= spacing or (j == end and point[ARC] > last):
+            station = stations[count]
+            station[_SX], station[_SY], station[_ARC], station[_HEADING] = (
+                point[X],
+                point[Y],
+                point[ARC],
+                point[HEADING],
+            )
+            count, last = count + 1, np.float64(point[ARC])
+            spacing = larger(_SPACING, (last - s) * _COARSER)
             if count == _STATIONS:
                 break
     return count
 
 
 @device_function
-def _braking_for_boxes(boxes: Float64, own: int, stations: Float64, count: int, speed: float, law: Law) -> float:
+def _braking_for_boxes(
+    motion: Float64,
+    sizes: Float64,
+    memory: SightMemory,
+    num_boxes: int,
+    own: int,
+    count: int,
+    speed: float,
+    law: Law,
+) -> float:
     """Return the strongest deceleration required by boxes on the strip ahead [m/s²]."""
-    half_width = boxes[_HALF_WIDTH, own] - law.overlap
+    boxes, stations, numbers, is_near = memory.boxes, memory.stations, memory.boxes.numbers, memory.is_near
+    row, half_width = boxes.row[own], numbers[HALF_WIDTH, own] - law.overlap
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
     for k in range(count):
-        low_x, high_x = smaller(low_x, stations[k, _SX]), larger(high_x, stations[k, _SX])
-        low_y, high_y = smaller(low_y, stations[k, _SY]), larger(high_y, stations[k, _SY])
-    braking = 0.0
-    for b in range(boxes.shape[1]):
-        x, y, reach = boxes[_BX, b], boxes[_BY, b], boxes[_RADIUS, b] + half_width
-        if x + reach < low_x or x - reach > high_x or y + reach < low_y or y - reach > high_y or b == own:
+        x, y, following = stations[k, _SX], stations[k, _SY], stations[smaller(k + 1, count - 1)]
+        low_x, high_x, low_y, high_y = smaller(low_x, x), larger(high_x, x), smaller(low_y, y), larger(high_y, y)
+        tx, ty = following[_SX] - x, following[_SY] - y
+        stations[k, _MIDDLE_X], stations[k, _MIDDLE_Y] = x + 0.5 * tx, y + 0.5 * ty
+        stations[k, _HALF] = 0.5 * np.sqrt(tx * tx + ty * ty)
+    x, y, reach_x, reach_y = (
+        0.5 * (low_x + high_x),
+        0.5 * (low_y + high_y),
+        0.5 * (high_x - low_x),
+        0.5 * (high_y - low_y),
+    )
+    reach_x, reach_y = reach_x + half_width, reach_y + half_width
+    _find_near(num_boxes, x, y, reach_x, reach_y, numbers[BOX_X], numbers[BOX_Y], numbers[RADIUS], is_near)
+    is_near[own], braking = False, 0.0
+    for b in range(num_boxes):
+        if not is_near[b]:
             continue
-        if abs(boxes[_BZ, b] - boxes[_BZ, own]) > boxes[_HALF_HEIGHT, b] + boxes[_HALF_HEIGHT, own]:
+        other = boxes.row[b]
+        if abs(motion[other, Z] - motion[row, Z]) > sizes[other, 2] / 2.0 + sizes[row, 2] / 2.0:
             continue
-        distance, moves_on = _meet(boxes, b, stations, count, half_width)
+        distance, moves_on = _meet(motion, boxes, b, stations, count, half_width)
         if distance < np.inf:
-            gap = distance - boxes[_HALF_LENGTH, own]
+            gap = distance - numbers[HALF_LENGTH, own]
             braking = larger(braking, _braking(speed, gap, speed - moves_on, law))
     return braking
 
 
+@device_function(in_lanes=True)
+def _find_near(
+    count: int,
+    x: float,
+    y: float,
+    reach_x: float,
+    reach_y: float,
+    box_x: Float64,
+    box_y: Float64,
+    radius: Float64,
+    is_near: Bool,
+) -> None:
+    """Find the boxes whose circumscribed circles may meet a rectangle."""
+    for b in range(count):
+        is_near[b] = (abs(box_x[b] - x) <= reach_x + radius[b]) & (abs(box_y[b] - y) <= reach_y + radius[b])
+
+
 @device_function
-def _meet(boxes: Float64, b: int, stations: Float64, count: int, half_width: float) -> tuple[float, float]:
+def _meet(
+    motion: Float64, boxes: Boxes, b: int, stations: Float64, count: int, half_width: float
+) -> tuple[float, float]:
     """Return the distance along the stations to box ``b`` [m], infinite if not on the strip, and its speed along it.
 
     A box whose centre is not ahead of the first station is a follower and does not count.
     """
-    radius, k = boxes[_RADIUS, b], -1
+    numbers = boxes.numbers
+    box_x, box_y, half_length, radius = (
+        numbers[BOX_X, b],
+        numbers[BOX_Y, b],
+        numbers[HALF_LENGTH, b],
+        numbers[RADIUS, b],
+    )
     widest = half_width + radius
-    while k < count - 2:
-        k += 1
-        dx, dy = boxes[_BX, b] - stations[k, _SX], boxes[_BY, b] - stations[k, _SY]
-        # The strip cannot reach the box on a shorter way than the straight one: skip the stations before.
-        reached = stations[k, _ARC] + np.sqrt(dx * dx + dy * dy) - half_width - 2.0 * radius
-        if stations[k + 1, _ARC] < reached:
-            while k < count - 2 and stations[k + 2, _ARC] < reached:
-                k += 1
+    for k in range(count - 1):
+        station = stations[k]
+        x, y, reach = box_x - station[_MIDDLE_X], box_y - station[_MIDDLE_Y], station[_HALF] + radius + widest
+        if x * x + y * y > reach * reach:
             continue
-        tx, ty = stations[k + 1, _SX] - stations[k, _SX], stations[k + 1, _SY] - stations[k, _SY]
-        along, left, squared = tx * dx + ty * dy, tx * dy - ty * dx, tx * tx + ty * ty
-        beside, beyond = widest * widest * squared, radius * radius * squared
-        # Squares, as roots and quotients take most of the time.
-        if left * left > beside or (along < 0.0 and along * along > beyond):
-            continue
-        if along > squared and (along - squared) * (along - squared) > beyond:
+        dx, dy = box_x - station[_SX], box_y - station[_SY]
+        tx, ty = stations[k + 1, _SX] - station[_SX], stations[k + 1, _SY] - station[_SY]
+        left, squared = tx * dy - ty * dx, tx * tx + ty * ty
+        if left * left > widest * widest * squared:
             continue
         length = larger(np.sqrt(squared), 1e-9)  # shorter than the arc where the path is noisy
         tx, ty = tx / length, ty / length
         along, left = tx * dx + ty * dy, tx * dy - ty * dx
-        cos, sin = abs(boxes[_COS, b] * tx + boxes[_SIN, b] * ty), abs(boxes[_COS, b] * ty - boxes[_SIN, b] * tx)
-        reach = cos * boxes[_HALF_LENGTH, b] + sin * boxes[_HALF_WIDTH, b]
-        across = sin * boxes[_HALF_LENGTH, b] + cos * boxes[_HALF_WIDTH, b]
+        cos_b, sin_b = rotation(b, motion, boxes)
+        cos, sin = abs(cos_b * tx + sin_b * ty), abs(cos_b * ty - sin_b * tx)
+        reach, across = (
+            cos * half_length + sin * numbers[HALF_WIDTH, b],
+            sin * half_length + cos * numbers[HALF_WIDTH, b],
+        )
         if abs(left) >= half_width + across or along - reach >= length or along + reach <= 0.0:
             continue
         if k > 0 or along > 0.0:
             entered = along - reach if k == 0 else larger(along - reach, 0.0)
-            return stations[k, _ARC] - stations[0, _ARC] + entered, boxes[_VX, b] * tx + boxes[_VY, b] * ty
+            other = motion[boxes.row[b]]
+            return station[_ARC] - stations[0, _ARC] + entered, other[VX] * tx + other[VY] * ty
     return np.inf, 0.0
 
 

@@ -8,8 +8,10 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_sim.kernels.box_rays import RayMemory, ranges_to_boxes
+from scenarionet_sim.kernels.boxes import Boxes
 from scenarionet_sim.kernels.paths import PathRows
-from scenarionet_sim.kernels.rays import ranges_to_boxes, ranges_to_lines
+from scenarionet_sim.kernels.rays import ranges_to_lines
 from scenarionet_sim.kernels.route_observation import own_motion, way_ahead
 from scenarionet_sim.kernels.structures import OBJECTS, Lines, Recorded, StateArrays
 
@@ -47,23 +49,25 @@ class Sensing(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Memory for one agent's observation.
+    """Memory for the observations of one agent after another.
 
     Attributes:
         values: (7,) own motion.
         points: (K, 2) points of the path.
-        is_visible: (N,) objects that a lidar sees.
+        boxes: Boxes of its world.
+        rays: Of a lidar.
     """
 
     values: Float64
     points: Float64
-    is_visible: Bool
+    boxes: Boxes
+    rays: RayMemory
 
     @classmethod
     def of(cls, num_objects: int, sensing: Sensing) -> Scratch:
         """Allocate the memory."""
         most = max(sensing.place[:, 3], default=0)
-        return cls(np.empty(7), np.empty((most, 2)), np.empty(num_objects, np.bool_))
+        return cls(np.empty(7), np.empty((most, 2)), Boxes.of(num_objects), RayMemory.of(most, num_objects))
 
 
 @device_function(forceinline=True)
@@ -71,6 +75,7 @@ def observe(
     a: int,
     w: int,
     n: int,
+    num_boxes: int,
     recorded: Recorded,
     lines: Lines,
     then: StateArrays,
@@ -78,18 +83,16 @@ def observe(
     sensing: Sensing,
     scratch: Scratch,
 ) -> None:
-    """Write the observations of an agent by all compiled sensors."""
+    """Write the observations of an agent by all compiled sensors; ``num_boxes`` is that of ``scratch.boxes``."""
     me, route, row = then.motion[w, n], routes[w, n], recorded.place[w, OBJECTS] + n
     path = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
     for s in range(len(sensing.kind)):
         kind, scale, count = sensing.kind[s], sensing.scale[s], sensing.place[s, 3]
         at, ray = sensing.place[s, 0] + a * sensing.place[s, 1], sensing.place[s, 2]
         if kind == LIDAR:
-            is_visible = scratch.is_visible
-            for m in range(len(is_visible)):
-                is_visible[m] = then.present[w, m] and sensing.types[s, then.object_type[w, m]]
-            rays = sensing.directions[ray : ray + count]
-            ranges_to_boxes(n, then.motion[w], then.size[w], is_visible, rays, scale[0], sensing.out[at : at + count])
+            rays, seen = sensing.directions[ray : ray + count], sensing.out[at : at + count]
+            world = scratch.boxes, num_boxes, then.object_type[w], sensing.types[s]
+            ranges_to_boxes(n, then.motion[w], *world, rays, scale[0], scratch.rays, seen)
         elif kind == LINE_RAYS:
             rays = sensing.directions[ray : ray + count]
             ranges_to_lines(w, me, lines, sensing.types[s], rays, scale[0], sensing.out[at : at + count])

@@ -1,4 +1,4 @@
-"""Ray casting in the plane, at boxes of objects and at lines of the map.
+"""Ray casting in the plane, at lines of the map.
 
 Rays start at the agent's centre and turn with it: ray k has the direction ``directions[k]`` in the agent's frame
 (x forward, y left). The output is the distance divided by the range: 0 at the centre, 1 without a hit.
@@ -53,99 +53,6 @@ def ray_through_box(x: float, y: float, dx: float, dy: float, half_x: float, hal
 
 
 @device_function
-def rays_at_circle(x: float, y: float, radius: float, count: int) -> tuple[int, int]:
-    """Return the first and last of ``count`` evenly spread rays that may meet a circle; -1 is the last ray."""
-    apart = np.sqrt(x * x + y * y)
-    if apart <= radius:
-        return 0, count - 1
-    middle, half = np.arctan2(y, x), np.arcsin(radius / apart)
-    per_radian = count / (2.0 * np.pi)
-    first = int(np.ceil((middle - half) * per_radian - 1e-9))
-    last = int(np.floor((middle + half) * per_radian + 1e-9))
-    return first, smaller(last, first + count - 1)
-
-
-@device_function
-def box_ahead(
-    dx: float, dy: float, cos: float, sin: float, turn: float, half_x: float, half_y: float, reach: float, count: int
-) -> tuple[int, int, float, float, float, float]:
-    """Transform a box into the frame of an agent.
-
-    Args:
-        dx, dy: Offset from the agent to the box [m].
-        cos, sin: Cosine and sine of the agent's heading.
-        turn: Heading of the box minus the agent's [rad].
-        half_x, half_y: Half of the box's length and width [m].
-        reach, count: Range [m], and number of rays, evenly spread from straight ahead.
-
-    Returns:
-        First and last ray that may meet it (first > last if out of reach); the agent's position x, y in the frame
-        of the box; cosine and sine of ``turn``.
-    """
-    radius = np.sqrt(half_x * half_x + half_y * half_y)
-    if dx * dx + dy * dy >= (reach + radius) * (reach + radius):
-        return 0, -1, 0.0, 0.0, 0.0, 0.0
-    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-    first, last = rays_at_circle(ahead, left, radius, count)
-    cos, sin = np.cos(turn), np.sin(turn)
-    return first, last, -(cos * ahead + sin * left), -(cos * left - sin * ahead), cos, sin
-
-
-@kernel
-def cast_at_boxes(
-    agents: Int32, motion: Float64, size: Float64, is_visible: Bool, directions: Float64, reach: float, out: Float32
-) -> None:
-    """Cast evenly spread rays of each agent at the other objects' boxes.
-
-    Only rays that may meet a box's circumscribed circle are tested against it.
-
-    Args:
-        agents: (A, 2) world and row.
-        motion, size: See ``State``.
-        is_visible: (W, N) objects to detect.
-        directions: (R, 2) unit vectors at angles 2 pi k / R from straight ahead, counter-clockwise.
-        reach: Range [m].
-        out: (A, R) output.
-    """
-    for a in range(agents.shape[0]):
-        w = agents[a, 0]
-        ranges_to_boxes(agents[a, 1], motion[w], size[w], is_visible[w], directions, reach, out[a])
-
-
-@device_function
-def ranges_to_boxes(
-    own: int, motion: Float64, size: Float64, is_visible: Bool, directions: Float64, reach: float, out: Float32
-) -> None:
-    """Cast the rays of one agent at the other boxes of its world, see :func:`cast_at_boxes`.
-
-    Args:
-        own: Row of the agent.
-        motion, size, is_visible: (N, ...) of its world.
-        directions, reach: As in :func:`cast_at_boxes`.
-        out: (R,) output.
-    """
-    count = directions.shape[0]
-    me = motion[own]
-    cos_me, sin_me = np.cos(me[HEADING]), np.sin(me[HEADING])
-    for ray in range(count):
-        out[ray] = 1.0
-    for n in range(motion.shape[0]):
-        if n == own or not is_visible[n]:
-            continue
-        dx, dy, turn = motion[n, X] - me[X], motion[n, Y] - me[Y], motion[n, HEADING] - me[HEADING]
-        half_x, half_y = 0.5 * size[n, 0], 0.5 * size[n, 1]
-        first, last, x, y, cos, sin = box_ahead(dx, dy, cos_me, sin_me, turn, half_x, half_y, reach, count)
-        for ray in range(first, last + 1):
-            k = ray - count if ray >= count else ray + count if ray < 0 else ray
-            forward = cos * directions[k, 0] + sin * directions[k, 1]
-            left = cos * directions[k, 1] - sin * directions[k, 0]
-            enter, leave = ray_through_box(x, y, forward, left, half_x, half_y)
-            share = larger(enter, 0.0) / reach
-            if enter <= leave and leave >= 0.0 and share < out[k]:
-                out[k] = share
-
-
-@device_function
 def nearest_segment(
     x: float, y: float, dx: float, dy: float, reach: float, w: int, lines: Lines, is_visible: Bool, types: int
 ) -> float:
@@ -160,10 +67,12 @@ def nearest_segment(
     columns, rows = int(lines.frame[w, 3]), int(lines.frame[w, 4])
     first_cell, first_block = lines.place[w, CELLS], lines.place[w, BLOCKS]
     width, height = columns * cell_size, rows * cell_size
-    enter, leave = ray_through_box(x - left - width / 2, y - low - height / 2, dx, dy, width / 2, height / 2)
-    start, best = larger(enter, 0.0), reach
-    if enter > leave or leave < 0.0 or start >= reach:
-        return best
+    start, best = 0.0, reach
+    if not (left <= x <= left + width and low <= y <= low + height):
+        enter, leave = ray_through_box(x - left - width / 2, y - low - height / 2, dx, dy, width / 2, height / 2)
+        start = larger(enter, 0.0)
+        if enter > leave or leave < 0.0 or start >= reach:
+            return best
     column = smaller(larger(int((x + start * dx - left) / cell_size), 0), columns - 1)
     row = smaller(larger(int((y + start * dy - low) / cell_size), 0), rows - 1)
     step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
@@ -175,29 +84,28 @@ def nearest_segment(
         if lines.cell_types[first_cell + cell] & types:
             filled = lines.block_start[first_block + cell // CELLS_IN_BLOCK] + lines.cell_rank[first_cell + cell]
             for s in range(lines.filled_start[filled], lines.filled_start[filled + 1]):
-                if is_visible[lines.segment_type[s]]:
-                    best = smaller(best, _ray_to_segment(x, y, dx, dy, lines.segments[s], best))
+                along = _ray_to_segment(x, y, dx, dy, lines.segments[s])
+                if 0.0 <= along < best and is_visible[lines.segment_type[s]]:
+                    best = along
         if best <= smaller(next_x, next_y):
             break
-        if next_x < next_y:
-            next_x += along_x
-            column += step_x
-        else:
-            next_y += along_y
-            row += step_y
+        # Without branches, as the processor does not foresee the direction of the next cell.
+        is_beside = next_x < next_y
+        column, row = column + (step_x if is_beside else 0), row + (0 if is_beside else step_y)
+        next_x, next_y = next_x + (along_x if is_beside else 0.0), next_y + (0.0 if is_beside else along_y)
     return best
 
 
-@device_function
-def _ray_to_segment(x: float, y: float, dx: float, dy: float, segment: Float32, otherwise: float) -> float:
+@device_function(forceinline=True)
+def _ray_to_segment(x: float, y: float, dx: float, dy: float, segment: Float32) -> float:
+    """Return the distance along the line of the ray, or -1 where they do not meet."""
     ax, ay = segment[0] - x, segment[1] - y
     bx, by = segment[2] - x, segment[3] - y
     side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
-    if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0) or side_a == side_b:
-        return otherwise  # on one side of the ray, or parallel to it
+    if side_a * side_b > 0.0 or side_a == side_b:  # on one side of the ray, in a test that mostly fails; or parallel
+        return -1.0
     share = side_a / (side_a - side_b)
-    along = (ax + share * (bx - ax)) * dx + (ay + share * (by - ay)) * dy
-    return along if along >= 0.0 else otherwise
+    return float((ax + share * (bx - ax)) * dx + (ay + share * (by - ay)) * dy)
 
 
 @kernel

@@ -8,9 +8,9 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.kernels.box_rays import cast_at_boxes
 from scenarionet_sim.kernels.observation import LIDAR
-from scenarionet_sim.kernels.rays import cast_at_boxes
-from scenarionet_sim.sensors.base import CompiledSensor, Sensor, directions, require, table, visible_objects
+from scenarionet_sim.sensors.base import CompiledSensor, Sensor, directions, require, table
 from scenarionet_sim.sensors.noise import add_noise
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
@@ -59,7 +59,7 @@ class Lidar(Sensor):
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
         """Write the ranges."""
-        is_visible = visible_objects(state, self.types)
-        cast_at_boxes(agents, state.motion, state.size, is_visible, directions(self.rays), self.range, out)
+        seen = state.motion, state.size, state.object_type, state.present, table(self.types)
+        cast_at_boxes(agents, *seen, directions(self.rays), self.range, out)
         add_noise(out, self.noise / self.range, self.dropout, rng)
         return out

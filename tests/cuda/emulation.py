@@ -8,7 +8,7 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_square
-from scenarionet_sim.kernels.cameras.layout import NUM_EXACT, NUM_SHADES
+from scenarionet_sim.kernels.cameras.layout import NUM_SHADES
 from scenarionet_sim.kernels.cameras.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
 from scenarionet_sim.kernels.cameras.thread_layout import PixelMemory
 from scenarionet_sim.kernels.cameras.thread_pixels import draw_pixel, light_sky
@@ -62,8 +62,8 @@ def light(count, size, shots, look, sky):
 def draw(count, size, options, shots, motion, ground, look, items, triangles, sky, pictures):
     height, width = size
     memory = PixelMemory(
-        np.empty(1), np.empty(1, np.int32), np.empty((NUM_EXACT, 1)), np.empty((NUM_SHADES, 1), np.float32),
-        np.empty(1, np.int32), np.empty(1, np.int32),
+        np.empty(1, np.float32), np.empty(1, np.int32), np.empty((NUM_SHADES, 1), np.float32), np.empty(1, np.int32),
+        np.empty((3, 1), np.int32),
     )  # fmt: skip
     for thread in range(count):
         row = thread // width

@@ -9,11 +9,11 @@ import warnings
 from typing import Any
 
 import numba.cuda
-from numba import float32, float64, int32
+from numba import float32, int32
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
 from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_square
-from scenarionet_sim.kernels.cameras.layout import NUM_EXACT, NUM_SHADES, Ground, Look, Meshes, Pictures, Solids
+from scenarionet_sim.kernels.cameras.layout import NUM_SHADES, Ground, Look, Meshes, Pictures, Solids
 from scenarionet_sim.kernels.cameras.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
 from scenarionet_sim.kernels.cameras.thread_layout import DrawingOptions, Items, PixelMemory, Shots, Triangles
 from scenarionet_sim.kernels.cameras.thread_pixels import draw_pixel, light_sky
@@ -26,8 +26,8 @@ THREADS = 128
 LANES = 32
 """Threads that share the triangles of an instance."""
 
-_EXACT = NUM_EXACT, 1
 _SHADES = NUM_SHADES, 1
+_LEVELS = 3, 1
 
 
 def launch(kernel: Any, count: int, *arguments: object) -> None:
@@ -114,8 +114,8 @@ def draw(
     if thread < count:
         height, width = size
         memory = PixelMemory(
-            cuda.local.array(1, float64), cuda.local.array(1, int32), cuda.local.array(_EXACT, float64),
-            cuda.local.array(_SHADES, float32), cuda.local.array(1, int32), cuda.local.array(1, int32),
+            cuda.local.array(1, float32), cuda.local.array(1, int32), cuda.local.array(_SHADES, float32),
+            cuda.local.array(1, int32), cuda.local.array(_LEVELS, int32),
         )  # fmt: skip
         row = thread // width
         draw_pixel(

@@ -9,12 +9,15 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float32
 from scenarionet_sim.cameras.meshes import people, things, vehicles
 from scenarionet_sim.cameras.meshes.materials import MATERIAL_COLORS, PAINTS
-from scenarionet_sim.cameras.shapes import Shape, ball, box, joined, tube, with_normals
+from scenarionet_sim.cameras.shapes import Shape, box, joined, tube, with_normals
 from scenarionet_sim.kernels.cameras import layout as at
 from scenarionet_sim.kernels.cameras.layout import Meshes
 
 _CREASE = 0.75
 """Edges sharper than this [rad] are seen as edges; others are smooth."""
+
+_LANES = 8
+"""Meshes have a multiple of so many vertices, the last one again and again, as the processor places several at once."""
 
 
 def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
@@ -41,28 +44,35 @@ def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
         at.CAR_FAR: (vehicles.far_car(), (4.6, 1.9, 1.55)),
         at.TRUCK_FAR: (vehicles.far_truck(), (8.0, 2.5, 3.2)),
         at.PERSON_FAR: (people.far_person(), (0.6, 0.6, 1.75)),
-        at.TREE_FAR: (things.far_tree(), (5.0, 5.0, 8.0)),
-        at.LIGHT_FAR: (things.far_light_head(), (0.35, 0.35, 1.0)),
-        at.CONIFER_FAR: (things.far_conifer(), (4.0, 4.0, 9.0)),
         at.BLOCK: ([things.open_box(at.BODY)], (1.0, 1.0, 1.0)),
-        at.TREE_TINY: ([ball((0.0, 0.0, 0.62), (0.45, 0.45, 0.42), at.BODY, 4, 1)], (5.0, 5.0, 8.0)),
         at.WALLS: ([things.open_box(at.FACADE)], (15.0, 15.0, 12.0)),
+        at.LIGHT_FAR: (things.far_light_head(), (0.35, 0.35, 1.0)),
+        at.CAR_MIDDLE: (vehicles.middle_car(), (4.6, 1.9, 1.55)),
+        at.VAN_MIDDLE: (vehicles.middle_van(), (5.4, 2.0, 2.0)),
+        at.TREE_MIDDLE: (things.middle_tree(), (5.0, 5.0, 8.0)),
+        at.TREE_FAR: (things.far_tree(), (5.0, 5.0, 8.0)),
+        at.TREE_TINY: (things.tiny_tree(), (5.0, 5.0, 8.0)),
+        at.CONIFER_MIDDLE: (things.middle_conifer(), (4.0, 4.0, 9.0)),
+        at.CONIFER_FAR: (things.far_conifer(), (4.0, 4.0, 9.0)),
+        at.CONIFER_TINY: (things.tiny_conifer(), (4.0, 4.0, 9.0)),
+        at.POLE_FAR: (things.far_pole(), (0.2, 0.2, 6.0)),
     }
 
 
-_FAR = {
-    at.CAR: at.CAR_FAR, at.VAN: at.CAR_FAR, at.TRUCK: at.TRUCK_FAR, at.BUS: at.TRUCK_FAR, at.PEDESTRIAN: at.PERSON_FAR,
-    at.CYCLIST: at.PERSON_FAR, at.TREE: at.TREE_FAR, at.CONIFER: at.CONIFER_FAR, at.LIGHT_HEAD: at.LIGHT_FAR,
-    at.CONE: at.CONE,
+_COARSER = {
+    at.CAR: (at.CAR_MIDDLE, 60), at.VAN: (at.VAN_MIDDLE, 60), at.CAR_MIDDLE: (at.CAR_FAR, 24),
+    at.VAN_MIDDLE: (at.CAR_FAR, 24), at.CAR_FAR: (at.BLOCK, 6), at.TRUCK: (at.TRUCK_FAR, 24),
+    at.BUS: (at.TRUCK_FAR, 24), at.TRUCK_FAR: (at.BLOCK, 6), at.PEDESTRIAN: (at.PERSON_FAR, 24),
+    at.CYCLIST: (at.PERSON_FAR, 24), at.PERSON_FAR: (at.BLOCK, 6), at.CONE: (at.BLOCK, 6), at.BARRIER: (at.BLOCK, 6),
+    at.LIGHT_HEAD: (at.LIGHT_FAR, 24), at.POLE: (at.POLE_FAR, 60), at.BUILDING: (at.WALLS, 6),
+    at.TREE: (at.TREE_MIDDLE, 110), at.TREE_MIDDLE: (at.TREE_FAR, 36), at.TREE_FAR: (at.TREE_TINY, 6),
+    at.CONIFER: (at.CONIFER_MIDDLE, 110), at.CONIFER_MIDDLE: (at.CONIFER_FAR, 36), at.CONIFER_FAR: (at.CONIFER_TINY, 6),
 }  # fmt: skip
+"""The next coarser mesh of each, and the radius on the screen [pixels] below which it is drawn instead."""
 
 
-_TINY = {
-    at.CAR: at.BLOCK, at.VAN: at.BLOCK, at.TRUCK: at.BLOCK, at.BUS: at.BLOCK, at.PEDESTRIAN: at.BLOCK,
-    at.CYCLIST: at.BLOCK, at.TREE: at.TREE_TINY, at.CONIFER: at.TREE_TINY, at.CONE: at.BLOCK, at.BARRIER: at.BLOCK,
-    at.POLE: at.BLOCK, at.LIGHT_HEAD: at.LIGHT_FAR, at.BUILDING: at.WALLS,
-}  # fmt: skip
-"""Meshes for tiny pictures, where they differ."""
+_ONE_SIDED = (at.TREE_FAR, at.TREE_TINY, at.CONIFER_FAR, at.CONIFER_TINY, at.POLE_FAR)
+"""Meshes that have only the side that faces the camera."""
 
 
 _GLOSSY = (at.BODY, at.GLASS, at.METAL)
@@ -73,7 +83,7 @@ _GLOSSY = (at.BODY, at.GLASS, at.METAL)
 def library() -> Meshes:
     """Return all meshes as kernels take them."""
     sources = _sources()
-    ranges = np.zeros((len(sources), 7), np.int32)
+    ranges = np.zeros((len(sources), 8), np.int32)
     wheels: Float32 = np.zeros((len(sources), 4, 5), np.float32)
     vertices, parts, corners, materials = [], [], [], []
     num_vertices = num_triangles = 0
@@ -82,9 +92,11 @@ def library() -> Meshes:
         a, b, c = (points[triangles[:, k]] for k in range(3))
         kept = np.linalg.norm(np.cross((b - a) * size, (c - a) * size), axis=1) > 1e-9
         vertex, split, vertex_part = with_normals(points, triangles, part, size, _CREASE)
+        filled = np.minimum(np.arange(-(-len(vertex) // _LANES) * _LANES), len(vertex) - 1)
+        vertex, vertex_part = vertex[filled], vertex_part[filled]
         ranges[mesh] = (
-            num_vertices, num_vertices + len(vertex), num_triangles, num_triangles + len(split), _FAR.get(mesh, mesh),
-            _TINY.get(mesh, mesh), np.isin(material, _GLOSSY).any()
+            num_vertices, num_vertices + len(vertex), num_triangles, num_triangles + len(split),
+            *_COARSER.get(mesh, (mesh, 0)), np.isin(material, _GLOSSY).any(), mesh in _ONE_SIDED,
         )  # fmt: skip
         for wheel in range(4):
             on_it = vertex[vertex_part == wheel + 1, :3]

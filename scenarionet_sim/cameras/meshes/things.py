@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_sim.cameras.shapes import Shape, ball, box, from_quads, tube
+from scenarionet_sim.cameras.shapes import Shape, ball, box, from_quads, loft, tube, without_bottom
 from scenarionet_sim.kernels.cameras import layout as at
 
 
@@ -53,9 +53,10 @@ def far_light_head() -> list[Shape]:
 
 
 def _rough_ball(
-    rng: np.random.Generator, middle: tuple[float, float, float], radii: tuple[float, float, float]
-) -> Shape:
-    whole = ball(middle, radii, at.BODY, 7, 4)
+    rng: np.random.Generator, middle: tuple[float, float, float], radii: tuple[float, float, float], sides: int = 7,
+    rows: int = 4,
+) -> Shape:  # fmt: skip
+    whole = ball(middle, radii, at.BODY, sides, rows)
     rough = whole.points + (whole.points - np.asarray(middle)) * rng.uniform(-0.22, 0.16, (len(whole.points), 1))
     return Shape(rough, whole.corners, whole.material)
 
@@ -90,25 +91,84 @@ def building() -> list[Shape]:
     return [walls, box((-0.505, -0.505, 0.97), (0.505, 0.505, 1.0), at.ROOF)]
 
 
-def far_tree() -> list[Shape]:
-    """Return a broad-leaved tree from far away."""
-    return [
-        box((-0.04, -0.04, 0.0), (0.04, 0.04, 0.5), at.BARK),
-        ball((0.0, 0.0, 0.68), (0.45, 0.45, 0.32), at.BODY, 6, 3),
+def middle_tree() -> list[Shape]:
+    """Return a broad-leaved tree of few triangles."""
+    rng = np.random.default_rng(3)
+    crown = [
+        _rough_ball(rng, (0.03, -0.06, 0.66), (0.45, 0.42, 0.31), 7, 3),
+        _rough_ball(rng, (-0.10, 0.14, 0.76), (0.38, 0.36, 0.25), 7, 3),
     ]
+    return [_open_tube(0.0, 0.5, 0.045, 0.03, at.BARK, 4), *crown]
+
+
+def middle_conifer() -> list[Shape]:
+    """Return a conifer of few triangles."""
+    tiers = [
+        _open_tube(low, high, wide, 0.0, at.BODY, 7)
+        for low, high, wide in ((0.14, 0.56, 0.46), (0.36, 0.78, 0.36), (0.58, 1.0, 0.25))
+    ]
+    return [_open_tube(0.0, 0.25, 0.05, 0.05, at.BARK, 4), *tiers]
+
+
+def _open_tube(low: float, high: float, below: float, above: float, material: int, sides: int) -> Shape:
+    """Return an upright tube without ends, by its heights and radii; a cone where the upper one is 0."""
+    angles = np.arange(sides) * 2.0 * np.pi / sides
+    around = np.stack([np.cos(angles), np.sin(angles), np.zeros(sides)], axis=1)
+    return loft([below * around + (0.0, 0.0, low), above * around + (0.0, 0.0, high)], material)
+
+
+_FAR_CROWN = (0.45, 0.41, 0.44, 0.42, 0.46, 0.40, 0.44, 0.43)
+"""Radii of the outline of a far tree's crown, which is not round."""
+
+
+def far_tree() -> list[Shape]:
+    """Return the side of a broad-leaved tree that faces -x."""
+    angles = (np.arange(8) + 0.4) * np.pi / 4.0
+    outline = [
+        (0.0, radius * np.cos(angle), 0.68 + 0.74 * radius * np.sin(angle))
+        for radius, angle in zip(_FAR_CROWN, angles.tolist(), strict=True)
+    ]
+    fan = [(0, (k + 1) % 8 + 1, k + 1) for k in range(8)]
+    return [_front([(-0.2, 0.0, 0.70), *outline], fan, at.BODY), _trunk(0.035, 0.42)]
+
+
+def tiny_tree() -> list[Shape]:
+    """Return the side of a broad-leaved tree that faces -x, seen from very far away."""
+    outline = [(0.12 * np.sin(a), 0.42 * np.cos(a), 0.66 + 0.34 * np.sin(a)) for a in np.arange(6) * np.pi / 3.0]
+    return [_front(outline, [(0, k + 1, k) for k in range(1, 5)], at.BODY)]
 
 
 def far_conifer() -> list[Shape]:
-    """Return a conifer from far away."""
+    """Return the side of a conifer that faces -x."""
     tiers = [
-        tube((0.0, 0.0, low), (0.0, 0.0, high), ((wide, wide), (0.02, 0.02)), at.BODY, 6)
-        for low, high, wide in ((0.14, 0.62, 0.46), (0.48, 1.0, 0.31))
-    ]
-    return [box((-0.04, -0.04, 0.0), (0.04, 0.04, 0.2), at.BARK), *tiers]
+        _front([(-wide, 0.0, low), (0.0, wide, low), (0.0, -wide, low), (0.0, 0.0, high)],
+               [(0, 3, 1), (0, 2, 3)], at.BODY)
+        for low, high, wide in ((0.14, 0.60, 0.42), (0.44, 1.0, 0.29))
+    ]  # fmt: skip
+    return [*tiers, _trunk(0.04, 0.16)]
+
+
+def tiny_conifer() -> list[Shape]:
+    """Return the side of a conifer that faces -x, seen from very far away."""
+    return [_front([(-0.2, 0.38, 0.12), (-0.2, -0.38, 0.12), (0.2, 0.0, 1.0)], [(0, 1, 2)], at.BODY)]
+
+
+def far_pole() -> list[Shape]:
+    """Return the side of a pole that faces -x."""
+    edge = [(0.0, 0.42, 0.0), (0.0, -0.42, 0.0), (0.0, -0.42, 1.0), (0.0, 0.42, 1.0)]
+    return [_front(edge, [(0, 1, 2), (0, 2, 3)], at.METAL)]
+
+
+def _trunk(half: float, high: float) -> Shape:
+    edge = [(0.0, half, 0.0), (0.0, -half, 0.0), (0.0, -half, high), (0.0, half, high)]
+    return _front(edge, [(0, 1, 2), (0, 2, 3)], at.BARK)
+
+
+def _front(points: list[tuple[float, float, float]], corners: list[tuple[int, int, int]], material: int) -> Shape:
+    """Return triangles that are counter-clockwise seen from -x."""
+    return Shape(np.array(points), np.array(corners, np.int32), np.full(len(corners), material, np.uint8))
 
 
 def open_box(material: int) -> Shape:
     """Return the unit box without its bottom."""
-    whole = box((-0.5, -0.5, 0.0), (0.5, 0.5, 1.0), material)
-    is_bottom = (whole.points[whole.corners, 2] == 0.0).all(axis=1)
-    return Shape(whole.points, whole.corners[~is_bottom], whole.material[~is_bottom])
+    return without_bottom(box((-0.5, -0.5, 0.0), (0.5, 0.5, 1.0), material))

@@ -8,14 +8,12 @@ from scenarionet_sim.kernels.cameras.instances import add_solids
 from scenarionet_sim.kernels.cameras.labels import label_pixels, write_flow
 from scenarionet_sim.kernels.cameras.layout import (
     BAND,
-    BLUE,
     FX,
-    GREEN,
     GROUND_X,
     GROUND_Y,
-    NOTHING,
-    ON_GROUND,
-    RED,
+    SEES_GROUND,
+    SEES_SKY,
+    SEES_TRIANGLE,
     SHADE,
     SHADOW,
     TILE,
@@ -27,8 +25,8 @@ from scenarionet_sim.kernels.cameras.layout import (
     Solids,
 )
 from scenarionet_sim.kernels.cameras.paving import color_ground
-from scenarionet_sim.kernels.cameras.rows import aim_rays, meet_ground, place_points
-from scenarionet_sim.kernels.cameras.shading import cast_shadows, color_triangles, expose, open_windows
+from scenarionet_sim.kernels.cameras.rows import look_along
+from scenarionet_sim.kernels.cameras.shading import cast_shadows, color_triangles, expose
 from scenarionet_sim.kernels.cameras.sky import color_sky
 from scenarionet_sim.kernels.cameras.triangles import trace_band
 from scenarionet_sim.kernels.minmax import smaller
@@ -79,7 +77,8 @@ def draw_frames(
         if frame != drawn:
             count, num_shadows = add_solids(
                 slot, owners[frame, 1], owners[frame, 2], pose, lens, rings, width, height, reach, are_boxes,
-                is_colored, solids, ground, meshes, look.lights[frame], scratch, scratch.exact[0],
+                is_colored, len(pictures.normals) > 0, solids, ground, meshes, look.lights[frame], scratch,
+                scratch.box,
             )  # fmt: skip
             drawn = frame
         top, bottom = band * BAND, smaller(band * BAND + BAND, height)
@@ -87,75 +86,61 @@ def draw_frames(
         for node in range(scratch.sky.shape[1]):
             scratch.sky[0, node, 3] = 0.0
             scratch.sky[1, node, 3] = 0.0
-        for start in range(0, (bottom - top) * width, TILE):
-            num, place = smaller(TILE, (bottom - top) * width - start), top * width + start
+        num_pixels = (bottom - top) * width
+        num_tiles = (num_pixels + TILE - 1) // TILE
+        tile = (num_pixels + num_tiles - 1) // num_tiles
+        for start in range(0, num_pixels, tile):
+            num, place = smaller(tile, num_pixels - start), top * width + start
             near, seen = scratch.near[start : start + num], scratch.seen[start : start + num]
-            k = 0
-            while k < num:
-                row, column = (place + k) // width, (place + k) % width
-                after = smaller(k + width - column, num)
-                aim_rays(row, column, k, after, pose, lens, rays, scratch.exact)
-                k = after
-            meet_ground(num, slot, pose, reach, ground, near, seen, scratch.exact)
+            kinds = look_along(place, num, slot, pose, lens, rays, width, reach, ground, near, seen, scratch.shades)
             label_pixels(
-                frame, place, slot, pose, ground, seen, scratch.labels, scratch.colors, scratch.exact, pictures
+                frame, place, slot, pose, ground, seen, scratch.labels, scratch.colors, scratch.shades, pictures
             )
             if len(pictures.flow):
                 write_flow(
-                    frame, place, width, slot, pose, lens, dt, solids.motion, seen, scratch.labels, scratch.exact,
+                    frame, place, width, slot, pose, lens, dt, solids.motion, seen, scratch.labels, scratch.shades,
                     pictures.flow,
                 )  # fmt: skip
             if is_colored:
                 color_tile(
-                    place, slot, pose, size, lens, rays, num_shadows, ground, look.lights[frame], look.grain, seen,
-                    scratch,
+                    place, slot, pose, size, lens, rays, num_shadows, kinds, ground, look.lights[frame], look.grain,
+                    seen, scratch,
                 )  # fmt: skip
                 expose(
-                    place, size, look.lights[frame], look.tone, seen, scratch.texels, scratch.shades,
+                    place, size, kinds, look.lights[frame], look.tone, seen, scratch.texels, scratch.shades,
                     pictures.rgb[frame, place : place + num],
                 )  # fmt: skip
 
 
-@device_function(divides_by_zero=True, nogil=True)
+@device_function(forceinline=True, divides_by_zero=True, nogil=True)
 def color_tile(
     place: int, slot: int, pose: Float64, size: tuple[int, int], lens: Float64, rays: Float64, num_shadows: int,
-    ground: Ground, light: Float64, grain: UInt8, seen: Int32, scratch: FrameMemory,
+    kinds: int, ground: Ground, light: Float64, grain: UInt8, seen: Int32, scratch: FrameMemory,
 ) -> None:  # fmt: skip
-    """Write the light of the pixels of a tile, from number ``place`` of the picture on."""
-    shades, exact, count, width, grid = scratch.shades, scratch.exact, len(seen), size[1], ground.frame[slot]
-    place_points(count, pose, grid, exact, shades)
-    is_ground = is_triangle = is_sky = False
-    for k in range(count):
-        is_ground |= seen[k] == ON_GROUND
-        is_triangle |= seen[k] >= 0
-        is_sky |= seen[k] == NOTHING
-    if is_ground:
+    """Write the light of the pixels of a tile, from number ``place`` of the picture on, which see some kinds."""
+    shades, count, width, grid = scratch.shades, len(seen), size[1], ground.frame[slot]
+    if kinds & SEES_GROUND:
         shade = shades[SHADE]
         for k in range(count):
             shade[k] = 1.0
         if num_shadows:
-            k = 0
-            while k < count:
-                row, column = (place + k) // width, (place + k) % width
-                end = smaller(k + width - column, count)
+            first, row, column = 0, place // width, place % width
+            while first < count:
+                end = smaller(first + width - column, count)
                 cast_shadows(
-                    row, column, num_shadows, light[SHADOW], grid, scratch.shadows, seen[k:end],
-                    shades[GROUND_X, k:end], shades[GROUND_Y, k:end], shade[k:end],
+                    row, column, num_shadows, light[SHADOW], grid, scratch.shadows, seen[first:end],
+                    shades[GROUND_X, first:end], shades[GROUND_Y, first:end], shade[first:end],
                 )  # fmt: skip
-                k = end
-        color_ground(slot, 1.0 / lens[FX], ground, light, grain, seen, scratch.cells, scratch.texels, exact, shades)
-    if is_triangle or is_sky:
-        k = 0
-        while k < count:
-            row, column = (place + k) // width, (place + k) % width
-            end = smaller(k + width - column, count)
-            if is_triangle:
+                first, row, column = end, row + 1, 0
+        color_ground(slot, 1.0 / lens[FX], ground, light, grain, seen, scratch.cells, scratch.texels[0], shades)
+    if kinds & (SEES_TRIANGLE | SEES_SKY):
+        first, row, column = 0, place // width, place % width
+        while first < count:
+            end = smaller(first + width - column, count)
+            if kinds & SEES_TRIANGLE:
                 color_triangles(
-                    row, column, scratch.colors, seen[k:end], shades[RED, k:end], shades[GREEN, k:end],
-                    shades[BLUE, k:end],
-                )  # fmt: skip
-            if is_sky:
-                color_sky(row, column, k, end, size, pose, lens, rays, light, grain, seen, scratch.sky, shades)
-            k = end
-    if is_triangle:
-        open_windows(pose, lens, grid, scratch.colors, scratch.labels, seen, exact, shades)
+                    row, column - first, first, end, pose, lens, grid, scratch.colors, scratch.labels, seen, shades
+                )
+            if kinds & SEES_SKY:
+                color_sky(row, column, first, end, size, pose, lens, rays, light, grain, seen, scratch.sky, shades)
+            first, row, column = end, row + 1, 0

@@ -20,6 +20,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     DECK,
     EYE,
     FENCE,
+    FY,
     HIDDEN,
     INSIDE,
     KIND,
@@ -33,6 +34,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     PINHOLE,
     RIDER,
     SHADOW,
+    SUN,
     TAIL_LAMP,
     TRUCK,
     TRUCK_CLASS,
@@ -42,13 +44,16 @@ from scenarionet_sim.kernels.cameras.layout import (
     Meshes,
     Solids,
 )
-from scenarionet_sim.kernels.cameras.placement import add_instance, screen_radius
+from scenarionet_sim.kernels.cameras.placement import add_instance, is_beside_picture, screen_radius
 from scenarionet_sim.kernels.cameras.shadows import SHADOW_REACH, add_shadow
 from scenarionet_sim.kernels.log import HEADING, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.structures import LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS
 
 NUM_PAINTS = 16
+LEAST_SHADOW = 0.35
+"""Height on the screen [pixels] below which shadows are not drawn."""
+
 LEAST, LEAST_FIXED = 0.4, 0.9
 """Radius below which objects and fixtures are not drawn."""
 
@@ -108,7 +113,7 @@ def lamp_of(solids: Solids, slot: int, lamp: int) -> int:
     return LAMP_GREEN if color == 1 else (LAMP_YELLOW if color == 2 else (LAMP_RED if color == 3 else -1))
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids, ground: Ground, box: Float64) -> bool:
     """Write x, y, z, heading, length, width, height of an object or fixture; return whether it may be in reach.
 
@@ -134,17 +139,23 @@ def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids,
     return True
 
 
-@device_function(divides_by_zero=True)
-def casts_shadow(is_object: bool, box: Float64, pose: Float64) -> bool:
-    """Whether the shadow of a box may be seen."""
+@device_function(forceinline=True, divides_by_zero=True)
+def casts_shadow(
+    is_object: bool, box: Float64, pose: Float64, lens: Float64, width: int, height: int, light: Float64
+) -> bool:
+    """Whether the shadow of a box may be seen: it is in the picture and high enough there, and not too far away."""
     if not is_object and box[4] + box[5] <= 0.6:
         return False
-    dx, dy = box[0] - pose[EYE], box[1] - pose[EYE + 1]
-    far = SHADOW_REACH + 0.5 * (box[4] + box[5])
-    return bool(dx * dx + dy * dy < far * far)
+    reach = box[6] / larger(light[SUN + 2], 0.2)
+    x, y = box[0] - pose[EYE] - 0.5 * reach * light[SUN], box[1] - pose[EYE + 1] - 0.5 * reach * light[SUN + 1]
+    z, radius = box[2] - pose[EYE + 2], 0.5 * (reach + box[4] + box[5]) + 0.45
+    square, far = x * x + y * y, SHADOW_REACH + radius
+    if square >= far * far or 2.0 * radius * abs(z) * lens[FY] < LEAST_SHADOW * (square - radius * radius):
+        return False
+    return not is_beside_picture(x, y, z, radius, pose, lens, width, height)
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def appearance_of(
     item: int, slot: int, own: int, own_view: int, are_boxes: bool, is_colored: bool, solids: Solids, box: Float64
 ) -> tuple[int, int, int, int, float, float]:
@@ -171,11 +182,11 @@ def appearance_of(
     return mesh, semantic, paint, glow, spin, steer
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def add_solids(
     slot: int, own: int, own_view: int, pose: Float64, lens: Float64, rings: Float64, width: int,
-    height: int, reach: float, are_boxes: bool, is_colored: bool, solids: Solids, ground: Ground, meshes: Meshes,
-    light: Float64, scratch: FrameMemory, box: Float64,
+    height: int, reach: float, are_boxes: bool, is_colored: bool, has_normals: bool, solids: Solids, ground: Ground,
+    meshes: Meshes, light: Float64, scratch: FrameMemory, box: Float64,
 ) -> tuple[int, int]:  # fmt: skip
     """Add all objects and fixtures of a world in view; return the numbers of instances and of shadows."""
     count, num_triangles, num_shadows = 0, 0, 0
@@ -185,7 +196,7 @@ def add_solids(
         if not write_box(item, slot, pose, reach, solids, ground, box):
             continue
         is_object = item < rows
-        if has_shadows and casts_shadow(is_object, box, pose):
+        if has_shadows and casts_shadow(is_object, box, pose, lens, width, height, light):
             num_shadows = add_shadow(box, pose, lens, width, height, light, scratch.shadows, num_shadows)
         if item == own and own_view == HIDDEN:
             continue
@@ -197,6 +208,6 @@ def add_solids(
         )
         num_triangles, count = add_instance(
             meshes, mesh, paint, glow, item if is_object else -1, semantic, box, spin, steer, pose, lens, rings, width,
-            height, radius, light, scratch, (num_triangles, count), is_colored,
+            height, radius, light, scratch, (num_triangles, count), is_colored, has_normals,
         )  # fmt: skip
     return count, num_shadows

@@ -67,13 +67,13 @@ def ground_class(ground: Ground, slot: int, x: float, y: float) -> int:
     return PAVEMENT if bits & SIDEWALK else TERRAIN
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def label_pixels(
     frame: int, first: int, slot: int, pose: Float64, ground: Ground, seen: Int32, labels: Int32, colors: Float32,
-    exact: Float64, pictures: Pictures,
+    shades: Float32, pictures: Pictures,
 ) -> None:  # fmt: skip
     """Write depth, class, instance and normal of pixels, from number ``first`` of the picture on, where wanted."""
-    count, distances = len(seen), exact[DISTANCE]
+    count, distances = len(seen), shades[DISTANCE]
     if len(pictures.depth):
         depth = pictures.depth[frame, first : first + count]
         for k in range(count):
@@ -85,7 +85,7 @@ def label_pixels(
             if seen[k] >= 0:
                 found = labels[seen[k], SEMANTIC]
             elif seen[k] == ON_GROUND:
-                x, y = pose[EYE] + distances[k] * exact[RAY_X, k], pose[EYE + 1] + distances[k] * exact[RAY_Y, k]
+                x, y = pose[EYE] + distances[k] * shades[RAY_X, k], pose[EYE + 1] + distances[k] * shades[RAY_Y, k]
                 found = ground_class(ground, slot, x, y)
             semantic[k] = found
     if len(pictures.instance):
@@ -101,7 +101,7 @@ def label_pixels(
             elif seen[k] == ON_GROUND and ground.height_frame[slot, 3] == 0.0:
                 normal[2] = 1.0
             elif seen[k] == ON_GROUND:
-                x, y = pose[EYE] + distances[k] * exact[RAY_X, k], pose[EYE + 1] + distances[k] * exact[RAY_Y, k]
+                x, y = pose[EYE] + distances[k] * shades[RAY_X, k], pose[EYE + 1] + distances[k] * shades[RAY_Y, k]
                 slope_x = (height_at(ground, slot, x + 0.05, y) - height_at(ground, slot, x - 0.05, y)) * 10.0
                 slope_y = (height_at(ground, slot, x, y + 0.05) - height_at(ground, slot, x, y - 0.05)) * 10.0
                 unit = 1.0 / math.sqrt(slope_x * slope_x + slope_y * slope_y + 1.0)
@@ -111,7 +111,7 @@ def label_pixels(
 @device_function(divides_by_zero=True)
 def write_flow(
     frame: int, first: int, width: int, slot: int, pose: Float64, lens: Float64, dt: float, motions: Float64,
-    seen: Int32, labels: Int32, exact: Float64, flow: Float32,
+    seen: Int32, labels: Int32, shades: Float32, flow: Float32,
 ) -> None:  # fmt: skip
     """Write where each pixel's point will be in the picture after ``dt``, at constant velocities and yaw rates."""
     turn = pose[YAW_SPEED] * dt
@@ -119,8 +119,8 @@ def write_flow(
     for k in range(len(seen)):
         out = flow[frame, first + k]
         out[0], out[1] = 0.0, 0.0
-        far = exact[DISTANCE, k]
-        x, y, z = far * exact[RAY_X, k], far * exact[RAY_Y, k], far * exact[RAY_Z, k]
+        far = shades[DISTANCE, k]
+        x, y, z = far * shades[RAY_X, k], far * shades[RAY_Y, k], far * shades[RAY_Z, k]
         if seen[k] != NOTHING:
             x, y = x + pose[EYE], y + pose[EYE + 1]
             if seen[k] >= 0 and labels[seen[k], INSTANCE_ROW] >= 0:

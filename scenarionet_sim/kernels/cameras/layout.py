@@ -38,9 +38,15 @@ x, y, direction x, y, length and half the width."""
 
 (
     BOX, CAR, VAN, TRUCK, BUS, PEDESTRIAN, CYCLIST, CONE, BARRIER, LIGHT_HEAD, POLE, TREE, CONIFER, BUILDING, SIGN,
-    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, TREE_FAR, BLOCK, TREE_TINY, WALLS, CONIFER_FAR, LIGHT_FAR,
-) = range(25)  # fmt: skip
+    DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, BLOCK, WALLS, LIGHT_FAR, CAR_MIDDLE, VAN_MIDDLE, TREE_MIDDLE,
+    TREE_FAR, TREE_TINY, CONIFER_MIDDLE, CONIFER_FAR, CONIFER_TINY, POLE_FAR,
+) = range(31)  # fmt: skip
 """Meshes; those for small pictures are the last."""
+
+(
+    VERTEX_FIRST, VERTEX_END, TRIANGLE_FIRST, TRIANGLE_END, COARSER, COARSER_BELOW, IS_GLOSSY, IS_ONE_SIDED,
+) = range(8)  # fmt: skip
+"""Columns of ``Meshes.ranges``."""
 
 (
     SKY, ROADWAY, LANE_PAINT, CROSSING, PAVEMENT, TERRAIN, BUILDING_CLASS, VEGETATION, POLE_CLASS, TRAFFIC_LIGHT,
@@ -66,20 +72,19 @@ the angle of view."""
 
 NUM_LIGHTS = 9
 
-DISTANCE, RAY_X, RAY_Y, RAY_Z, SQUARE = range(5)
-"""Rows of ``FrameMemory.exact``: distance in lengths of the ray, ray, and the square of its length."""
-
-NUM_EXACT = 5
-
 (
-    FAR, GROUND_X, GROUND_Y, SHADE, RED, GREEN, BLUE, ACROSS, ALONG, FINE, COARSE, ON_ROAD, ON_WALK, ROAD_EDGE,
-    WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE, VIEW_X, VIEW_Y,
-) = range(20)  # fmt: skip
-"""Rows of ``FrameMemory.shades``: distance [m], point seen in the frame of the ground's grid [m], sunlight that
-arrives, light; then of the ground: footprint across and along the direction of view [m], noise, shares of road and
-pavement, distances to their borders, shares of paint, and horizontal directions of view."""
+    DISTANCE, RAY_X, RAY_Y, RAY_Z, FAR, GROUND_X, GROUND_Y, SHADE, RED, GREEN, BLUE, ACROSS, ALONG, FINE, COARSE,
+    ON_ROAD, ON_WALK, ROAD_EDGE, WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE, VIEW_X, VIEW_Y,
+) = range(24)  # fmt: skip
+"""Rows of ``FrameMemory.shades``: distance in lengths of the ray, ray, distance [m], point seen in the frame of the
+ground's grid [m], sunlight that arrives, light; then of the ground: footprint across and along the direction of view
+[m], noise, shares of road and pavement, distances to their borders, shares of paint, and horizontal directions of
+view."""
 
-NUM_SHADES = 20
+NUM_SHADES = 24
+
+SEES_GROUND, SEES_TRIANGLE, SEES_SKY = 1, 2, 4
+"""Bits of what the pixels of a tile see."""
 
 NOTHING, ON_GROUND = -2, -1
 """Values of ``FrameMemory.seen`` besides triangles, which are 0 and above."""
@@ -87,8 +92,8 @@ NOTHING, ON_GROUND = -2, -1
 BAND = 8
 """Rows of a band, the part of a frame that a thread draws at a time."""
 
-TILE = 256
-"""Pixels of a band drawn at a time: their values stay in the processor's cache."""
+TILE = 384
+"""Most pixels of a band drawn at a time: their values stay in the processor's cache."""
 
 SKY_STEP = 8
 """The sky is computed at every eighth row and column, and interpolated between."""
@@ -150,8 +155,9 @@ class Meshes(NamedTuple):
     """Meshes in the unit box: x from -0.5 (rear) to 0.5, y from -0.5 (right) to 0.5, z from 0 to 1.
 
     Attributes:
-        ranges: (M, 7) first and end vertex, first and end triangle, the meshes to draw when small and when tiny, and
-            whether a material mirrors.
+        ranges: (M, 8) first and end vertex, first and end triangle, the next coarser mesh and the radius on the screen
+            [pixels] below which it is drawn instead, whether a material mirrors, and whether only its rear side is
+            made, which then faces the camera.
         vertices: (6, V) position and normal.
         part: (V,) 0, or 1 + the wheel that the vertex is on.
         corners: (T, 3) vertices of each triangle, counter-clockwise from outside.
@@ -175,7 +181,7 @@ class Look(NamedTuple):
     Attributes:
         lights: (B, NUM_LIGHT) light and weather of each frame.
         grain: (2, S * S) uint8 fine and coarse noise, row by row.
-        tone: (4096,) uint8 sRGB values of linear light.
+        tone: (NUM_LEVELS,) uint8 sRGB values of linear light, see ``shading.light_of_level``.
     """
 
     lights: Float64
@@ -200,7 +206,8 @@ class FrameMemory(NamedTuple):
     Attributes:
         vertices: (NUM_VERTEX, V) of one mesh in view, see above.
         lights: (NUM_LIGHTS, V) light on them, see above.
-        edges: (T, 12) three edge functions and the inverse depth, each over the direction of a ray.
+        edges: (T, 12) of other lenses than pinholes: three edge functions and the inverse depth, each over the
+            direction of a ray.
         spans: (T, 12) of a pinhole: column at row 0 and slope of each edge, 1 where it is a left edge; inverse depth at
             the first pixel, and its steps along a row and a column.
         colors: (T, 12) linear RGB at column and row 0, each with its steps along a row and a column; and the normal.
@@ -210,9 +217,10 @@ class FrameMemory(NamedTuple):
         shadows: (I, 12) x, y, cos, sin, half length, half width, sweep x, y in its frame, and its screen bounds.
         near: (BAND * columns,) inverse depth of the nearest triangle.
         seen: (BAND * columns,) the nearest triangle or -1.
-        exact: (NUM_EXACT, TILE) values of the pixels of a tile, see above.
-        shades: (NUM_SHADES, TILE) values of the pixels of a tile for their colour, see above.
-        cells, texels: (TILE,) cells of the ground and texels of its noise, or levels of colour.
+        shades: (NUM_SHADES, TILE) values of the pixels of a tile, see above.
+        cells: (TILE,) cells of the ground.
+        texels: (3, TILE) texels of its noise in the first row; levels of colour.
+        box: (7,) of an object.
         sky: (2, columns / SKY_STEP + 2, 4) light of the sky above and below a band, and 1 where it is known.
     """
 
@@ -225,12 +233,12 @@ class FrameMemory(NamedTuple):
     bounds: Int32
     instances: Int32
     shadows: Float64
-    near: Float64
+    near: Float32
     seen: Int32
-    exact: Float64
     shades: Float32
     cells: Int32
     texels: Int32
+    box: Float64
     sky: Float32
 
 

@@ -23,7 +23,7 @@ from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def light_vertices(light: Float64, count: int, is_glossy: bool, vertices: Float64, lights: Float32) -> None:
     """Write the light on the first vertices of a mesh in view.
 
@@ -33,21 +33,18 @@ def light_vertices(light: Float64, count: int, is_glossy: bool, vertices: Float6
         is_glossy: Whether a material of the mesh mirrors.
         vertices, lights: See ``FrameMemory``.
     """
-    nx, ny, nz = vertices[NORMAL, :count], vertices[NORMAL + 1, :count], vertices[NORMAL + 2, :count]
-    _light_vertices(
-        light, nx, ny, nz, lights[DIFFUSE, :count], lights[DIFFUSE + 1, :count], lights[DIFFUSE + 2, :count]
-    )
+    nx, ny, nz = vertices[NORMAL], vertices[NORMAL + 1], vertices[NORMAL + 2]
+    _light_vertices(count, light, nx, ny, nz, lights[DIFFUSE], lights[DIFFUSE + 1], lights[DIFFUSE + 2])
     if is_glossy:
         _mirror(
-            light, vertices[AWAY, :count], vertices[AWAY + 1, :count], vertices[AWAY + 2, :count], nx, ny, nz,
-            lights[MIRROR, :count], lights[MIRROR + 1, :count], lights[MIRROR + 2, :count], lights[GLOSS, :count],
-            lights[GLOSS + 1, :count], lights[GLOSS + 2, :count],
+            count, light, vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2], nx, ny, nz, lights[MIRROR],
+            lights[MIRROR + 1], lights[MIRROR + 2], lights[GLOSS], lights[GLOSS + 1], lights[GLOSS + 2],
         )  # fmt: skip
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _light_vertices(
-    light: Float64, nx: Float64, ny: Float64, nz: Float64, red: Float32, green: Float32, blue: Float32
+    count: int, light: Float64, nx: Float64, ny: Float64, nz: Float64, red: Float32, green: Float32, blue: Float32
 ) -> None:
     """Write the light of sun, sky and ground that arrives (Lambert)."""
     sx, sy, sz = single(light[SUN]), single(light[SUN + 1]), single(light[SUN + 2])
@@ -58,7 +55,7 @@ def _light_vertices(
         single(light[SKYLIGHT]), single(light[SKYLIGHT + 1]), single(light[SKYLIGHT + 2])
     )  # fmt: skip
     low_r, low_g, low_b = single(light[BOUNCE]), single(light[BOUNCE + 1]), single(light[BOUNCE + 2])
-    for k in range(len(nx)):
+    for k in range(count):
         x, y, z = single(nx[k]), single(ny[k]), single(nz[k])
         above, direct = 0.5 + 0.5 * z, larger(x * sx + y * sy + z * sz, 0.0)
         below = 1.0 - above
@@ -69,8 +66,9 @@ def _light_vertices(
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _mirror(
-    light: Float64, away_x: Float64, away_y: Float64, away_z: Float64, nx: Float64, ny: Float64, nz: Float64,
-    mirror_r: Float32, mirror_g: Float32, mirror_b: Float32, gloss_r: Float32, gloss_g: Float32, gloss_b: Float32,
+    count: int, light: Float64, away_x: Float64, away_y: Float64, away_z: Float64, nx: Float64, ny: Float64,
+    nz: Float64, mirror_r: Float32, mirror_g: Float32, mirror_b: Float32, gloss_r: Float32, gloss_g: Float32,
+    gloss_b: Float32,
 ) -> None:  # fmt: skip
     """Write what is mirrored towards the camera, and the part that depends on the angle of view, with the highlight.
 
@@ -87,7 +85,7 @@ def _mirror(
     ground_r, ground_g, ground_b = (
         0.22 * single(light[BOUNCE]), 0.22 * single(light[BOUNCE + 1]), 0.22 * single(light[BOUNCE + 2])
     )  # fmt: skip
-    for k in range(len(nx)):
+    for k in range(count):
         x, y, z = single(nx[k]), single(ny[k]), single(nz[k])
         vx, vy, vz = single(away_x[k]), single(away_y[k]), single(away_z[k])
         per = 1.0 / math.sqrt(vx * vx + vy * vy + vz * vz + 1e-9)

@@ -51,10 +51,10 @@ _AHEAD = 65600.0
 """Texels before the corner of the grid, more than any pixel sees: numbers of texels are positive."""
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def color_ground(
     slot: int, angle: float, ground: Ground, light: Float64, grain: UInt8, seen: Int32, cells: Int32,
-    texels: Int32, exact: Float64, shades: Float32,
+    texels: Int32, shades: Float32,
 ) -> None:  # fmt: skip
     """Write the light of the ground for all pixels of a tile, of which some see it.
 
@@ -62,11 +62,11 @@ def color_ground(
         slot: World.
         angle: Between the rays of neighbouring pixels [rad].
         ground, light, grain: Ground and light.
-        seen, cells, texels, exact, shades: Memory of the tile.
+        seen, cells, texels, shades: Memory of the tile.
     """
     frame, count = ground.frame[slot], len(seen)
     is_near = _measure_footprints(
-        count, single(angle), exact[DISTANCE], exact[RAY_Z], shades[FAR], shades[ACROSS], shades[ALONG]
+        count, single(angle), shades[DISTANCE], shades[RAY_Z], shades[FAR], shades[ACROSS], shades[ALONG]
     )
     _find_cells(count, frame, int(ground.place[slot, 0]), shades[GROUND_X], shades[GROUND_Y], cells)
     _read_noise(count, frame, light[SHIFT], grain, is_near, texels, shades)
@@ -76,7 +76,7 @@ def color_ground(
     if surfaces >= HAS_STROKES:
         for k in range(count):
             cells[k] = cells[k] if texels[k] >= HAS_STROKES else -1
-        draw_strokes(count, ground, slot, cells, exact, shades)
+        draw_strokes(count, ground, slot, cells, shades)
     _pave(
         count, light, frame[0] % 1.5, frame[1] % 1.5, shades[GROUND_X], shades[GROUND_Y], shades[ALONG], shades[FINE],
         shades[COARSE], shades[ON_ROAD], shades[ON_WALK], shades[SHADE], shades[RED], shades[GREEN], shades[BLUE],
@@ -87,18 +87,18 @@ def color_ground(
             shades[SHADE], shades[RED], shades[GREEN], shades[BLUE],
         )  # fmt: skip
     if light[WET] > 0.0:
-        _wet(light, frame, grain, seen, exact, shades)
+        _wet(light, frame, grain, seen, shades)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _measure_footprints(
-    count: int, angle: float, distances: Float64, zs: Float64, far: Float32, across: Float32, along: Float32
+    count: int, angle: float, distances: Float32, zs: Float32, far: Float32, across: Float32, along: Float32
 ) -> bool:
     """Write the extents [m] of pixels on the ground; return whether one is small enough to see fine noise."""
     is_near = False
     for k in range(count):
-        across[k] = single(distances[k]) * angle
-        along[k] = smaller(angle * far[k] / larger(single(-zs[k]), 1e-3), 30.0)
+        across[k] = distances[k] * angle
+        along[k] = smaller(angle * far[k] / larger(-zs[k], 1e-3), 30.0)
         is_near |= across[k] + along[k] < 0.1666
     return is_near
 
@@ -116,7 +116,7 @@ def _find_cells(count: int, frame: Float64, base: int, xs: Float32, ys: Float32,
         cells[k] = first + cell if is_inside else last
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def _read_noise(
     count: int, frame: Float64, shift: float, grain: UInt8, is_near: bool, texels: Int32, shades: Float32
 ) -> None:
@@ -238,13 +238,13 @@ def _paint_over(
 
 
 @device_function(divides_by_zero=True)
-def _wet(light: Float64, frame: Float64, grain: UInt8, seen: Int32, exact: Float64, shades: Float32) -> None:
+def _wet(light: Float64, frame: Float64, grain: UInt8, seen: Int32, shades: Float32) -> None:
     """Make the ground wet where it is seen."""
     for k in range(len(seen)):
         if seen[k] == ON_GROUND:
             red, green, blue = wet_color(
                 light, grain, frame[0] + shades[GROUND_X, k], frame[1] + shades[GROUND_Y, k],
-                exact[RAY_Z, k] * exact[DISTANCE, k] / shades[FAR, k],
+                shades[RAY_Z, k] * shades[DISTANCE, k] / shades[FAR, k],
                 shades[RED, k] * 1.0, shades[GREEN, k] * 1.0, shades[BLUE, k] * 1.0,
             )  # fmt: skip
             shades[RED, k], shades[GREEN, k], shades[BLUE, k] = red, green, blue

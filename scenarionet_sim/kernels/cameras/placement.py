@@ -10,6 +10,8 @@ from scenarionet_sim.kernels.cameras.layout import (
     AWAY,
     BODY,
     BOTTOM,
+    COARSER,
+    COARSER_BELOW,
     COLUMN,
     CX,
     CY,
@@ -24,6 +26,8 @@ from scenarionet_sim.kernels.cameras.layout import (
     GLOSS,
     HEADLAMP,
     INSTANCE_ROW,
+    IS_GLOSSY,
+    IS_ONE_SIDED,
     KIND,
     LAMP_GREEN,
     LAMP_RED,
@@ -39,6 +43,9 @@ from scenarionet_sim.kernels.cameras.layout import (
     TOP,
     TRI_END,
     TRI_FIRST,
+    TRIANGLE_END,
+    TRIANGLE_FIRST,
+    VERTEX_FIRST,
     FrameMemory,
     Meshes,
 )
@@ -48,12 +55,11 @@ from scenarionet_sim.kernels.cameras.vertices import place_vertices
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 NUM_MATERIALS = 21
-SMALL = 24.0
-"""Radius on the screen [pixels] below which the mesh for small pictures is drawn, with the same light everywhere on a
-triangle."""
+SMALL = 10.0
+"""Radius on the screen [pixels] below which the light is the same everywhere on a triangle."""
 
-TINY = 6.0
-"""Radius below which the mesh for tiny pictures is drawn."""
+STEEP_VIEW = 0.5
+"""Slope of the view on an object from which on it is not drawn by meshes that have one side only."""
 
 LEAST_AREA = 0.5
 """Twice the area [pixels] of triangles below which their light is the same everywhere."""
@@ -67,30 +73,45 @@ def screen_radius(box: Float64, pose: Float64, lens: Float64, width: int, height
     far = math.sqrt(wx * wx + wy * wy + wz * wz)
     if not far - radius <= reach:  # not a number either
         return -1.0
-    if lens[KIND] == PINHOLE:
-        x = pose[RIGHT] * wx + pose[RIGHT + 1] * wy + pose[RIGHT + 2] * wz
-        y = pose[DOWN] * wx + pose[DOWN + 1] * wy + pose[DOWN + 2] * wz
-        z = pose[FORWARD] * wx + pose[FORWARD + 1] * wy + pose[FORWARD + 2] * wz
-        side = larger(lens[CX], width - lens[CX]) / lens[FX]
-        rise = larger(lens[CY], height - lens[CY]) / lens[FY]
-        if z < -radius:
-            return -1.0
-        if abs(x) - z * side > radius * math.sqrt(1.0 + side * side):
-            return -1.0
-        if abs(y) - z * rise > radius * math.sqrt(1.0 + rise * rise):
-            return -1.0
+    if lens[KIND] == PINHOLE and is_beside_picture(wx, wy, wz, radius, pose, lens, width, height):
+        return -1.0
     return float(lens[FX] * radius / larger(far, 0.1))
 
 
 @device_function(forceinline=True, divides_by_zero=True)
-def mesh_for(meshes: Meshes, mesh: int, radius: float) -> int:
-    """Return the mesh to draw of an object that is seen under a radius [pixels]."""
-    if radius < TINY:
-        return int(meshes.ranges[mesh, 5])
-    return int(meshes.ranges[mesh, 4]) if radius < SMALL else mesh
+def is_beside_picture(
+    wx: float, wy: float, wz: float, radius: float, pose: Float64, lens: Float64, width: int, height: int
+) -> bool:
+    """Whether no part of a ball, whose middle is seen from the camera in the scenario's frame, is in the picture."""
+    z = pose[FORWARD] * wx + pose[FORWARD + 1] * wy + pose[FORWARD + 2] * wz
+    if z < -radius:
+        return True
+    x = pose[RIGHT] * wx + pose[RIGHT + 1] * wy + pose[RIGHT + 2] * wz
+    side = larger(lens[CX], width - lens[CX])
+    if abs(x) * lens[FX] - z * side > radius * math.sqrt(lens[FX] * lens[FX] + side * side):
+        return True
+    y = pose[DOWN] * wx + pose[DOWN + 1] * wy + pose[DOWN + 2] * wz
+    rise = larger(lens[CY], height - lens[CY])
+    return bool(abs(y) * lens[FY] - z * rise > radius * math.sqrt(lens[FY] * lens[FY] + rise * rise))
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
+def mesh_for(meshes: Meshes, mesh: int, radius: float, box: Float64, pose: Float64) -> tuple[int, float, float]:
+    """Return the mesh to draw of a box that is seen under a radius [pixels], and cosine and sine of its heading."""
+    x, y, z = box[0] - pose[EYE], box[1] - pose[EYE + 1], box[2] + 0.5 * box[6] - pose[EYE + 2]
+    flat = math.sqrt(x * x + y * y)
+    while radius < meshes.ranges[mesh, COARSER_BELOW]:
+        coarser = meshes.ranges[mesh, COARSER]
+        if meshes.ranges[coarser, IS_ONE_SIDED] and abs(z) > STEEP_VIEW * flat:
+            break
+        mesh = coarser
+    if meshes.ranges[mesh, IS_ONE_SIDED]:
+        per = 1.0 / larger(flat, 1e-6)
+        return mesh, x * per, y * per
+    return mesh, math.cos(box[3]), math.sin(box[3])
+
+
+@device_function(forceinline=True, divides_by_zero=True)
 def write_normal(vertices: Float64, a: int, b: int, c: int, colors: Float32) -> None:
     """Write the normal of a triangle into the last columns of ``colors`` (12,)."""
     xs, ys, zs = vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2]
@@ -101,7 +122,7 @@ def write_normal(vertices: Float64, a: int, b: int, c: int, colors: Float32) -> 
     colors[9], colors[10], colors[11] = nx * unit, ny * unit, nz * unit
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def color_triangle(
     meshes: Meshes, material: int, paint: int, glow: int, is_flat: bool, light: Float64, vertices: Float64,
     lights: Float32, corners: tuple[int, int, int], colors: Float32,
@@ -138,7 +159,7 @@ def color_triangle(
         colors[3 * channel], colors[3 * channel + 1], colors[3 * channel + 2] = start, along, down
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def strength_of(material: int, glow: int, light: Float64) -> float:
     """Return how brightly a material shines by itself, or that it is darker (below 0), by the material that glows."""
     if material == TAIL_LAMP and glow == TAIL_LAMP:
@@ -168,11 +189,11 @@ def corner_light(material: int, color: float, strength: float, lights: Float32, 
     return float(larger(sent * (1.0 + smaller(strength, 0.0)) + larger(strength, 0.0) * color, 0.0))
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def add_mesh(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, lens: Float64,
     rings: Float64, width: int, height: int, light: Float64, scratch: FrameMemory, num_triangles: int, is_colored: bool,
-    is_flat: bool,
+    has_normals: bool, is_flat: bool,
 ) -> int:  # fmt: skip
     """Add the triangles of a mesh whose vertices are placed; return the new number of triangles.
 
@@ -183,11 +204,11 @@ def add_mesh(
         row, semantic: Labels.
         lens, rings, width, height, light: Of the camera.
         scratch, num_triangles: Triangles so far.
-        is_colored: Whether colours are needed.
+        is_colored, has_normals: Whether colours and normals are needed.
         is_flat: Whether a triangle has one colour.
     """
-    first, vertices = meshes.ranges[mesh, 0], scratch.vertices
-    for t in range(meshes.ranges[mesh, 2], meshes.ranges[mesh, 3]):
+    first, vertices = meshes.ranges[mesh, VERTEX_FIRST], scratch.vertices
+    for t in range(meshes.ranges[mesh, TRIANGLE_FIRST], meshes.ranges[mesh, TRIANGLE_END]):
         if num_triangles >= len(scratch.labels):
             return num_triangles
         a, b, c = meshes.corners[t, 0] - first, meshes.corners[t, 1] - first, meshes.corners[t, 2] - first
@@ -201,7 +222,8 @@ def add_mesh(
         labels, colors = scratch.labels[num_triangles], scratch.colors[num_triangles]
         labels[INSTANCE_ROW], labels[SEMANTIC], labels[MATERIAL] = row, semantic, material
         num_triangles += 1
-        write_normal(vertices, a, b, c, colors)
+        if has_normals or material == FACADE:
+            write_normal(vertices, a, b, c, colors)
         if is_colored:
             color_triangle(
                 meshes, material, paint, glow, is_flat or found == 1, light, vertices, scratch.lights, (a, b, c), colors
@@ -209,23 +231,23 @@ def add_mesh(
     return num_triangles
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def add_instance(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, box: Float64, spin: float,
     steer: float, pose: Float64, lens: Float64, rings: Float64, width: int, height: int, radius: float,
-    light: Float64, scratch: FrameMemory, count: tuple[int, int], is_colored: bool,
+    light: Float64, scratch: FrameMemory, count: tuple[int, int], is_colored: bool, has_normals: bool,
 ) -> tuple[int, int]:  # fmt: skip
     """Add an object that is seen under a radius [pixels]; return the new numbers of triangles and instances."""
     num_triangles, num_instances = count
     if num_instances >= len(scratch.instances):
         return count
-    mesh, turn = mesh_for(meshes, mesh, radius), (math.cos(box[3]), math.sin(box[3]))
-    num_vertices = place_vertices(meshes, mesh, box, turn, spin, steer, pose, lens, scratch.vertices)
+    mesh, cos, sin = mesh_for(meshes, mesh, radius, box, pose)
+    num_vertices = place_vertices(meshes, mesh, box, (cos, sin), spin, steer, pose, lens, scratch.vertices)
     if is_colored:
-        light_vertices(light, num_vertices, meshes.ranges[mesh, 6] > 0, scratch.vertices, scratch.lights)
+        light_vertices(light, num_vertices, meshes.ranges[mesh, IS_GLOSSY] > 0, scratch.vertices, scratch.lights)
     after = add_mesh(
         meshes, mesh, paint, glow, row, semantic, lens, rings, width, height, light, scratch, num_triangles,
-        is_colored, radius < SMALL,
+        is_colored, has_normals, radius < SMALL,
     )  # fmt: skip
     if after == num_triangles:
         return count

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.cameras.layout import (
     BLUE,
     DISTANCE,
@@ -24,12 +24,18 @@ from scenarionet_sim.kernels.cameras.layout import (
     ON_GROUND,
     RAY_Z,
     RED,
+    SEES_SKY,
     VIGNETTE,
 )
-from scenarionet_sim.kernels.cameras.singles import rounded_down, single
+from scenarionet_sim.kernels.cameras.singles import bits_of, rounded_down, single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 _NONE = np.int32(0)
+
+NUM_LEVELS = 4096
+"""Levels of light, 256 for every doubling from 2^-13 to 8."""
+
+_HIGHEST, _STEP_BITS, _DARKEST_BITS = np.int32(NUM_LEVELS - 1), np.int32(15), np.int32((127 - 13) << 23)
 
 PART = 32
 """Pixels of a row that are tested together for being beside a shadow."""
@@ -38,7 +44,7 @@ SOFT = 0.3
 """Width of the soft edge of a shadow outside of its outline [m]."""
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def cast_shadows(
     row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, seen: Int32,
     xs: Float32, ys: Float32, shade: Float32,
@@ -96,56 +102,63 @@ def _cast(strength: float, x0: float, y0: float, shadow: Float64, xs: Float32, y
         shade[k] *= 1.0 - strength * larger(cast, contact)
 
 
-@device_function(divides_by_zero=True, in_lanes=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def color_triangles(
-    row: int, start: int, colors: Float32, seen: Int32, red: Float32, green: Float32, blue: Float32
-) -> None:
-    """Write the light of triangles in pixels of a row from column ``start`` on."""
-    y = single(row)
-    for k in range(len(seen)):
-        x = single(start + k)
-        is_triangle = seen[k] >= 0
-        color = colors[np.uint32(seen[k] if is_triangle else _NONE)]
-        r, g = color[0] + color[1] * x + color[2] * y, color[3] + color[4] * x + color[5] * y
-        b = color[6] + color[7] * x + color[8] * y
-        red[k] = r if is_triangle else red[k]
-        green[k] = g if is_triangle else green[k]
-        blue[k] = b if is_triangle else blue[k]
-
-
-@device_function(divides_by_zero=True)
-def open_windows(
-    pose: Float64, lens: Float64, frame: Float64, colors: Float32, labels: Int32, seen: Int32, exact: Float64,
-    shades: Float32,
+    row: int, shift: int, first: int, end: int, pose: Float64, lens: Float64, frame: Float64, colors: Float32,
+    labels: Int32, seen: Int32, shades: Float32,
 ) -> None:  # fmt: skip
-    """Darken the windows of the storeys of walls."""
-    first, count = 0, len(seen)
-    while first < count:
-        triangle = seen[first]
-        if triangle < 0 or labels[triangle, MATERIAL] != FACADE:
-            first += 1
+    """Write the light of triangles in pixels of a row, run by run of those that see the same one.
+
+    Args:
+        row, shift: Pixel k of the tile is in this row and in column ``k + shift``.
+        first, end: Pixels of the tile.
+        pose, lens, frame: Of the camera and the ground's grid.
+        colors, labels, seen, shades: See ``FrameMemory``.
+    """
+    reds, greens, blues = shades[RED], shades[GREEN], shades[BLUE]
+    begin = first
+    while begin < end:
+        triangle = seen[begin]
+        if triangle < 0:
+            begin += 1
             continue
-        end = first + 1
-        while end < count and seen[end] == triangle:
-            end += 1
-        nx, ny = colors[triangle, 9] * 1.0, colors[triangle, 10] * 1.0
-        _open_windows(
-            single(nx / 3.2), single(ny / 3.2), single((nx * frame[1] - ny * frame[0]) / 3.2 % 1.0),
-            single(pose[EYE + 2]), single(0.8 / lens[FX]), exact[DISTANCE, first:end], exact[RAY_Z, first:end],
-            shades[GROUND_X, first:end], shades[GROUND_Y, first:end], shades[RED, first:end], shades[GREEN, first:end],
-            shades[BLUE, first:end],
-        )  # fmt: skip
-        first = end
+        stop = begin + 1
+        while stop < end and seen[stop] == triangle:
+            stop += 1
+        color, column = colors[triangle], begin + shift
+        red, green = color[0] + color[1] * column + color[2] * row, color[3] + color[4] * column + color[5] * row
+        blue = color[6] + color[7] * column + color[8] * row
+        _grade(begin, stop, single(red), color[1], single(green), color[4], single(blue), color[7], reds, greens, blues)
+        if labels[triangle, MATERIAL] == FACADE:
+            nx, ny = color[9] * (1.0 / 3.2), color[10] * (1.0 / 3.2)
+            _open_windows(
+                begin, stop, single(nx), single(ny), single((nx * frame[1] - ny * frame[0]) % 1.0),
+                single(pose[EYE + 2]), single(0.8 / lens[FX]), shades[DISTANCE], shades[RAY_Z], shades[GROUND_X],
+                shades[GROUND_Y], reds, greens, blues,
+            )  # fmt: skip
+        begin = stop
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _grade(
+    first: int, end: int, red: float, red_step: float, green: float, green_step: float, blue: float, blue_step: float,
+    reds: Float32, greens: Float32, blues: Float32,
+) -> None:  # fmt: skip
+    """Write light that is linear along a row."""
+    for k in range(first, end):
+        at = single(k - first)
+        reds[k], greens[k], blues[k] = red + red_step * at, green + green_step * at, blue + blue_step * at
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _open_windows(
-    nx: float, ny: float, offset: float, level: float, angle: float, distances: Float64, zs: Float64, xs: Float32,
-    ys: Float32, red: Float32, green: Float32, blue: Float32,
+    first: int, end: int, nx: float, ny: float, offset: float, level: float, angle: float, distances: Float32,
+    zs: Float32, xs: Float32, ys: Float32, red: Float32, green: Float32, blue: Float32,
 ) -> None:  # fmt: skip
-    for k in range(len(xs)):
-        far = single(distances[k])
-        u, v = nx * ys[k] - ny * xs[k] + offset, (level + far * single(zs[k])) * (1.0 / 3.3)
+    """Darken the windows of the storeys of a wall."""
+    for k in range(first, end):
+        far = distances[k]
+        u, v = nx * ys[k] - ny * xs[k] + offset, (level + far * zs[k]) * (1.0 / 3.3)
         u, v = u - rounded_down(u), v - rounded_down(v)
         is_window = (u > 0.22) & (u < 0.78) & (v > 0.28) & (v < 0.80)
         share = smaller(larger(1.2 - far * angle, 0.0), 1.0)
@@ -155,50 +168,69 @@ def _open_windows(
         blue[k] *= 0.1 + 0.9 * bright
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def expose(
-    first: int, size: tuple[int, int], light: Float64, tone: UInt8, seen: Int32, levels: Int32, shades: Float32,
-    picture: UInt8,
+    first: int, size: tuple[int, int], kinds: int, light: Float64, tone: UInt8, seen: Int32, levels: Int32,
+    shades: Float32, picture: UInt8,
 ) -> None:  # fmt: skip
     """Add haze and write the colours of a tile into a part of a picture (count, 3).
 
     Args:
         first: Number of the tile's first pixel in the picture.
         size: Height and width of the picture.
+        kinds: What the tile's pixels see.
         light, tone: Light of the frame, and levels of linear light.
         seen, levels, shades: Memory of the tile.
         picture: Output.
     """
-    _add_haze(light, seen, shades[FAR], shades[RED], shades[GREEN], shades[BLUE])
+    count = len(seen)
+    if kinds != SEES_SKY:
+        _add_haze(light, seen, shades[FAR], shades[RED], shades[GREEN], shades[BLUE])
     if light[VIGNETTE] > 0.0:
-        for k in range(len(seen)):
+        for k in range(count):
             row, column = (first + k) // size[1], (first + k) % size[1]
             below, beside = (row + 0.5) / size[0] - 0.5, (column + 0.5) / size[1] - 0.5
             kept = 1.0 - 2.0 * light[VIGNETTE] * (below * below + beside * beside)
             for channel in range(RED, BLUE + 1):
                 shades[channel, k] *= kept
-    for channel in range(3):
-        _list_levels(len(seen), shades[RED + channel], levels)
-        for k in range(len(seen)):
-            picture[k, channel] = tone[np.uint32(levels[k])]
+    _list_levels(count, light[EXPOSURE], shades[RED], shades[GREEN], shades[BLUE], levels[0], levels[1], levels[2])
+    reds, greens, blues = levels[0], levels[1], levels[2]
+    for k in range(count):
+        picture[k, 0] = tone[np.uint32(reds[k])]
+        picture[k, 1] = tone[np.uint32(greens[k])]
+        picture[k, 2] = tone[np.uint32(blues[k])]
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _add_haze(light: Float64, seen: Int32, far: Float32, red: Float32, green: Float32, blue: Float32) -> None:
-    """Blend what is far away with the light of the horizon, and scale to the exposure."""
-    haze, gain = single(light[HAZE]), single(light[EXPOSURE])
+    """Blend what is far away with the light of the horizon."""
+    haze = single(light[HAZE])
     r, g, b = single(light[HORIZON]), single(light[HORIZON + 1]), single(light[HORIZON + 2])
     for k in range(len(seen)):
         mist = 0.0 if seen[k] == NOTHING else far[k] * haze
         clear = 1.0 / (1.0 + mist * (1.0 + 0.5 * mist))
-        red[k] = (r + clear * (red[k] - r)) * gain
-        green[k] = (g + clear * (green[k] - g)) * gain
-        blue[k] = (b + clear * (blue[k] - b)) * gain
+        red[k] = r + clear * (red[k] - r)
+        green[k] = g + clear * (green[k] - g)
+        blue[k] = b + clear * (blue[k] - b)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _list_levels(count: int, light: Float32, levels: Int32) -> None:
-    """Write the levels of linear light, with compressed highlights: 1.25 x / (x + 0.75)."""
+def _list_levels(
+    count: int, exposure: float, red: Float32, green: Float32, blue: Float32, reds: Int32, greens: Int32, blues: Int32
+) -> None:
+    """Write the levels of linear light."""
+    gain = single(exposure)
     for k in range(count):
-        level = 5119.0 * light[k] / (light[k] + 0.75)
-        levels[k] = np.int32(smaller(larger(level, 0.0), 4095.0))
+        reds[k], greens[k], blues[k] = _level(red[k] * gain), _level(green[k] * gain), _level(blue[k] * gain)
+
+
+@device_function(forceinline=True)
+def _level(light: float) -> int:
+    """Return the level of linear light, whose float32 is a logarithm in steps: exponent and first bits of mantissa."""
+    return smaller(larger((bits_of(light) - _DARKEST_BITS) >> _STEP_BITS, _NONE), _HIGHEST)  # type: ignore[return-value, type-var]
+
+
+def light_of_level(level: Array) -> Float64:
+    """Return the linear light of levels."""
+    bits = (level * (1 << int(_STEP_BITS))).astype(np.int32) + _DARKEST_BITS
+    return bits.view(np.float32).astype(np.float64)

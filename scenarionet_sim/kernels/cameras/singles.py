@@ -14,6 +14,12 @@ def single(value: float) -> float:
 
 
 @device_function(forceinline=True)
+def bits_of(value: float) -> int:
+    """Return the bits of a float32 as an int32."""
+    return np.float32(value).view(np.int32)  # type: ignore[return-value]
+
+
+@device_function(forceinline=True)
 def rounded_down(value: float) -> float:
     """Return the largest whole number that is not larger, as a number of the same type."""
     return np.floor(value)  # type: ignore[no-any-return]

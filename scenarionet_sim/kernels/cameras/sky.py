@@ -90,7 +90,7 @@ def sky_color(light: Float64, grain: UInt8, x: float, y: float, z: float) -> tup
     return red, green, blue
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def color_sky(
     row: int, start: int, begin: int, stop: int, size: tuple[int, int], pose: Float64, lens: Float64, rays: Float64,
     light: Float64, grain: UInt8, seen: Int32, nodes: Float32, shades: Float32,
@@ -103,7 +103,7 @@ def color_sky(
         column = start + first - begin
         node = column // SKY_STEP
         end = smaller(first + (node + 1) * SKY_STEP - column, stop)
-        if _is_sky_seen(seen[first:end]):
+        if _is_sky_seen(first, end, seen):
             for side in range(2):
                 for place in (node, node + 1):
                     if nodes[side, place, 3] == 0.0:
@@ -113,34 +113,33 @@ def color_sky(
                             lens, rays, light, grain, nodes[side, place],
                         )  # fmt: skip
             _blend_nodes(
-                share, column - node * SKY_STEP, nodes[0, node], nodes[0, node + 1], nodes[1, node],
-                nodes[1, node + 1], seen[first:end], shades[RED, first:end], shades[GREEN, first:end],
-                shades[BLUE, first:end],
+                first, end, share, column - node * SKY_STEP - first, nodes[0, node], nodes[0, node + 1], nodes[1, node],
+                nodes[1, node + 1], seen, shades[RED], shades[GREEN], shades[BLUE],
             )  # fmt: skip
         first = end
 
 
-@device_function(divides_by_zero=True)
-def _is_sky_seen(seen: Int32) -> bool:
+@device_function(forceinline=True, divides_by_zero=True)
+def _is_sky_seen(first: int, end: int, seen: Int32) -> bool:
     is_seen = False
-    for k in range(len(seen)):
+    for k in range(first, end):
         is_seen |= seen[k] == NOTHING
     return is_seen
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _blend_nodes(
-    share: float, offset: int, above: Float32, above_right: Float32, below: Float32, below_right: Float32,
-    seen: Int32, red: Float32, green: Float32, blue: Float32,
+    first: int, end: int, share: float, shift: int, above: Float32, above_right: Float32, below: Float32,
+    below_right: Float32, seen: Int32, red: Float32, green: Float32, blue: Float32,
 ) -> None:  # fmt: skip
-    """Write the light between four nodes where the sky is seen, from column ``offset`` of the left ones on."""
+    """Write the light between four nodes where the sky is seen; pixel k is ``k + shift`` right of the left ones."""
     r, g = above[0] + share * (below[0] - above[0]), above[1] + share * (below[1] - above[1])
     b = above[2] + share * (below[2] - above[2])
     step_r = (above_right[0] + share * (below_right[0] - above_right[0]) - r) * (1.0 / 8.0)
     step_g = (above_right[1] + share * (below_right[1] - above_right[1]) - g) * (1.0 / 8.0)
     step_b = (above_right[2] + share * (below_right[2] - above_right[2]) - b) * (1.0 / 8.0)
-    for k in range(len(seen)):
-        at, is_sky = single(offset + k), seen[k] == NOTHING
+    for k in range(first, end):
+        at, is_sky = single(k + shift), seen[k] == NOTHING
         red[k] = r + step_r * at if is_sky else red[k]
         green[k] = g + step_g * at if is_sky else green[k]
         blue[k] = b + step_b * at if is_sky else blue[k]

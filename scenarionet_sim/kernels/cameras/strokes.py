@@ -30,20 +30,21 @@ from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 
-@device_function(divides_by_zero=True)
-def draw_strokes(count: int, ground: Ground, slot: int, cells: Int32, exact: Float64, shades: Float32) -> None:
+@device_function(forceinline=True, divides_by_zero=True)
+def draw_strokes(count: int, ground: Ground, slot: int, cells: Int32, shades: Float32) -> None:
     """Write the shares of road, pavement and paint in the pixels of cells with strokes, a run in one cell at a time.
 
     Args:
         count: Pixels of the tile.
         ground, slot: Ground and world.
         cells: Cell of each pixel, -1 where it has no strokes.
-        exact, shades: Memory of the tile.
+        shades: Memory of the tile.
     """
     for row in range(WHITE_SHARE, KERB_SHARE + 1):
         shares = shades[row]
         for k in range(count):
             shares[k] = 0.0
+    _aim(count, shades[RAY_X], shades[RAY_Y], shades[VIEW_X], shades[VIEW_Y])
     first = 0
     while first < count:
         cell = cells[first]
@@ -53,21 +54,19 @@ def draw_strokes(count: int, ground: Ground, slot: int, cells: Int32, exact: Flo
         end = first + 1
         while end < count and cells[end] == cell:
             end += 1
-        _aim(exact[RAY_X, first:end], exact[RAY_Y, first:end], shades[VIEW_X, first:end], shades[VIEW_Y, first:end])
         _draw_cell(ground, slot, int(cell), first, end, shades)
         first = end
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _aim(ray_x: Float64, ray_y: Float64, view_x: Float32, view_y: Float32) -> None:
+def _aim(count: int, ray_x: Float32, ray_y: Float32, view_x: Float32, view_y: Float32) -> None:
     """Write the horizontal directions of view."""
-    for k in range(len(view_x)):
-        x, y = single(ray_x[k]), single(ray_y[k])
-        per = 1.0 / math.sqrt(x * x + y * y + 1e-12)
-        view_x[k], view_y[k] = x * per, y * per
+    for k in range(count):
+        per = 1.0 / math.sqrt(ray_x[k] * ray_x[k] + ray_y[k] * ray_y[k] + 1e-12)
+        view_x[k], view_y[k] = ray_x[k] * per, ray_y[k] * per
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def _draw_cell(ground: Ground, slot: int, cell: int, first: int, end: int, shades: Float32) -> None:
     """Draw the strokes of a cell on a run of pixels."""
     frame, across, along = ground.frame[slot], shades[ACROSS, first:end], shades[ALONG, first:end]

@@ -13,8 +13,6 @@ of one pixel. The steps of a call, each over all frames:
 
 from __future__ import annotations
 
-import math
-
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_sim.kernels.cameras.instances import (
     LEAST,
@@ -26,11 +24,16 @@ from scenarionet_sim.kernels.cameras.instances import (
 from scenarionet_sim.kernels.cameras.layout import (
     HIDDEN,
     INSTANCE_ROW,
+    IS_GLOSSY,
     KIND,
     MATERIAL,
     PINHOLE,
     SEMANTIC,
     SHADOW,
+    TRIANGLE_END,
+    TRIANGLE_FIRST,
+    VERTEX_END,
+    VERTEX_FIRST,
     Ground,
     Look,
     Meshes,
@@ -41,6 +44,7 @@ from scenarionet_sim.kernels.cameras.placement import SMALL, color_triangle, mes
 from scenarionet_sim.kernels.cameras.shadows import add_shadow
 from scenarionet_sim.kernels.cameras.thread_layout import (
     BOTTOM,
+    COS,
     END,
     FIRST,
     FIRST_VERTEX,
@@ -56,6 +60,7 @@ from scenarionet_sim.kernels.cameras.thread_layout import (
     NUM_VERTICES,
     PAINT,
     RIGHT,
+    SIN,
     SPIN,
     STEER,
     TOP,
@@ -88,7 +93,7 @@ def find_item(
         return
     is_object = item < rows
     has_shadows = is_colored and light[SHADOW] > 0.0 and shots.lens[KIND] == PINHOLE
-    if has_shadows and casts_shadow(is_object, box, pose):
+    if has_shadows and casts_shadow(is_object, box, pose, shots.lens, width, height, light):
         own_shadow = items.shadows[frame, item : item + 1]
         kind[HAS_SHADOW] = add_shadow(box, pose, shots.lens, width, height, light, own_shadow, 0)
     if item == own and own_view == HIDDEN:
@@ -99,7 +104,8 @@ def find_item(
     mesh, semantic, paint, glow, spin, steer = appearance_of(
         item, slot, own, own_view, are_boxes, is_colored, solids, box
     )
-    kind[MESH], kind[ITEM_CLASS], kind[PAINT], kind[GLOW] = mesh_for(meshes, mesh, radius), semantic, paint, glow
+    kind[MESH], box[COS], box[SIN] = mesh_for(meshes, mesh, radius, box, pose)
+    kind[ITEM_CLASS], kind[PAINT], kind[GLOW] = semantic, paint, glow
     kind[IS_SMALL] = 1 if radius < SMALL else 0
     box[SPIN], box[STEER] = spin, steer
 
@@ -118,8 +124,8 @@ def list_items(frame: int, meshes: Meshes, items: Items) -> None:
             ranges, instance = meshes.ranges[kind[MESH]], items.instances[frame, count]
             items.drawn[frame, count] = item
             instance[FIRST], instance[FIRST_VERTEX] = num_triangles, num_vertices
-            num_vertices += ranges[1] - ranges[0]
-            num_triangles += ranges[3] - ranges[2]
+            num_vertices += ranges[VERTEX_END] - ranges[VERTEX_FIRST]
+            num_triangles += ranges[TRIANGLE_END] - ranges[TRIANGLE_FIRST]
             instance[END] = num_triangles
             count += 1
     items.counts[frame, NUM_INSTANCES], items.counts[frame, NUM_SHADOWS] = count, num_shadows
@@ -134,14 +140,14 @@ def place_part(
     """Write every ``num_parts``-th vertex of an instance from number ``part`` on, and the light on it."""
     item = items.drawn[frame, place]
     box, mesh = items.boxes[frame, item], int(items.kinds[frame, item, MESH])
-    turn, ranges = (math.cos(box[3]), math.sin(box[3])), meshes.ranges[mesh]
+    turn, ranges = (box[COS], box[SIN]), meshes.ranges[mesh]
     first = triangles.first[frame, 1] + items.instances[frame, place, FIRST_VERTEX]
-    for number in range(part, ranges[1] - ranges[0], num_parts):
+    for number in range(part, ranges[VERTEX_END] - ranges[VERTEX_FIRST], num_parts):
         vertex = triangles.vertices[:, first + number : first + number + 1]
         place_vertex(
             meshes,
             mesh,
-            ranges[0] + number,
+            ranges[VERTEX_FIRST] + number,
             0,
             box,
             turn,
@@ -153,7 +159,7 @@ def place_part(
         )
         if is_colored:
             lights = triangles.lights[:, first + number : first + number + 1]
-            light_vertices(look.lights[frame], 1, ranges[6] > 0, vertex, lights)
+            light_vertices(look.lights[frame], 1, ranges[IS_GLOSSY] > 0, vertex, lights)
 
 
 @device_function(divides_by_zero=True)
@@ -166,12 +172,12 @@ def set_up_part(
     kind = items.kinds[frame, item]
     ranges, is_flat = meshes.ranges[kind[MESH]], kind[IS_SMALL] == 1
     first, begin = triangles.first[frame, 0] + instance[FIRST], triangles.first[frame, 1] + instance[FIRST_VERTEX]
-    vertices = triangles.vertices[:, begin : begin + ranges[1] - ranges[0]]
-    lights = triangles.lights[:, begin : begin + ranges[1] - ranges[0]]
-    for number in range(part, ranges[3] - ranges[2], num_parts):
-        triangle, source = first + number, ranges[2] + number
+    lowest, end = ranges[VERTEX_FIRST], begin + ranges[VERTEX_END] - ranges[VERTEX_FIRST]
+    vertices, lights = triangles.vertices[:, begin:end], triangles.lights[:, begin:end]
+    for number in range(part, ranges[TRIANGLE_END] - ranges[TRIANGLE_FIRST], num_parts):
+        triangle, source = first + number, ranges[TRIANGLE_FIRST] + number
         corners, bounds = meshes.corners[source], triangles.bounds[triangle]
-        a, b, c = corners[0] - ranges[0], corners[1] - ranges[0], corners[2] - ranges[0]
+        a, b, c = corners[0] - lowest, corners[1] - lowest, corners[2] - lowest
         found = add_triangle(
             vertices, a, b, c, shots.lens, shots.rings, size[1], size[0], triangles.edges[triangle],
             triangles.spans[triangle], bounds,

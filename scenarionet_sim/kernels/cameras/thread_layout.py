@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 
-SPIN, STEER, NUM_BOX = 7, 8, 9
+SPIN, STEER, COS, SIN, NUM_BOX = 7, 8, 9, 10, 11
 """Columns of ``Items.boxes`` behind x, y, z, heading, length, width, height; and their number."""
 
 MESH, ITEM_CLASS, PAINT, GLOW, HAS_SHADOW, IS_SMALL, NUM_ITEM = range(7)
@@ -85,13 +85,12 @@ class PixelMemory(NamedTuple):
     """Memory of a thread, see ``FrameMemory``, for tiles of one pixel.
 
     Attributes:
-        near, seen, cells, texels: (1,).
-        exact, shades: (NUM_EXACT, 1), (NUM_SHADES, 1).
+        near, seen, cells: (1,).
+        shades, texels: (NUM_SHADES, 1), (3, 1).
     """
 
-    near: Float64
+    near: Float32
     seen: Int32
-    exact: Float64
     shades: Float32
     cells: Int32
     texels: Int32

@@ -16,8 +16,9 @@ from scenarionet_sim.kernels.cameras.layout import (
     Look,
     Pictures,
 )
-from scenarionet_sim.kernels.cameras.rows import aim_rays, meet_ground
+from scenarionet_sim.kernels.cameras.rows import look_along
 from scenarionet_sim.kernels.cameras.shading import expose
+from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.cameras.sky import light_node
 from scenarionet_sim.kernels.cameras.thread_layout import (
     BOTTOM,
@@ -75,6 +76,7 @@ def trace_pixel(
             else:
                 ray = shots.rays[row, column]
                 inverse = inverse_distance(triangles.edges[triangle], ray[0], ray[1], ray[2])
+            inverse = single(inverse) * 1.0
             if inverse > near:
                 near, seen = inverse, int(triangle)
     return near, seen
@@ -99,22 +101,21 @@ def draw_pixel(
     lens, rays = shots.lens, shots.rays
     seen, number, band = memory.seen, row * size[1] + column, row // BAND
     memory.near[0], seen[0] = trace_pixel(frame, row, column, shots, items, triangles)
-    aim_rays(row, column, 0, 1, pose, lens, rays, memory.exact)
-    meet_ground(1, slot, pose, reach, ground, memory.near, seen, memory.exact)
-    label_pixels(frame, number, slot, pose, ground, seen, triangles.labels, triangles.colors, memory.exact, pictures)
+    kinds = look_along(number, 1, slot, pose, lens, rays, size[1], reach, ground, memory.near, seen, memory.shades)
+    label_pixels(frame, number, slot, pose, ground, seen, triangles.labels, triangles.colors, memory.shades, pictures)
     if len(pictures.flow):
         write_flow(
-            frame, number, size[1], slot, pose, lens, dt, motion, seen, triangles.labels, memory.exact, pictures.flow
+            frame, number, size[1], slot, pose, lens, dt, motion, seen, triangles.labels, memory.shades, pictures.flow
         )
     if is_colored:
         scratch = FrameMemory(
             triangles.vertices, triangles.lights, triangles.edges, triangles.spans, triangles.colors, triangles.labels,
-            triangles.bounds, items.instances[frame], items.shadows[frame], memory.near, seen, memory.exact,
-            memory.shades, memory.cells, memory.texels, sky[frame, band : band + 2],
+            triangles.bounds, items.instances[frame], items.shadows[frame], memory.near, seen, memory.shades,
+            memory.cells, memory.texels, items.boxes[frame, 0], sky[frame, band : band + 2],
         )  # fmt: skip
         num_shadows = items.counts[frame, NUM_SHADOWS]
-        color_tile(number, slot, pose, size, lens, rays, num_shadows, ground, light, look.grain, seen, scratch)
+        color_tile(number, slot, pose, size, lens, rays, num_shadows, kinds, ground, light, look.grain, seen, scratch)
         expose(
-            number, size, light, look.tone, seen, memory.texels, memory.shades,
+            number, size, kinds, light, look.tone, seen, memory.texels, memory.shades,
             pictures.rgb[frame, number : number + 1],
         )  # fmt: skip

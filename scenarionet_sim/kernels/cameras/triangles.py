@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.kernels.cameras.layout import (
     BOTTOM,
     COLUMN,
@@ -31,8 +31,12 @@ from scenarionet_sim.kernels.cameras.layout import (
     VIEW,
     FrameMemory,
 )
+from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.cameras.vertices import NEAREST, STEEP
 from scenarionet_sim.kernels.minmax import larger, smaller
+
+RayFunction = tuple[float, float, float]
+"""A function of the direction of a ray (right, down, ahead): its factors."""
 
 SHORT = 8
 """Longest span of a triangle in a row [pixels] that is not worth setting up a computation of several at once."""
@@ -41,7 +45,7 @@ WIDE = 0.35
 """Angle [rad] under which a triangle's edges are bent too much by a lens to be bounded by its corners."""
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def bound_triangle(
     vertices: Float64, a: int, b: int, c: int, lens: Float64, rings: Float64, width: int, height: int, bounds: Int32
 ) -> bool:
@@ -141,16 +145,16 @@ def add_triangle(
     fx, fy, fz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx  # -(c x a)
     gx, gy, gz = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax  # -(a x b)
     scale = 1.0 / volume
-    edges[0], edges[1], edges[2] = ex, ey, ez
-    edges[3], edges[4], edges[5] = fx, fy, fz
-    edges[6], edges[7], edges[8] = gx, gy, gz
-    edges[9], edges[10], edges[11] = (ex + fx + gx) * scale, (ey + fy + gy) * scale, (ez + fz + gz) * scale
+    px, py, pz = (ex + fx + gx) * scale, (ey + fy + gy) * scale, (ez + fz + gz) * scale
     if lens[KIND] == PINHOLE:
-        write_spans(edges, lens, spans)
+        write_spans((ex, ey, ez), (fx, fy, fz), (gx, gy, gz), (px, py, pz), lens, spans)
+    else:
+        edges[0], edges[1], edges[2], edges[3], edges[4], edges[5] = ex, ey, ez, fx, fy, fz
+        edges[6], edges[7], edges[8], edges[9], edges[10], edges[11] = gx, gy, gz, px, py, pz
     return 2 if is_placed else 1
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def trace_band(
     top: int, end: int, num_instances: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory
 ) -> None:
@@ -202,7 +206,7 @@ def inverse_distance(edges: Float64, x: float, y: float, z: float) -> float:
 
 
 @device_function(forceinline=True, divides_by_zero=True)
-def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, near: Float64, seen: Int32) -> None:
+def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, near: Float32, seen: Int32) -> None:
     """Cover the span of a triangle in a row of a pinhole's picture, whose first pixel is number ``start``."""
     left, right = span_of(bounds, spans, row)
     if left >= right:
@@ -214,48 +218,56 @@ def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, ne
         _cover(triangle, inverse, step, near[first:end], seen[first:end])
         return
     for k in range(end - first):
-        here = inverse + step * k
+        here = single(inverse + step * k)
         if here > near[first + k]:
             near[first + k] = here
             seen[first + k] = triangle
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _cover(triangle: int, inverse: float, step: float, near: Float64, seen: Int32) -> None:
+def _cover(triangle: int, inverse: float, step: float, near: Float32, seen: Int32) -> None:
     """Cover pixels of a row where a triangle is nearest."""
     number = np.int32(triangle)
     for k in range(len(near)):
-        here, before = inverse + step * k, near[k]
+        here, before = single(inverse + step * k), near[k]
         seen[k] = number if here > before else seen[k]
         near[k] = larger(before, here)
 
 
-@device_function(divides_by_zero=True)
-def write_spans(edges: Float64, lens: Float64, spans: Float64) -> None:
+@device_function(forceinline=True, divides_by_zero=True)
+def write_spans(
+    first: RayFunction, second: RayFunction, third: RayFunction, inverse: RayFunction, lens: Float64, spans: Float64
+) -> None:
     """Write where the edges of a triangle cross the rows of a pinhole's picture, and its inverse depth there."""
     per_x, per_y = 1.0 / lens[FX], 1.0 / lens[FY]
     top = (0.5 - lens[CY]) * per_y
-    for edge in range(0, 9, 3):
-        slope = edges[edge] if abs(edges[edge]) > 1e-30 else 1e-30
-        scale = -lens[FX] / slope
-        spans[edge] = (edges[edge + 1] * top + edges[edge + 2]) * scale + lens[CX] - 0.5
-        spans[edge + 1] = edges[edge + 1] * per_y * scale
-        spans[edge + 2] = 1.0 if slope > 0.0 else 0.0
-    spans[10], spans[11] = edges[9] * per_x, edges[10] * per_y
-    spans[9] = spans[10] * (0.5 - lens[CX]) + edges[10] * top + edges[11]
+    _write_edge(first, 0, top, per_y, lens, spans)
+    _write_edge(second, 3, top, per_y, lens, spans)
+    _write_edge(third, 6, top, per_y, lens, spans)
+    spans[10], spans[11] = inverse[0] * per_x, inverse[1] * per_y
+    spans[9] = spans[10] * (0.5 - lens[CX]) + inverse[1] * top + inverse[2]
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def _write_edge(edge: RayFunction, place: int, top: float, per_y: float, lens: Float64, spans: Float64) -> None:
+    slope = edge[0] if abs(edge[0]) > 1e-30 else 1e-30
+    scale = -lens[FX] / slope
+    spans[place] = (edge[1] * top + edge[2]) * scale + lens[CX] - 0.5
+    spans[place + 1] = edge[1] * per_y * scale
+    spans[place + 2] = 1.0 if slope > 0.0 else 0.0
 
 
 @device_function(divides_by_zero=True)
 def _test(
     triangle: int, row: int, start: int, lens: Float64, rays: Float64, width: int, edges: Float64, bounds: Int32,
-    near: Float64, seen: Int32,
+    near: Float32, seen: Int32,
 ) -> None:  # fmt: skip
     """Cover the pixels of a row whose rays hit a triangle, for any lens."""
     most = 1 if lens[KIND] == RINGS else 0
     for turn in range(-most, most + 1):  # columns beyond the picture are those of its other side
         first, end = larger(bounds[0] + turn * width, 0), smaller(bounds[2] + turn * width, width)
         for column in range(first, end):
-            inverse = inverse_distance(edges, rays[row, column, 0], rays[row, column, 1], rays[row, column, 2])
+            inverse = single(inverse_distance(edges, rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]))
             if inverse > near[start + column]:
                 near[start + column] = inverse
                 seen[start + column] = triangle

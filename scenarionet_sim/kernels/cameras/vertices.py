@@ -22,6 +22,8 @@ from scenarionet_sim.kernels.cameras.layout import (
     RIGHT,
     RINGS,
     ROW,
+    VERTEX_END,
+    VERTEX_FIRST,
     VIEW,
     Meshes,
 )
@@ -35,7 +37,7 @@ STEEP = 1e6
 """Slope of rays that are vertical for a lidar."""
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def place_vertices(
     meshes: Meshes, mesh: int, box: Float64, turn: tuple[float, float], spin: float, steer: float, pose: Float64,
     lens: Float64, vertices: Float64,
@@ -50,25 +52,22 @@ def place_vertices(
         pose, lens: The camera.
         vertices: See ``FrameMemory.vertices``.
     """
-    first, end = meshes.ranges[mesh, 0], meshes.ranges[mesh, 1]
-    count, source = end - first, meshes.vertices
-    xs, ys, zs = vertices[AWAY, :count], vertices[AWAY + 1, :count], vertices[AWAY + 2, :count]
-    nx, ny, nz = vertices[NORMAL, :count], vertices[NORMAL + 1, :count], vertices[NORMAL + 2, :count]
-    right, down, ahead = vertices[VIEW, :count], vertices[VIEW + 1, :count], vertices[VIEW + 2, :count]
-    _scale(
-        box, source[0, first:end], source[1, first:end], source[2, first:end], source[3, first:end],
-        source[4, first:end], source[5, first:end], xs, ys, zs, nx, ny, nz,
-    )  # fmt: skip
+    first, source = int(meshes.ranges[mesh, VERTEX_FIRST]), meshes.vertices
+    count = meshes.ranges[mesh, VERTEX_END] - first
+    xs, ys, zs = vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2]
+    nx, ny, nz = vertices[NORMAL], vertices[NORMAL + 1], vertices[NORMAL + 2]
+    right, down, ahead = vertices[VIEW], vertices[VIEW + 1], vertices[VIEW + 2]
+    _scale(first, count, box, source[0], source[1], source[2], source[3], source[4], source[5], xs, ys, zs, nx, ny, nz)
     if meshes.wheels[mesh, 0, 4] > 0.0:
         for k in range(count):
             if meshes.part[first + k] > 0:
                 _roll(meshes, mesh, int(meshes.part[first + k]), box, spin, steer, k, vertices)
     _turn(
-        turn, box[0] - pose[EYE], box[1] - pose[EYE + 1], box[2] - pose[EYE + 2], pose, xs, ys, zs, nx, ny, nz, right,
-        down, ahead,
+        count, turn, box[0] - pose[EYE], box[1] - pose[EYE + 1], box[2] - pose[EYE + 2], pose, xs, ys, zs, nx, ny, nz,
+        right, down, ahead,
     )  # fmt: skip
     if lens[KIND] == PINHOLE:
-        _project(lens, right, down, ahead, vertices[COLUMN, :count], vertices[ROW, :count])
+        _project(count, lens, right, down, ahead, vertices[COLUMN], vertices[ROW])
     else:
         for k in range(count):
             _project_vertex(lens, k, vertices)
@@ -108,11 +107,11 @@ def _scale_vertex(
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _scale(
-    box: Float64, from_x: Float32, from_y: Float32, from_z: Float32, from_nx: Float32, from_ny: Float32,
-    from_nz: Float32, xs: Float64, ys: Float64, zs: Float64, nx: Float64, ny: Float64, nz: Float64,
+    first: int, count: int, box: Float64, from_x: Float32, from_y: Float32, from_z: Float32, from_nx: Float32,
+    from_ny: Float32, from_nz: Float32, xs: Float64, ys: Float64, zs: Float64, nx: Float64, ny: Float64, nz: Float64,
 ) -> None:  # fmt: skip
-    for k in range(len(xs)):
-        _scale_vertex(k, k, box, from_x, from_y, from_z, from_nx, from_ny, from_nz, xs, ys, zs, nx, ny, nz)
+    for k in range(count):
+        _scale_vertex(first + k, k, box, from_x, from_y, from_z, from_nx, from_ny, from_nz, xs, ys, zs, nx, ny, nz)
 
 
 @device_function(divides_by_zero=True)
@@ -157,10 +156,10 @@ def _turn_vertex(
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _turn(
-    turn: tuple[float, float], x: float, y: float, z: float, pose: Float64, xs: Float64, ys: Float64, zs: Float64,
-    nx: Float64, ny: Float64, nz: Float64, right: Float64, down: Float64, ahead: Float64,
+    count: int, turn: tuple[float, float], x: float, y: float, z: float, pose: Float64, xs: Float64, ys: Float64,
+    zs: Float64, nx: Float64, ny: Float64, nz: Float64, right: Float64, down: Float64, ahead: Float64,
 ) -> None:  # fmt: skip
-    for k in range(len(xs)):
+    for k in range(count):
         _turn_vertex(k, turn, x, y, z, pose, xs, ys, zs, nx, ny, nz, right, down, ahead)
 
 
@@ -177,8 +176,11 @@ def _project_vertex(lens: Float64, k: int, vertices: Float64) -> None:
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _project(lens: Float64, right: Float64, down: Float64, ahead: Float64, columns: Float64, rows: Float64) -> None:
+def _project(
+    count: int, lens: Float64, right: Float64, down: Float64, ahead: Float64, columns: Float64, rows: Float64
+) -> None:
     """Write columns and rows of vertices in the picture of a pinhole, see :func:`_project_vertex`."""
     fx, fy, cx, cy = lens[FX], lens[FY], lens[CX], lens[CY]
-    for k in range(len(right)):
-        columns[k], rows[k] = fx * (right[k] / ahead[k]) + cx, fy * (down[k] / ahead[k]) + cy
+    for k in range(count):
+        per = 1.0 / ahead[k]
+        columns[k], rows[k] = fx * (right[k] * per) + cx, fy * (down[k] * per) + cy

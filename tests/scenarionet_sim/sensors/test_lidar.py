@@ -10,9 +10,9 @@ import shapely
 
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.kernels.rays import cast_at_boxes
+from scenarionet_sim.kernels.box_rays import cast_at_boxes
 from scenarionet_sim.sensors import Lidar
-from scenarionet_sim.sensors.base import directions
+from scenarionet_sim.sensors.base import directions, table
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate
 from tests.scenarionet_sim.sensors import oracle
@@ -26,7 +26,8 @@ class TestLidar(SensorConformance):
         rays, reach, state = 61, 40.0, simulation.state
         agents = simulation.agents[::4].copy()
         found = np.empty((len(agents), rays))
-        cast_at_boxes(agents, state.motion, state.size, state.present, directions(rays), reach, found)
+        boxes = state.motion, state.size, state.object_type, state.present
+        cast_at_boxes(agents, *boxes, table(None), directions(rays), reach, found)
         num_inside = 0
         for (world, row), shares in zip(agents, found, strict=True):
             shapes = [oracle.box(state, world, n) for n in oracle.others(state, world, row)]
