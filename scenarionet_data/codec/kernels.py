@@ -145,11 +145,11 @@ class FeaturePoints(NamedTuple):
     """Points of M map features; offsets are those of ``Ragged``."""
 
     line_offsets: Array  # (M + 1,) int32
-    line: Array  # (P, 3) float32, zeros until they are filled
+    line: Array  # (P, 3) float32
     outline_offsets: Array  # (M + 1,) int32
-    outline: Array  # (Q, 3) float32, likewise
+    outline: Array  # (Q, 3) float32
     width_offsets: Array  # (M + 1,) int32
-    width: Array  # (K, 2) float32, likewise
+    width: Array  # (K, 2) float32
 
 
 @kernel(nogil=True, allocates=False)
@@ -175,15 +175,19 @@ def _fill_points(block: ColumnBlock, numbers: Array, columns: Array, first: int,
         offsets[row] = ends[first + row] - ends[first]
     for axis in range(len(columns)):
         count = block.lists[1, columns[axis], first + len(offsets) - 1] - block.lists[1, columns[axis], first]
-        if count == len(points):
+        if count == len(points):  # quicker than row by row
             start = _element(block, columns[axis], first)
             values = numbers[start : start + count]
             for k in range(count):
                 points[k, axis] = values[k]
-        else:
-            for row in range(len(offsets) - 1):
-                target = points[offsets[row] : offsets[row + 1]]
+            continue
+        for row in range(len(offsets) - 1):
+            target = points[offsets[row] : offsets[row + 1]]
+            if block.lists[0, columns[axis], first + row]:
                 _copy_list(block, numbers, columns[axis], first + row, target, axis)
+            else:
+                for k in range(len(target)):
+                    target[k, axis] = 0
 
 
 @kernel(nogil=True, allocates=False)

@@ -1,10 +1,10 @@
 """Decode columns of many row groups as NumPy arrays.
 
 Arrow takes 5-10 us to set up a column of a row group, 30 us with zstd, and decodes the same list lengths for each
-column; a scenario has 40 columns. Here a row group is two calls of kernels: one decompresses its pages, which stay in
-the processor's cache until the other has decoded all columns. The kernels know what our writer produces; other
-encodings (several pages, data pages of version 2, other codecs) are decoded by Arrow, and so are the first row groups
-of a process, because the kernels take seconds to compile where they are not cached.
+column; a scenario has 40 columns. Here a row group is one call of a kernel, which decodes a page as soon as it is
+decompressed, or two with pages in zstd. The kernels know what our writer produces; row groups with anything else
+(several pages, data pages of version 2, other codecs) are decoded by Arrow, and so are the first ones of a process,
+because the kernels take seconds to compile where they are not cached.
 """
 
 from __future__ import annotations
