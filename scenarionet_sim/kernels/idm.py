@@ -168,21 +168,21 @@ def _look_ahead(path: PathRows, k: int, s: float, stations: Float64) -> int:
     """
     stations[0, _SX], stations[0, _SY], _, stations[0, _HEADING] = pose_on(path, k, s)
     stations[0, _ARC] = s
-    count, last, spacing, end = 1, s, _SPACING, path.end - 1
-    for j in range(k + 1, path.end):
-        point = path.points[j]
-        if point[ARC] - last >= spacing or (j == end and point[ARC] > last):
-            station = stations[count]
-            station[_SX], station[_SY], station[_ARC], station[_HEADING] = (
-                point[X],
-                point[Y],
-                point[ARC],
-                point[HEADING],
-            )
-            count, last = count + 1, np.float64(point[ARC])
-            spacing = larger(_SPACING, (last - s) * _COARSER)
-            if count == _STATIONS:
-                break
+    count, last, spacing, end, stride, points = 1, s, _SPACING, path.end - 1, 1, path.points
+    while count < _STATIONS and k < end:
+        # The first point that is far enough, or the end. Points are mostly as many apart as the last two stations were.
+        j = smaller(k + stride, end)
+        while j < end and points[j, ARC] - last < spacing:
+            j += 1
+        while j > k + 1 and points[j - 1, ARC] - last >= spacing:
+            j -= 1
+        station, stride, k = stations[count], j - k, j
+        if points[k, ARC] <= last:
+            break
+        station[_SX], station[_SY] = points[k, X], points[k, Y]
+        station[_ARC], station[_HEADING] = points[k, ARC], points[k, HEADING]
+        count, last = count + 1, np.float64(points[k, ARC])
+        spacing = larger(_SPACING, (last - s) * _COARSER)
     return count
 
 
