@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.packed_columns import from_arrow
 from scenarionet_data.codec.columns import LAYOUTS, ScenarioColumns, codes
 from scenarionet_data.codec.lights import decode_lights, encode_lights
 from scenarionet_data.codec.maps import check_points, decode_maps, encode_map
@@ -120,7 +120,7 @@ def decode_many(
 
 
 def _rows(table: str, batch: pa.RecordBatch) -> ScenarioColumns:
-    return ScenarioColumns(Columns.from_arrow(batch, LAYOUTS[table]), [0, batch.num_rows])
+    return ScenarioColumns(from_arrow(batch, LAYOUTS[table]), [0, batch.num_rows])
 
 
 def _scenario(

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data import codec
-from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.packed_columns import from_arrow
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import meets
 from scenarionet_data.errors import ScenarioNotFound
@@ -104,7 +104,7 @@ def _read(files: LakeFiles, name: str) -> SharedMap:
     origins = np.column_stack([rows.column(f"origin_{axis}").to_numpy() for axis in "xyz"])
     boxes = [rows.column(name).to_numpy(zero_copy_only=False) for name in ("min_x", "min_y", "max_x", "max_y")]
     bounds = np.column_stack(boxes).astype(np.float64) + origins[:, [0, 1, 0, 1]]
-    columns = Columns.from_arrow(rows, codec.LAYOUTS["maps"])
+    columns = from_arrow(rows, codec.LAYOUTS["maps"])
     (features,) = codec.decode_maps(codec.ScenarioColumns(columns, [0, rows.num_rows]))
     return SharedMap(features, origins, bounds)
 

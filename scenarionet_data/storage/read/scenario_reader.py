@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from typing import Any
 
 from scenarionet_data.arrays.columns import ColumnLayout, Columns
 from scenarionet_data.arrays.memory import Memory
+from scenarionet_data.arrays.packed_columns import pick
 from scenarionet_data.codec import LAYOUTS, ScenarioColumns
+from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
@@ -84,7 +86,8 @@ class ScenarioReader:
             SchemaMismatch: A file has a schema version that cannot be read.
         """
         self.prefetch(metadata, wanted)
-        return {table: self._read_table(table, metadata) for table in wanted}
+        with snapshots.reading_from(self._files, self._snapshot):
+            return {table: self._read_table(table, metadata) for table in wanted}
 
     def _read_table(self, table: str, metadata: Sequence[Mapping[str, Any]]) -> ScenarioColumns | None:
         addresses = _addresses(table, metadata)
@@ -95,27 +98,31 @@ class ScenarioReader:
             starts, columns = self._read_row_groups(table, list(addresses))
         file, row_group, first_row, num_rows = _ADDRESS[table]
         spans = [
-            (starts[RowGroupAddress(table, row[file], row[row_group])] + row[first_row], row[num_rows])
+            (starts[RowGroupAddress(table, row[file], row[row_group])], row[first_row], row[num_rows])
             for row in metadata
             if row[file]
         ]
-        bounds = list(accumulate((row[num_rows] or 0 for row in metadata), initial=0))
-        if [first for first, _ in spans] == list(starts.values()) and bounds[-1] == columns.num_rows:
-            return ScenarioColumns(columns, bounds)
-        self._cached[table] = starts, columns  # shared row groups: scenarios read next are often in them
-        return ScenarioColumns(columns.pick(spans), bounds)
+        if any(first < 0 or count < 0 or start + first + count > columns.num_rows for start, first, count in spans):
+            raise LakeError("a file has fewer rows than its metadata; `scenarionet fsck` names it and the remedy")
+        places = [(start + first, count) for start, first, count in spans]
+        if [first for first, _ in places] != list(starts.values()) or sum(places[-1]) != columns.num_rows:
+            self._cached[table] = starts, columns  # shared row groups: scenarios read next are often in them
+        begin = places[0][0]
+        if any(first + count != after for (first, count), (after, _) in pairwise(places)):
+            columns, begin = pick(columns, places), 0
+        bounds = accumulate([row[num_rows] or 0 for row in metadata], initial=begin)
+        return ScenarioColumns(columns, list(bounds))
 
     def _read_row_groups(
         self, table: str, addresses: list[RowGroupAddress]
     ) -> tuple[dict[RowGroupAddress, int], Columns]:
         """Rows of row groups, concatenated, and the first row of each."""
-        with snapshots.reading_from(self._files, self._snapshot):
-            groups = self._row_groups.get(addresses)
-            try:
-                columns = self._readers[table].read(groups)
-            except UnreadableFile as error:
-                with reading(error.url):
-                    raise
+        groups = self._row_groups.get(addresses)
+        try:
+            columns = self._readers[table].read(groups)
+        except UnreadableFile as error:
+            with reading(error.url):
+                raise
         return dict(zip(addresses, accumulate((group.num_rows for group in groups), initial=0), strict=False)), columns
 
 

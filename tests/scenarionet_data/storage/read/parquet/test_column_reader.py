@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarionet_data.arrays.columns import TEXTS, ColumnLayout, Columns
-from scenarionet_data.errors import LakeError
+from scenarionet_data.arrays.columns import TEXTS, ColumnLayout
+from scenarionet_data.arrays.packed_columns import from_arrow, pick
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
@@ -91,7 +91,7 @@ def are_known(table, path):
 
 
 def by_arrow(table, paths):
-    return Columns.from_arrow(pa.concat_tables(pq.read_table(p) for p in paths), layout_of(table))
+    return from_arrow(pa.concat_tables(pq.read_table(p) for p in paths), layout_of(table))
 
 
 def assert_same(table, found, expected):
@@ -254,12 +254,27 @@ def test_error_names_the_damaged_file(tmp_path):
 def test_take_matches_arrow_slices(table, first, count):
     batch = rows_of(table, 29, 6)
     layout = layout_of(table)
-    picked = Columns.from_arrow(batch, layout).pick([(start, count) for start in first])
+    picked = pick(from_arrow(batch, layout), [(start, count) for start in first])
     expected = pa.concat_tables(pa.Table.from_batches([batch.slice(start, count)]) for start in first)
-    assert_same(table, picked, Columns.from_arrow(expected, layout))
+    assert_same(table, picked, from_arrow(expected, layout))
 
 
-def test_spans_beyond_num_rows_raise_error():
-    columns = Columns.from_arrow(rows_of("lights", 5, 1), layout_of("lights"))
-    with pytest.raises(LakeError, match="fewer rows than its metadata"):
-        columns.pick([(3, 3)])
+@given(contents=st.lists(st.binary(max_size=12) | st.text(max_size=12).map(str.encode), min_size=1, max_size=9))
+def test_only_utf_8_is_read(tmp_path_factory, contents):
+    rows = rows_of("lights", len(contents), 1)
+    place = rows.schema.get_field_index("light_id")
+    texts = pa.array(contents, pa.binary())
+    unchecked = pa.Array.from_buffers(pa.string(), len(texts), texts.buffers())
+    path = written(
+        tmp_path_factory.mktemp("t") / "f.parquet",
+        "lights",
+        [rows.set_column(place, rows.schema.field(place), unchecked)],
+    )
+    try:
+        expected = [content.decode() for content in contents]
+    except UnicodeDecodeError:
+        for reads in (read, lambda table, groups: read_by_arrow(groups, layout_of(table))):
+            with pytest.raises(UnreadableFile):
+                reads("lights", row_groups(path, "lights"))
+        return
+    assert read("lights", row_groups(path, "lights")).strings("light_id").tolist() == expected
