@@ -1,7 +1,7 @@
 """The strip that a vehicle will sweep along its path, and the boxes on it.
 
-Most boxes are far from the strip, and most of the others from most of its parts. Circles and rectangles around them tell
-so in a few operations.
+Most boxes are far from the strip, and most of the others from most of its parts. Circles and rectangles around them
+tell so in a few operations.
 """
 
 from __future__ import annotations
