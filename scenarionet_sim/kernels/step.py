@@ -14,7 +14,7 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.boxes import write_boxes
-from scenarionet_sim.kernels.idm import Law, SightMemory, drive_along_paths
+from scenarionet_sim.kernels.idm import Law, drive_along_paths
 from scenarionet_sim.kernels.minmax import larger
 from scenarionet_sim.kernels.motion import FOLLOW_PATH, move_objects
 from scenarionet_sim.kernels.observation import Scratch, Sensing, observe
@@ -22,6 +22,7 @@ from scenarionet_sim.kernels.overlap import touch
 from scenarionet_sim.kernels.paths import PathRows, locate
 from scenarionet_sim.kernels.scoring import StepResult, score
 from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, take
+from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
     NUM_OBJECTS,
