@@ -125,7 +125,7 @@ def _lines(columns: Columns, first: int, last: int) -> FeaturePoints:
         np.empty(size, np.int32),
         np.empty((counts[2], 2), np.float32),
     )
-    unchecked(fill_lines)(columns.block, columns.numbers, layout.places(_LINES), first, out)
+    unchecked(fill_lines)(columns.block, layout.places(_LINES), first, out)
     return out
 
 

@@ -98,8 +98,8 @@ class ColumnReader:
         if not all(each.can_decode for each in stored):
             return None
         largest, size = max([each.largest for each in stored]), max([each.scratch for each in stored])
-        scratch = self._memory.empty(size + 4 * largest, np.uint8)
-        levels, scratch = scratch[size:].reshape(4, largest), scratch[:size]
+        scratch = self._memory.scratch(size + 4 * largest)
+        levels, scratch = scratch[size : size + 4 * largest].reshape(4, largest), scratch[:size]
         plan, out = self._reserved(stored)
         count, row, words = len(plan), 0, dict[str, tuple[str, ...]]()
         for group, (chunks, num_rows, *_) in zip(groups, stored, strict=True):
@@ -134,6 +134,7 @@ class ColumnReader:
             firsts,
             counts,
             whole[lists:words].view(np.uint32),
+            whole[lists:words].view(np.float32),
             whole[words:bits].view(np.int8),
             whole[:ends].view(np.int64),
             whole[bits:],
