@@ -16,7 +16,6 @@ from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
 from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
 from scenarionet_sim.kernels.episodes import UNDRIVEN, begin_worlds
-from scenarionet_sim.kernels.idm import SightMemory
 from scenarionet_sim.kernels.observation import Scratch
 from scenarionet_sim.kernels.sharing import Team
 from scenarionet_sim.kernels.step import (
@@ -29,6 +28,7 @@ from scenarionet_sim.kernels.step import (
     step_reactive_worlds,
     step_worlds,
 )
+from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External, Policy, Replay
 from scenarionet_sim.policies.slots import SlotPolicies, prepared

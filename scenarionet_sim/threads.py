@@ -10,12 +10,18 @@ from functools import partial
 from typing import TypeVar
 
 from scenarionet_data.arrays.dtypes import Int64
-from scenarionet_sim.kernels.sharing import LEADER, Team, ranges_of
+from scenarionet_sim.kernels.sharing import JOIN, LEADER, LEAVE, STAY_OUT, Team, ranges_of
 
 Returned = TypeVar("Returned")
 
 _FEWEST = 4
 """Items per thread below which another thread costs more than it saves."""
+
+_TRIAL, _PERIOD = 16, 512
+"""Number of turns at the beginning of each period that try by turns to be alone and to have helpers."""
+
+_LAST_TRIAL = 0.25
+"""Weight of the last trial in what is known of both."""
 
 
 class Threads:
@@ -35,6 +41,9 @@ class Threads:
         self._shared = -1  # number of items that were shared out last
         self._team = Team.of(0, 1)
         self._helpers: dict[int, Future[object]] = {}
+        self._turn = 0
+        self._trial = [0.0, 0.0]  # time of the turns of a trial [s], alone and with helpers
+        self._pace = [0.0, 0.0]  # mean time of such trials [s]
 
     def run(self, function: Callable[[int, int], int], total: int) -> list[int]:
         """Call ``function(first, end)`` for consecutive ranges of ``total`` items; return the results in order."""
@@ -73,18 +82,38 @@ class Threads:
             self._shared, self._team = total, Team.of(total, self._useful(total))
         team = self._team
         self._wait()  # for helpers in a turn that an interrupt has ended
-        for own in range(LEADER + 1, len(team.ranges)):
-            self._call_helper(function, own)
-        function(LEADER, team)
-        self._wait()
+        if len(team.ranges) > 1:
+            self._share_at_best_pace(function)
+        else:
+            function(LEADER, team)
         return team.result
+
+    def _share_at_best_pace(self, function: Callable[[int, Team], object]) -> None:
+        """Run a turn with helpers or alone, whichever is faster: helpers without a core of their own delay it."""
+        place = self._turn % _PERIOD
+        is_helped = place % 2 == 1 if place < _TRIAL else self._pace[True] < self._pace[False]
+        self._turn += 1
+        self._team.order(JOIN if is_helped else STAY_OUT)
+        if is_helped or place == 0:
+            for own in range(LEADER + 1, len(self._team.ranges)):
+                self._call_helper(function, own)
+        started = time.perf_counter()
+        function(LEADER, self._team)
+        self._wait()
+        if place < _TRIAL:
+            self._trial[is_helped] += time.perf_counter() - started
+        if place == _TRIAL - 1:
+            weight = _LAST_TRIAL if self._turn > _PERIOD else 1.0
+            for kind in (False, True):
+                self._pace[kind] += weight * (self._trial[kind] - self._pace[kind])
+                self._trial[kind] = 0.0
 
     def dismiss(self) -> None:
         """Let helpers drop what they were called with last; the next turn calls them again."""
         self._notice_fork()
-        self._team.dismiss(True)
+        self._team.order(LEAVE)
         wait(self._helpers.values())
-        self._team.dismiss(False)
+        self._team.order(JOIN)
         self._helpers = {}
 
     def close(self) -> None:

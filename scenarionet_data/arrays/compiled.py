@@ -195,7 +195,7 @@ class Kernel(CompiledFunction):
 
 def unchecked(function: Function) -> Function:
     """Return a kernel as :attr:`Kernel.unchecked`, for calls whose arguments always have the same types."""
-    return cast(Function, function.unchecked) if isinstance(function, Kernel) else function
+    return function.unchecked if isinstance(function, Kernel) else function  # type: ignore[return-value]
 
 
 def _load_array_functions() -> None:

@@ -35,12 +35,12 @@ def check_spans(block: ColumnBlock, start: int, lists: int, bounds: Array, steps
 
 
 @kernel(nogil=True, allocates=False)
-def check_lengths(block: ColumnBlock, like: int, columns: Array, others: Array, bounds: Array) -> int:
-    """Compare the lengths of lists with those of another column.
+def check_lengths(block: ColumnBlock, likes: Array, columns: Array, others: Array, bounds: Array) -> int:
+    """Compare the lengths of lists with those of other columns.
 
     Args:
         block: Rows of scenarios.
-        like: The other column.
+        likes: (n,) int64 the other column of each column.
         columns: (n,) int64 the columns.
         others: (n,) int64 other lengths that their lists may have: OR_ONE, ...
         bounds: As in :func:`check_spans`.
@@ -55,7 +55,7 @@ def check_lengths(block: ColumnBlock, like: int, columns: Array, others: Array, 
             may_be_none = other == OR_NONE or (other == OR_NEVER and offsets[first] == offsets[last])
             for row in range(first, last):
                 length = lengths[row]
-                if length != block.lists[0, like, row]:
+                if length != block.lists[0, likes[place], row]:
                     is_other = length == 1 if other == OR_ONE else length == 0 and may_be_none
                     if not is_other:
                         return place
@@ -74,12 +74,11 @@ class Grids(NamedTuple):
 
 
 @kernel(nogil=True, allocates=False)
-def fill_grids(block: ColumnBlock, numbers: Array, columns: Array, first: int, out: Grids) -> None:
+def fill_grids(block: ColumnBlock, columns: Array, first: int, out: Grids) -> None:
     """Scatter the lists of a scenario's objects to their timesteps.
 
     Args:
         block: Rows of tracks, which :func:`check_spans` and :func:`check_lengths` have checked.
-        numbers: float32 words of the block.
         columns: (12,) int64 columns start, x, y, z, heading, vx, vy, length, width, height, valid, is_interpolated.
         first: Row of the scenario's first object.
         out: Filled.
@@ -91,17 +90,17 @@ def fill_grids(block: ColumnBlock, numbers: Array, columns: Array, first: int, o
         position, velocity, size = out.position[row, span], out.velocity[row, span], out.size[row, span]
         heading, valid = out.heading[row, span], out.valid[row, span]
         for axis in range(3):
-            _copy_list(block, numbers, columns[1 + axis], first + row, position, axis)
+            _copy_list(block, columns[1 + axis], first + row, position, axis)
         start = _element(block, columns[4], first + row)
-        values = numbers[start : start + count]
+        values = block.numbers[start : start + count]
         for k in range(count):
             heading[k] = values[k]
         for axis in range(2):
-            _copy_list(block, numbers, columns[5 + axis], first + row, velocity, axis)
+            _copy_list(block, columns[5 + axis], first + row, velocity, axis)
         _fill_flags(block, columns[10], first + row, True, valid)
         _fill_flags(block, columns[11], first + row, False, out.is_interpolated[row, span])
         for axis in range(3):
-            _fill_size(block, numbers, columns[7 + axis], first + row, valid, size, axis)
+            _fill_size(block, columns[7 + axis], first + row, valid, size, axis)
 
 
 @device_function
@@ -111,19 +110,19 @@ def _element(block: ColumnBlock, column: int, row: int) -> Any:
 
 
 @device_function
-def _copy_list(block: ColumnBlock, numbers: Array, column: int, row: int, points: Array, axis: int) -> None:
+def _copy_list(block: ColumnBlock, column: int, row: int, points: Array, axis: int) -> None:
     """Copy a list of coordinates to points, (n, 2 or 3); an empty list to none of them."""
     start = _element(block, column, row)
-    values = numbers[start : start + block.lists[0, column, row]]
+    values = block.numbers[start : start + block.lists[0, column, row]]
     for k in range(len(values)):
         points[k, axis] = values[k]
 
 
 @device_function
-def _fill_size(block: ColumnBlock, numbers: Array, column: int, row: int, valid: Array, size: Array, axis: int) -> None:
+def _fill_size(block: ColumnBlock, column: int, row: int, valid: Array, size: Array, axis: int) -> None:
     """Fill an extent at the valid timesteps of a span; a list of one element holds at all of them."""
     start, count = _element(block, column, row), block.lists[0, column, row]
-    values = numbers[start : start + count]
+    values = block.numbers[start : start + count]
     if count == 1:
         for k in range(len(valid)):
             size[k, axis] = values[0] if valid[k] else 0
@@ -141,25 +140,52 @@ def _fill_flags(block: ColumnBlock, column: int, row: int, default: bool, out: A
         out[k] = flags[k] != 0 if count else default
 
 
+class FeaturePoints(NamedTuple):
+    """Points of M map features; offsets are those of ``Ragged``."""
+
+    line_offsets: Array  # (M + 1,) int32
+    line: Array  # (P, 3) float32
+    outline_offsets: Array  # (M + 1,) int32
+    outline: Array  # (Q, 3) float32
+    width_offsets: Array  # (M + 1,) int32
+    width: Array  # (K, 2) float32
+
+
 @kernel(nogil=True, allocates=False)
-def fill_points(block: ColumnBlock, numbers: Array, columns: Array, first: int, offsets: Array, points: Array) -> None:
-    """Fill lists of points from lists of their coordinates.
+def fill_lines(block: ColumnBlock, columns: Array, first: int, out: FeaturePoints) -> None:
+    """Fill lists of points from lists of their coordinates; those without elements in a row are 0.
 
     Args:
-        block: Rows, whose lists :func:`check_lengths` has compared with those of the first coordinate.
-        numbers: float32 words of the block.
-        columns: (2 or 3,) int64 columns of coordinates; those without elements in a row are 0.
+        block: Rows of maps, which :func:`check_lengths` has checked.
+        columns: (8,) int64 columns x, y, z, polygon_x, polygon_y, polygon_z, width_left, width_right.
         first: First row.
-        offsets: (M + 1,) int32, filled; see ``Ragged``.
-        points: (P, 2 or 3) float32 zeros, filled.
+        out: Filled.
     """
-    start = block.lists[1, columns[0], first]
+    _fill_points(block, columns[:3], first, out.line_offsets, out.line)
+    _fill_points(block, columns[3:6], first, out.outline_offsets, out.outline)
+    _fill_points(block, columns[6:], first, out.width_offsets, out.width)
+
+
+@device_function
+def _fill_points(block: ColumnBlock, columns: Array, first: int, offsets: Array, points: Array) -> None:
+    ends = block.lists[1, columns[0]]
     for row in range(len(offsets)):
-        offsets[row] = block.lists[1, columns[0], first + row] - start
-    for row in range(len(offsets) - 1):
-        target = points[offsets[row] : offsets[row + 1]]
-        for axis in range(len(columns)):
-            _copy_list(block, numbers, columns[axis], first + row, target, axis)
+        offsets[row] = ends[first + row] - ends[first]
+    for axis in range(len(columns)):
+        count = block.lists[1, columns[axis], first + len(offsets) - 1] - block.lists[1, columns[axis], first]
+        if count == len(points):  # quicker than row by row
+            start = _element(block, columns[axis], first)
+            values = block.numbers[start : start + count]
+            for k in range(count):
+                points[k, axis] = values[k]
+            continue
+        for row in range(len(offsets) - 1):
+            target = points[offsets[row] : offsets[row + 1]]
+            if block.lists[0, columns[axis], first + row]:
+                _copy_list(block, columns[axis], first + row, target, axis)
+            else:
+                for k in range(len(target)):
+                    target[k, axis] = 0
 
 
 @kernel(nogil=True, allocates=False)
@@ -176,70 +202,6 @@ def have_steps(block: ColumnBlock, column: int, bounds: Array, steps: Array) -> 
             if block.lists[0, column, row] != steps[scenario]:
                 return False
     return True
-
-
-@kernel(nogil=True, allocates=False)
-def measure_texts(block: ColumnBlock, columns: Array, are_lists: Array, first: int, last: int) -> tuple[int, int]:
-    """Number of texts in some rows of some columns, and their bytes.
-
-    Args:
-        block: Rows.
-        columns: (n,) int64 columns of texts.
-        are_lists: (n,) bool whether they hold lists.
-        first, last: The rows.
-    """
-    count, size = 0, 0
-    for place in range(len(columns)):
-        begin, end = _texts(block, columns[place], are_lists[place], first, last)
-        count += end - begin
-        size += block.ends[end] - block.ends[begin]
-    return count, size
-
-
-@kernel(nogil=True, allocates=False)
-def copy_texts(
-    block: ColumnBlock,
-    columns: Array,
-    are_lists: Array,
-    first: int,
-    firsts: Array,
-    offsets: Array,
-    ends: Array,
-    text: Array,
-) -> None:
-    """Copy the texts of a scenario, one column after the other; see :func:`measure_texts`.
-
-    Args:
-        block: Rows.
-        columns, are_lists: As in :func:`measure_texts`.
-        first: First row.
-        firsts: (n,) int64, filled: place in ``ends`` of the start of each column.
-        offsets: (n, M + 1) int32, filled: number of texts before each row; a value that is null counts as none.
-        ends: (n + number of texts,) int64, filled: start of the first text of each column, and ends of all.
-        text: uint8, filled.
-    """
-    at, size = 0, 0
-    for place in range(len(columns)):
-        begin, end = _texts(block, columns[place], are_lists[place], first, first + offsets.shape[1] - 1)
-        firsts[place], offsets[place, 0] = at, 0
-        for row in range(offsets.shape[1] - 1):
-            offsets[place, row + 1] = offsets[place, row] + block.lists[0, columns[place], first + row]
-        start = block.ends[begin]
-        for k in range(begin, end + 1):
-            ends[at + k - begin] = block.ends[k] - start + size
-        source = block.text[start : block.ends[end]]
-        target = text[size : size + len(source)]
-        for k in range(len(source)):
-            target[k] = source[k]
-        at, size = at + end - begin + 1, size + len(source)
-
-
-@device_function
-def _texts(block: ColumnBlock, column: int, is_list: bool, first: int, last: int) -> tuple[int, int]:
-    """Places of the start of the first text of some rows, and of the end of the last one."""
-    if is_list:
-        return block.firsts[column] + block.lists[1, column, first], block.firsts[column] + block.lists[1, column, last]
-    return block.firsts[column] + first, block.firsts[column] + last
 
 
 @kernel(nogil=True, allocates=False)

@@ -15,17 +15,19 @@ from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes
-from scenarionet_data.codec.kernels import OR_NONE, check_lengths, fill_points, find_bounds
+from scenarionet_data.codec.kernels import OR_NONE, FeaturePoints, check_lengths, fill_lines, find_bounds
 from scenarionet_data.codec.texts import RowTexts
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
-_POINTS = {
-    "polyline": ("x", "y", "z"),
-    "polygon": ("polygon_x", "polygon_y", "polygon_z"),
-    "width": ("width_left", "width_right"),
+_LINES = ("x", "y", "z", "polygon_x", "polygon_y", "polygon_z", "width_left", "width_right")
+_FIRST_AXES = {
+    **dict.fromkeys(("x", "y", "z"), "x"),
+    **dict.fromkeys(("polygon_x", "polygon_y", "polygon_z"), "polygon_x"),
+    **dict.fromkeys(("width_left", "width_right"), "width_left"),
 }
+"""Columns of coordinates, and those with as many elements."""
 _TEXTS = {"ids": "feature_id", "extras": "extras", **{name: name for name in ID_LISTS}}
 
 
@@ -91,40 +93,55 @@ def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
         LakeError: Lists of coordinates differ in length: the file is damaged.
     """
     columns = rows.columns
-    for names in _POINTS.values():
-        check_points(columns, names)
+    check_points(columns, _LINES)
     kept = {
         "feature_type": codes(columns, "feature_type", MapFeatureType),
         "speed_limit": columns.values("speed_limit"),
         "is_intersection": columns.values("is_intersection"),
     }
-    return [_features(rows, kept, first, last) for first, last in pairwise(rows.bounds)]
+    return [_features(columns, kept, first, last) for first, last in pairwise(rows.bounds)]
 
 
-def _features(rows: ScenarioColumns, kept: Mapping[str, Array], first: int, last: int) -> MapFeatures:
+def _features(columns: Columns, kept: Mapping[str, Array], first: int, last: int) -> MapFeatures:
     """Features of one scenario; copies, so that it does not keep the others of a batch in memory."""
-    made: dict[str, Any] = {name: values[first:last].copy() for name, values in kept.items()}
-    made |= {name: _points(rows.columns, first, last, names) for name, names in _POINTS.items()}
-    return MapFeatures.read(made, RowTexts(rows.columns, _TEXTS, first, last))
+    lines = _lines(columns, first, last)
+    fields: dict[str, Any] = {name: values[first:last].copy() for name, values in kept.items()}
+    fields["polyline"] = Ragged(lines.line_offsets, lines.line)
+    fields["polygon"] = Ragged(lines.outline_offsets, lines.outline)
+    fields["width"] = Ragged(lines.width_offsets, lines.width)
+    return MapFeatures.read(fields, RowTexts(columns, _TEXTS, first, last))
 
 
-def _points(columns: Columns, first: int, last: int, names: tuple[str, ...]) -> Ragged:
-    """Stack columns of coordinates into lists of points; 0 for a column without lists."""
-    places, ends = columns.layout.places(names), columns.block.lists[1]
-    offsets = np.empty(last - first + 1, np.int32)
-    points = np.zeros((ends[places[0], last] - ends[places[0], first], len(names)), np.float32)
-    unchecked(fill_points)(columns.block, columns.numbers, places, first, offsets, points)
-    return Ragged(offsets, points)
+def _lines(columns: Columns, first: int, last: int) -> FeaturePoints:
+    """Points and widths of one scenario's features."""
+    layout, ends, size = columns.layout, columns.block.lists[1], last - first + 1
+    firsts = (layout.place("x"), layout.place("polygon_x"), layout.place("width_left"))
+    counts = [ends.item(place, last) - ends.item(place, first) for place in firsts]
+    out = FeaturePoints(
+        np.empty(size, np.int32),
+        np.empty((counts[0], 3), np.float32),
+        np.empty(size, np.int32),
+        np.empty((counts[1], 3), np.float32),
+        np.empty(size, np.int32),
+        np.empty((counts[2], 2), np.float32),
+    )
+    unchecked(fill_lines)(columns.block, layout.places(_LINES), first, out)
+    return out
 
 
 def check_points(columns: Columns, names: tuple[str, ...]) -> None:
-    """Raise unless the lists of all coordinates have the same lengths; z may be null.
+    """Raise unless the lists of all coordinates of points have the same lengths; all but the first may be null.
+
+    Args:
+        columns: Rows of the maps table.
+        names: Columns of coordinates.
 
     Raises:
         LakeError: They have not: the file is damaged.
     """
-    places, others = columns.layout.places(names), np.full(len(names), OR_NONE)
-    differs = unchecked(check_lengths)(columns.block, places[0], places, others, np.array([0, columns.num_rows]))
+    places, likes = columns.layout.places(names), columns.layout.places(tuple(_FIRST_AXES[name] for name in names))
+    bounds = np.array([0, columns.num_rows])
+    differs = unchecked(check_lengths)(columns.block, likes, places, np.full(len(names), OR_NONE), bounds)
     _require(names[differs] if differs < len(names) else "", differs == len(names))
 
 

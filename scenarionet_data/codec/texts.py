@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from scenarionet_data.arrays.columns import Columns
@@ -9,7 +11,7 @@ from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Object
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.arrays.texts import Texts
-from scenarionet_data.codec.kernels import copy_texts, measure_texts
+from scenarionet_data.codec.text_kernels import copy_texts, measure_texts
 
 
 class RowTexts:
@@ -21,17 +23,16 @@ class RowTexts:
         first, last: The rows.
     """
 
-    def __init__(self, columns: Columns, names: dict[str, str], first: int, last: int) -> None:
+    def __init__(self, columns: Columns, names: Mapping[str, str], first: int, last: int) -> None:
         layout, block = columns.layout, columns.block
-        self._fields = names
-        places = layout.places(tuple(names.values()))
-        self._are_lists = layout.are_lists[places]
-        count, size = unchecked(measure_texts)(block, places, self._are_lists, first, last)
+        self._fields, self._layout = names, layout
+        self._places = places = layout.places(tuple(names.values()))
+        count, size = unchecked(measure_texts)(block, places, layout.are_lists, first, last)
         self._firsts = np.empty(len(places), np.int64)
         self._offsets = np.empty((len(places), last - first + 1), np.int32)
         self._ends, self._text = np.empty(count + len(places), np.int64), np.empty(size, np.uint8)
         unchecked(copy_texts)(
-            block, places, self._are_lists, first, self._firsts, self._offsets, self._ends, self._text
+            block, places, layout.are_lists, first, self._firsts, self._offsets, self._ends, self._text
         )
 
     def __contains__(self, field: str) -> bool:
@@ -42,6 +43,6 @@ class RowTexts:
         place = list(self._fields).index(field)
         end = self._firsts[place + 1] if place + 1 < len(self._firsts) else len(self._ends)
         ends, offsets = self._ends[self._firsts[place] : end], self._offsets[place]
-        if self._are_lists[place]:
+        if self._layout.are_lists[self._places[place]]:
             return Ragged(offsets.copy(), Texts(ends, self._text).strings())
         return Texts(ends, self._text, offsets[1:] == offsets[:-1]).strings()

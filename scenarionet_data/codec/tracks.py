@@ -8,9 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data.arrays.columns import Columns, offsets_of
+from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.packed_columns import offsets_of
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes
 from scenarionet_data.codec.kernels import (
@@ -93,16 +94,13 @@ def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
     kept = {name: columns.values(name) for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated")}
     kept |= {"object_type": codes(columns, "object_type", ObjectType), "source_type": columns.strings("source_type")}
     # Copies, so that one scenario of a batch does not keep the others in memory.
-    return [
-        Tracks.read(
-            {
-                **_grids(columns, first, last, num_steps)._asdict(),
-                **{name: values[first:last].copy() for name, values in kept.items()},
-            },
-            RowTexts(columns, _TEXTS, first, last),
-        )
-        for (first, last), num_steps in zip(pairwise(rows.bounds), steps, strict=True)
-    ]
+    found = []
+    for (first, last), num_steps in zip(pairwise(rows.bounds), steps, strict=True):
+        fields = {name: values[first:last].copy() for name, values in kept.items()}
+        grids = _grids(columns, first, last, num_steps)
+        fields.update(zip(Grids._fields, grids, strict=True))
+        found.append(Tracks.read(fields, RowTexts(columns, _TEXTS, first, last)))
+    return found
 
 
 def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, ...]) -> None:
@@ -117,10 +115,10 @@ def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, .
         LakeError: They are not: the file is damaged.
     """
     block, layout, bounds = rows.columns.block, rows.columns.layout, np.array(rows.bounds)
-    start, like = layout.place("start"), layout.place("x")
-    _require("start", unchecked(check_spans)(block, start, like, bounds, np.array(steps)))
-    others = np.array([_OTHER_LENGTHS[name] for name in names])
-    differs = unchecked(check_lengths)(block, like, layout.places(names), others, bounds)
+    is_inside = unchecked(check_spans)(block, layout.place("start"), layout.place("x"), bounds, np.array(steps))
+    _require("start", is_inside)
+    others, likes = np.array([_OTHER_LENGTHS[name] for name in names]), layout.places(("x",) * len(names))
+    differs = unchecked(check_lengths)(block, likes, layout.places(names), others, bounds)
     _require(names[differs] if differs < len(names) else "", differs == len(names))
 
 
@@ -136,7 +134,7 @@ def _grids(columns: Columns, first: int, last: int, steps: int) -> Grids:
         np.zeros(shape, np.bool_),
     )
     places = columns.layout.places(("start", *_OVER_TIME))
-    unchecked(fill_grids)(columns.block, columns.numbers, places, first, out)
+    unchecked(fill_grids)(columns.block, places, first, out)
     return out
 
 

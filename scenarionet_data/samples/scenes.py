@@ -226,8 +226,7 @@ def _own_map(rows: ScenarioColumns | None, count: int) -> MapLists:
         start = np.zeros(1, np.int32)
         return MapLists(np.zeros(count + 1, np.int64), np.zeros(0, np.uint8), start, none, none, start, none, none)
     columns = rows.columns
-    codec.check_points(columns, ("x", "y"))
-    codec.check_points(columns, ("polygon_x", "polygon_y"))
+    codec.check_points(columns, ("x", "y", "polygon_x", "polygon_y"))
     line, outline = columns.lists("x"), columns.lists("polygon_x")
     x, y, outline_x, outline_y = (columns.values(name) for name in ("x", "y", "polygon_x", "polygon_y"))
     kinds = codec.codes(columns, "feature_type", MapFeatureType)

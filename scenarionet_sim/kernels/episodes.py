@@ -115,5 +115,5 @@ def copy_world(w: int, count: int, source: StateArrays, target: StateArrays) -> 
         target.present[w, n] = source.present[w, n]
         target.route[w, n, 0], target.route[w, n, 1] = source.route[w, n, 0], source.route[w, n, 1]
         if source.present[w, n]:
-            for column in range(source.motion.shape[2]):
+            for column in range(VALID):
                 target.motion[w, n, column] = source.motion[w, n, column]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
 from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_sim.kernels.boxes import HALF_LENGTH, HALF_WIDTH, RADIUS, Boxes, rotation, write_boxes
 from scenarionet_sim.kernels.boxes import X as BOX_X
@@ -21,6 +21,7 @@ from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.motion import place_as_recorded
 from scenarionet_sim.kernels.overlap import is_overlapping
 from scenarionet_sim.kernels.paths import PathRows, direction, nearest, pose_on, segment_at, segment_from, wrapped
+from scenarionet_sim.kernels.strip import STATION_ARC, STATION_HEADING, SightMemory, find_near, look_ahead, meet
 from scenarionet_sim.kernels.structures import LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS, OBJECTS, Recorded, StateArrays
 
 
@@ -37,30 +38,7 @@ class Law(NamedTuple):
     hardest: float
 
 
-class SightMemory(NamedTuple):
-    """Memory for what one vehicle after another sees.
-
-    Attributes:
-        stations: (64, 7) places on its path ahead: x, y, arc length [m] and heading [rad]; then the middle x, y and
-            half of the length [m] of the straight way to the next one.
-        boxes: Boxes of its world.
-        is_near: (N,) boxes that may be on its path.
-    """
-
-    stations: Float64
-    boxes: Boxes
-    is_near: Bool
-
-    @classmethod
-    def of(cls, num_objects: int) -> SightMemory:
-        """Allocate the memory for worlds of up to so many objects."""
-        return cls(np.empty((_STATIONS, 7)), Boxes.of(num_objects), np.empty(num_objects, np.bool_))
-
-
 _YELLOW, _RED = 2, 3  # LightColor
-_STATIONS = 64
-_SPACING, _COARSER = 2.0, 1.0 / 12.0  # least distance between stations [m], and its growth with the distance ahead
-_SX, _SY, _ARC, _HEADING, _MIDDLE_X, _MIDDLE_Y, _HALF = range(7)  # columns of stations
 
 
 @device_function
@@ -116,7 +94,7 @@ def drive_along_paths(
             s = larger(nearest(path, row[X], row[Y], -np.inf, np.inf)[0], 0.0)
         speed = np.hypot(row[VX], row[VY])
         k = segment_at(path, s)
-        num_stations = _look_ahead(path, k, s, stations)
+        num_stations = look_ahead(path, k, s, stations)
         braking = _braking_for_boxes(motion, sizes, memory, num_boxes, own, num_stations, speed, law)
         for stop in range(recorded.stop_offsets[objects + n], recorded.stop_offsets[objects + n + 1]):
             color = colors[recorded.light_state[lights + recorded.stop_light[stop] * num_steps]]
@@ -160,134 +138,24 @@ def _is_free(row: Float32, size: Float64, motion: Float64, sizes: Float64, boxes
 
 
 @device_function
-def _look_ahead(path: PathRows, k: int, s: float, stations: Float64) -> int:
-    """Write stations from ``s``, on segment ``k``, to the end of the path; return their number.
-
-    The law has no horizon: cutting it off would let the acceleration jump when a leader comes into view. Stations are
-    wider apart with the distance, so that they reach over a kilometre.
-    """
-    stations[0, _SX], stations[0, _SY], _, stations[0, _HEADING] = pose_on(path, k, s)
-    stations[0, _ARC] = s
-    count, last, spacing, end = 1, s, _SPACING, path.end - 1
-    for j in range(k + 1, path.end):
-        point = path.points[j]
-        if point[ARC] - last >= spacing or (j == end and point[ARC] > last):
-            station = stations[count]
-            station[_SX], station[_SY], station[_ARC], station[_HEADING] = (
-                point[X],
-                point[Y],
-                point[ARC],
-                point[HEADING],
-            )
-            count, last = count + 1, np.float64(point[ARC])
-            spacing = larger(_SPACING, (last - s) * _COARSER)
-            if count == _STATIONS:
-                break
-    return count
-
-
-@device_function
 def _braking_for_boxes(
-    motion: Float64,
-    sizes: Float64,
-    memory: SightMemory,
-    num_boxes: int,
-    own: int,
-    count: int,
-    speed: float,
-    law: Law,
+    motion: Float64, sizes: Float64, memory: SightMemory, num_boxes: int, own: int, count: int, speed: float, law: Law
 ) -> float:
-    """Return the strongest deceleration required by boxes on the strip ahead [m/s²]."""
-    boxes, stations, numbers, is_near = memory.boxes, memory.stations, memory.boxes.numbers, memory.is_near
-    row, half_width = boxes.row[own], numbers[HALF_WIDTH, own] - law.overlap
-    low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
-    for k in range(count):
-        x, y, following = stations[k, _SX], stations[k, _SY], stations[smaller(k + 1, count - 1)]
-        low_x, high_x, low_y, high_y = smaller(low_x, x), larger(high_x, x), smaller(low_y, y), larger(high_y, y)
-        tx, ty = following[_SX] - x, following[_SY] - y
-        stations[k, _MIDDLE_X], stations[k, _MIDDLE_Y] = x + 0.5 * tx, y + 0.5 * ty
-        stations[k, _HALF] = 0.5 * np.sqrt(tx * tx + ty * ty)
-    x, y, reach_x, reach_y = (
-        0.5 * (low_x + high_x),
-        0.5 * (low_y + high_y),
-        0.5 * (high_x - low_x),
-        0.5 * (high_y - low_y),
-    )
-    reach_x, reach_y = reach_x + half_width, reach_y + half_width
-    _find_near(num_boxes, x, y, reach_x, reach_y, numbers[BOX_X], numbers[BOX_Y], numbers[RADIUS], is_near)
-    is_near[own], braking = False, 0.0
+    """Return the strongest deceleration required by boxes on the strip along ``count`` stations [m/s²]."""
+    boxes, numbers, row = memory.boxes, memory.boxes.numbers, memory.boxes.row[own]
+    half_width, braking = numbers[HALF_WIDTH, own] - law.overlap, 0.0
+    find_near(memory, count, num_boxes, half_width)
     for b in range(num_boxes):
-        if not is_near[b]:
+        if not memory.is_near[b] or b == own:
             continue
         other = boxes.row[b]
         if abs(motion[other, Z] - motion[row, Z]) > sizes[other, 2] / 2.0 + sizes[row, 2] / 2.0:
             continue
-        distance, moves_on = _meet(motion, boxes, b, stations, count, half_width)
+        distance, moves_on = meet(motion, memory, b, count, half_width)
         if distance < np.inf:
             gap = distance - numbers[HALF_LENGTH, own]
             braking = larger(braking, _braking(speed, gap, speed - moves_on, law))
     return braking
-
-
-@device_function(in_lanes=True)
-def _find_near(
-    count: int,
-    x: float,
-    y: float,
-    reach_x: float,
-    reach_y: float,
-    box_x: Float64,
-    box_y: Float64,
-    radius: Float64,
-    is_near: Bool,
-) -> None:
-    """Find the boxes whose circumscribed circles may meet a rectangle."""
-    for b in range(count):
-        is_near[b] = (abs(box_x[b] - x) <= reach_x + radius[b]) & (abs(box_y[b] - y) <= reach_y + radius[b])
-
-
-@device_function
-def _meet(
-    motion: Float64, boxes: Boxes, b: int, stations: Float64, count: int, half_width: float
-) -> tuple[float, float]:
-    """Return the distance along the stations to box ``b`` [m], infinite if not on the strip, and its speed along it.
-
-    A box whose centre is not ahead of the first station is a follower and does not count.
-    """
-    numbers = boxes.numbers
-    box_x, box_y, half_length, radius = (
-        numbers[BOX_X, b],
-        numbers[BOX_Y, b],
-        numbers[HALF_LENGTH, b],
-        numbers[RADIUS, b],
-    )
-    widest = half_width + radius
-    for k in range(count - 1):
-        station = stations[k]
-        x, y, reach = box_x - station[_MIDDLE_X], box_y - station[_MIDDLE_Y], station[_HALF] + radius + widest
-        if x * x + y * y > reach * reach:
-            continue
-        dx, dy = box_x - station[_SX], box_y - station[_SY]
-        tx, ty = stations[k + 1, _SX] - station[_SX], stations[k + 1, _SY] - station[_SY]
-        left, squared = tx * dy - ty * dx, tx * tx + ty * ty
-        if left * left > widest * widest * squared:
-            continue
-        length = larger(np.sqrt(squared), 1e-9)  # shorter than the arc where the path is noisy
-        tx, ty = tx / length, ty / length
-        along, left = tx * dx + ty * dy, tx * dy - ty * dx
-        cos_b, sin_b = rotation(b, motion, boxes)
-        cos, sin = abs(cos_b * tx + sin_b * ty), abs(cos_b * ty - sin_b * tx)
-        reach, across = (
-            cos * half_length + sin * numbers[HALF_WIDTH, b],
-            sin * half_length + cos * numbers[HALF_WIDTH, b],
-        )
-        if abs(left) >= half_width + across or along - reach >= length or along + reach <= 0.0:
-            continue
-        if k > 0 or along > 0.0:
-            entered = along - reach if k == 0 else larger(along - reach, 0.0)
-            other = motion[boxes.row[b]]
-            return station[_ARC] - stations[0, _ARC] + entered, other[VX] * tx + other[VY] * ty
-    return np.inf, 0.0
 
 
 @device_function
@@ -314,11 +182,11 @@ def _speed_for_bends(top_speed: float, stations: Float64, count: int, law: Law) 
     """
     highest = np.inf
     for k in range(count - 1):
-        distance = stations[k, _ARC] - stations[0, _ARC]
+        distance = stations[k, STATION_ARC] - stations[0, STATION_ARC]
         if law.deceleration * distance >= smaller(highest, top_speed * top_speed):
             break
-        bend = abs(wrapped(stations[k + 1, _HEADING] - stations[k, _HEADING]))
-        length = stations[k + 1, _ARC] - stations[k, _ARC]
+        bend = abs(wrapped(stations[k + 1, STATION_HEADING] - stations[k, STATION_HEADING]))
+        length = stations[k + 1, STATION_ARC] - stations[k, STATION_ARC]
         if bend > 1e-3 * length:
             highest = smaller(highest, law.lateral * length / bend + law.deceleration * distance)
     return smaller(top_speed, float(np.sqrt(highest)))

@@ -6,79 +6,54 @@ from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, UInt8
 from scenarionet_sim.kernels.log import VALID, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.kernels.minmax import smaller
-from scenarionet_sim.kernels.structures import LOG, NUM_OBJECTS, NUM_STEPS, Recorded
+from scenarionet_sim.kernels.structures import LOG, NUM_OBJECTS, NUM_STEPS, Recorded, StateArrays
+
+UNCOMPILED, REPLAY, ENTER, CARRY_ON, FOLLOW_PATH = range(5)
+"""How a policy moves its objects: outside of the kernel; as recorded; only appearing; at constant velocity; by IDM."""
 
 
 @device_function
 def place_as_recorded(row: Float32, w: int, n: int, motion: Float64, present: Bool) -> None:
     """Set object ``n`` of world ``w`` to a row of the log."""
-    for column in range(motion.shape[2]):
+    for column in range(VALID):
         motion[w, n, column] = row[column]
     present[w, n] = True
 
 
 @device_function
-def replay(
-    w: int,
-    recorded: Recorded,
-    timestep: int,
-    driver: UInt8,
-    policy_id: int,
-    is_entry_only: bool,
-    motion: Float64,
-    present: Bool,
+def move_objects(
+    w: int, recorded: Recorded, now: StateArrays, then: StateArrays, driver: UInt8, movement: UInt8, dt: float
 ) -> None:
-    """Set objects of a world to the next row of the log; after its last row, to that row at rest.
+    """Write the next state of all objects of a world; it is the current one for those that something else moves.
+
+    Replayed objects are where the next row of the log has them, and stay at its last row. Objects that enter or carry
+    on appear at their first valid row.
 
     Args:
         w: The world.
         recorded: Logs of W worlds.
-        timestep: Current timestep.
-        driver: (W, N) policy of each object.
-        policy_id: The policy whose objects move.
-        is_entry_only: Leave present objects unchanged: absent ones appear, until the end of the log.
-        motion, present: (W, N, 7), (W, N) next state, written.
-    """
-    count, num_steps = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS]
-    is_over = timestep + 1 >= num_steps
-    first = recorded.place[w, LOG] + smaller(timestep + 1, num_steps - 1) * count
-    for n in range(count):
-        if driver[w, n] != policy_id or (is_entry_only and (is_over or present[w, n])):
-            continue
-        row = recorded.log[first + n]
-        if row[VALID] == 0.0:
-            present[w, n] = False
-            continue
-        place_as_recorded(row, w, n, motion, present)
-        if is_over:
-            motion[w, n, VX], motion[w, n, VY], motion[w, n, YAW_RATE] = 0.0, 0.0, 0.0
-
-
-@device_function
-def move_on(
-    w: int,
-    recorded: Recorded,
-    timestep: int,
-    driver: UInt8,
-    policy_id: int,
-    dt: float,
-    motion: Float64,
-    present: Bool,
-) -> None:
-    """Advance objects of a world at constant velocity; absent ones appear at their first valid row of the log.
-
-    Args:
-        w, recorded, timestep, driver, policy_id: As in :func:`replay`.
+        now, then: Current state; next state, written.
+        driver: (W, N) policy of each object, or ``UNDRIVEN``.
+        movement: (P,) see ``REPLAY``.
         dt: [s].
-        motion, present: (W, N, 7), (W, N) current state, advanced in place.
     """
-    count = recorded.place[w, NUM_OBJECTS]
-    first = recorded.place[w, LOG] + (timestep + 1) * count
+    count, t, num_steps = recorded.place[w, NUM_OBJECTS], now.timestep[w], recorded.place[w, NUM_STEPS]
+    first, is_over = recorded.place[w, LOG] + smaller(t + 1, num_steps - 1) * count, t + 1 >= num_steps
+    then.timestep[w] = t + 1
     for n in range(count):
-        if driver[w, n] != policy_id:
+        then.route[w, n, 0], then.route[w, n, 1] = now.route[w, n, 0], now.route[w, n, 1]
+        policy, is_present, row = driver[w, n], now.present[w, n], recorded.log[first + n]
+        kind = movement[policy] if policy < len(movement) else UNCOMPILED
+        may_appear = ENTER <= kind <= CARRY_ON and not is_present and not is_over
+        if (kind == REPLAY or may_appear) and row[VALID] != 0.0:
+            place_as_recorded(row, w, n, then.motion, then.present)
+            if is_over:
+                then.motion[w, n, VX], then.motion[w, n, VY], then.motion[w, n, YAW_RATE] = 0.0, 0.0, 0.0
             continue
-        if present[w, n]:
-            motion[w, n, X] += motion[w, n, VX] * dt
-            motion[w, n, Y] += motion[w, n, VY] * dt
-        elif timestep + 1 < recorded.place[w, NUM_STEPS] and recorded.log[first + n, VALID] != 0.0:
-            place_as_recorded(recorded.log[first + n], w, n, motion, present)
+        then.present[w, n] = is_present and kind != REPLAY
+        if is_present:
+            for column in range(VALID):
+                then.motion[w, n, column] = now.motion[w, n, column]
+            if kind == CARRY_ON:
+                then.motion[w, n, X] += now.motion[w, n, VX] * dt
+                then.motion[w, n, Y] += now.motion[w, n, VY] * dt

@@ -6,6 +6,9 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
+from scenarionet_sim.kernels.boxes import RADIUS, Boxes, rotation
+from scenarionet_sim.kernels.boxes import X as BOX_X
+from scenarionet_sim.kernels.boxes import Y as BOX_Y
 from scenarionet_sim.kernels.log import HEADING, X, Y, Z
 
 
@@ -28,34 +31,31 @@ def is_overlapping(
 
 
 @device_function
-def touch(n: int, motion: Float64, size: Float64, object_type: UInt8, present: Bool, contacts: Bool) -> np.uint32:
-    """Find the objects whose boxes overlap that of one agent; an absent agent touches nothing.
+def touch(
+    n: int, motion: Float64, size: Float64, object_type: UInt8, boxes: Boxes, num_boxes: int, contacts: Bool
+) -> np.uint32:
+    """Find the objects whose boxes overlap that of one agent, which is present.
 
     Args:
         n: Row of the agent.
-        motion, size, object_type, present: (N, ...) of its world.
-        contacts: (N,) output.
+        motion, size, object_type: (N, ...) of its world.
+        boxes, num_boxes: Boxes of its world, and their number.
+        contacts: (N,) output; False before.
 
     Returns:
         The types as bits.
     """
-    hits = np.uint32(0)
-    for m in range(len(present)):
-        contacts[m] = False
-    if not present[n]:
-        return hits
+    hits, numbers = np.uint32(0), boxes.numbers
     own, length, width = motion[n], size[n, 0], size[n, 1]
-    cos, sin, reach = np.cos(own[HEADING]), np.sin(own[HEADING]), length + width
-    for m in range(len(present)):
-        if not present[m]:
+    cos, sin, radius = np.cos(own[HEADING]), np.sin(own[HEADING]), 0.5 * (length + width)
+    for b in range(num_boxes):
+        dx, dy, far = numbers[BOX_X, b] - own[X], numbers[BOX_Y, b] - own[Y], numbers[RADIUS, b] + radius
+        if dx * dx + dy * dy > far * far:
             continue
-        dx, dy = motion[m, X] - own[X], motion[m, Y] - own[Y]
-        far = reach + size[m, 0] + size[m, 1]  # at least twice the sum of both circumscribed radii
-        if m == n or 4.0 * (dx * dx + dy * dy) > far * far:
+        m = boxes.row[b]
+        if m == n or 2.0 * abs(motion[m, Z] - own[Z]) > size[m, 2] + size[n, 2]:
             continue
-        if 2.0 * abs(motion[m, Z] - own[Z]) > size[m, 2] + size[n, 2]:
-            continue
-        other_cos, other_sin = np.cos(motion[m, HEADING]), np.sin(motion[m, HEADING])
+        other_cos, other_sin = rotation(b, motion, boxes)
         if is_overlapping(dx, dy, cos, sin, length, width, other_cos, other_sin, size[m, 0], size[m, 1]):
             contacts[m] = True
             hits |= np.uint32(1) << np.uint32(object_type[m])

@@ -87,13 +87,14 @@ def pose_on(path: PathRows, k: int, s: float) -> tuple[float, float, float, floa
 
 
 @device_function
-def nearest(path: PathRows, x: float, y: float, low: float, high: float) -> tuple[float, float]:
+def nearest(path: PathRows, x: float, y: float, low: float, high: float, limit: float = np.inf) -> tuple[float, float]:
     """Return the arc length of the point of a path nearest to (x, y), and the offset of (x, y) to its left [m].
 
     Args:
         path: Of at least one point.
         x, y: The point.
         low, high: Range of arc lengths to search [m].
+        limit: Squared distance that some of these points keep [m²], or more; farther segments are left out quickly.
     """
     first, end = path.first, path.end
     if end - first == 1:
@@ -104,8 +105,10 @@ def nearest(path: PathRows, x: float, y: float, low: float, high: float) -> tupl
     for k in range(segment_at(path, low), end - 1):
         if path.points[k, ARC] > high:
             break
-        tx, ty, length = direction(path, k)
         dx, dy = x - path.points[k, 0], y - path.points[k, 1]
+        if _is_farther(path, k, dx, dy, smaller(best, limit)):
+            continue
+        tx, ty, length = direction(path, k)
         along, left = tx * dx + ty * dy, tx * dy - ty * dx
         inside = smaller(larger(along, 0.0), length)
         over = along - inside
@@ -116,6 +119,19 @@ def nearest(path: PathRows, x: float, y: float, low: float, high: float) -> tupl
             best_s = path.points[k, ARC] + (along if is_beyond else inside)
             best_lateral = left if is_beyond else np.copysign(np.sqrt(apart), left)
     return best_s, best_lateral
+
+
+@device_function(forceinline=True)
+def _is_farther(path: PathRows, k: int, dx: float, dy: float, limit: float) -> bool:
+    """Return whether a point at (dx, dy) from the start of segment ``k`` is farther from it than the root of a limit.
+
+    Without roots and quotients, which take most of the time; distances that are nearly equal do not count.
+    """
+    tx = np.float64(path.points[k + 1, 0]) - path.points[k, 0]
+    ty = np.float64(path.points[k + 1, 1]) - path.points[k, 1]
+    along, left, squared = tx * dx + ty * dy, tx * dy - ty * dx, tx * tx + ty * ty
+    over = smaller(along, 0.0) + larger(along - squared, 0.0)
+    return bool(left * left + over * over > (limit + 1e-9 * limit + 1e-9) * squared)
 
 
 @kernel
@@ -154,8 +170,12 @@ def locate(own: PathRows, back: float, ahead: float, row: Float64, route: Float6
     if own.end == own.first:
         return
     last = route[0]
-    low, high = (-np.inf, np.inf) if np.isnan(last) else (last - back, last + ahead)
-    route[0], route[1] = nearest(own, row[X], row[Y], low, high)
+    low, high, limit = -np.inf, np.inf, np.inf
+    if not np.isnan(last):
+        low, high, k = last - back, last + ahead, segment_at(own, last)
+        dx, dy = row[X] - own.points[k, X], row[Y] - own.points[k, Y]
+        limit = dx * dx + dy * dy
+    route[0], route[1] = nearest(own, row[X], row[Y], low, high, limit)
     if sets_height:
         is_point = own.end - own.first == 1
         row[Z] = own.points[own.first, Z] if is_point else pose_at(own, route[0])[2]

@@ -8,7 +8,7 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.log import ARC, HEADING, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
-from scenarionet_sim.kernels.paths import PathRows, direction, pose_at, segment_at
+from scenarionet_sim.kernels.paths import PathRows, direction, pose_on, segment_at, segment_from
 from scenarionet_sim.kernels.structures import LIGHTS, NUM_STEPS, OBJECTS, Recorded
 
 _STANDING = 0.1
@@ -46,14 +46,16 @@ def points_ahead(
 def way_ahead(me: Float64, route: Float64, way: PathRows, spacing: float, out: Float64) -> None:
     """Sample the path of one agent, with rows (7,) of motion and (2,) of route; see :func:`points_ahead`."""
     cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
+    x, y, segment = 0.0, 0.0, segment_at(way, larger(route[0], 0.0))
     for k in range(out.shape[0]):
         out[k, 0], out[k, 1] = 0.0, 0.0
         if way.end == way.first:
             continue
         x, y = float(way.points[way.first, X]), float(way.points[way.first, Y])
         if way.end - way.first > 1:
-            s = larger(route[0] + (k + 1) * spacing, 0.0)
-            x, y, _, _ = pose_at(way, smaller(s, np.float64(way.points[way.end - 1, ARC])))
+            s = smaller(larger(route[0] + (k + 1) * spacing, 0.0), np.float64(way.points[way.end - 1, ARC]))
+            segment = segment_from(way, segment, s)
+            x, y, _, _ = pose_on(way, segment, s)
         dx, dy = x - me[X], y - me[Y]
         out[k, 0], out[k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
 

@@ -45,7 +45,10 @@ _NEXT, _FIRST, _END = range(3)
 """Columns of ranges: the next item, the first one, the end. A row fills a cache line, since processors exchange whole
 lines."""
 
-_TURN, _DISMISSED, _RESULT = range(3)
+JOIN, STAY_OUT, LEAVE = range(3)
+"""What helpers do: join turns, wait without joining any, or leave the kernel as soon as they have ended their turn."""
+
+_TURN, _ORDER, _RESULT = range(3)
 """Rows of a gate. The first column of the first one counts the turns, says whether the current one is open, and counts
 the helpers in it."""
 
@@ -65,7 +68,7 @@ class Team(NamedTuple):
 
     Attributes:
         ranges: (T, 8) items by thread, see :func:`ranges_of`.
-        gate: (3, 8) the current turn, whether helpers shall leave the kernel, and the largest result.
+        gate: (3, 8) the current turn, what helpers do, and the largest result.
         arguments: Words of the arguments of the current turn.
     """
 
@@ -88,9 +91,9 @@ class Team(NamedTuple):
         """Largest result of any thread in the last turn."""
         return self.gate.item(_RESULT, 0)
 
-    def dismiss(self, is_dismissed: bool) -> None:
-        """Let helpers leave the kernel as soon as they have ended their turn."""
-        self.gate[_DISMISSED, 0] = is_dismissed
+    def order(self, order: int) -> None:
+        """Let helpers do something else from now on: see ``JOIN``."""
+        self.gate[_ORDER, 0] = order
 
 
 def ranges_of(total: int, count: int) -> Int64:
@@ -111,7 +114,7 @@ def begin(team: Team, own: int, ended: int) -> int:
         ended: The thread's last turn; 0 for none.
 
     Returns:
-        The turn, from 1; 0 if none comes, or if helpers are dismissed.
+        The turn, from 1; 0 if none comes, or if helpers shall leave.
     """
     if own == LEADER:
         for row in range(len(team.ranges)):
@@ -121,10 +124,12 @@ def begin(team: Team, own: int, ended: int) -> int:
         _add(team.gate, _TURN, (1 << _SHIFT) + _OPEN)
         return turn
     for _ in range(_PATIENCE):
-        if _read(team.gate, _DISMISSED):
+        order = _read(team.gate, _ORDER)
+        if order == LEAVE:
             return 0
         gate: int = _read(team.gate, _TURN)
-        if gate & _OPEN and gate >> _SHIFT != ended and _replace(team.gate, _TURN, gate, gate + 1):
+        is_new = gate & _OPEN and gate >> _SHIFT != ended
+        if order == JOIN and is_new and _replace(team.gate, _TURN, gate, gate + 1):
             return gate >> _SHIFT
         _pause()
     return 0

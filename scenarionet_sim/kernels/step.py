@@ -14,15 +14,15 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.boxes import write_boxes
-from scenarionet_sim.kernels.episodes import copy_world
-from scenarionet_sim.kernels.idm import Law, SightMemory, drive_along_paths
+from scenarionet_sim.kernels.idm import Law, drive_along_paths
 from scenarionet_sim.kernels.minmax import larger
-from scenarionet_sim.kernels.motion import move_on, replay
+from scenarionet_sim.kernels.motion import FOLLOW_PATH, move_objects
 from scenarionet_sim.kernels.observation import Scratch, Sensing, observe
 from scenarionet_sim.kernels.overlap import touch
 from scenarionet_sim.kernels.paths import PathRows, locate
 from scenarionet_sim.kernels.scoring import StepResult, score
 from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, take
+from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
     NUM_OBJECTS,
@@ -36,16 +36,13 @@ MOVE, DRIVE, LOCATE, SCORE, OBSERVE, ONLY_BEGUN = (1 << bit for bit in range(6))
 """Phases of a step, in order: traffic moves; agents drive by their actions; they are located and their contacts found;
 scored; observed. ``ONLY_BEGUN``: in worlds that have just begun an episode alone."""
 
-UNCOMPILED, REPLAY, ENTER, CARRY_ON, FOLLOW_PATH = range(5)
-"""How a policy moves its objects: outside of the kernel; as recorded; only appearing; at constant velocity; by IDM."""
-
 
 class Traffic(NamedTuple):
     """Policies of P numbers.
 
     Attributes:
         driver: (W, N) policy of each object, or ``UNDRIVEN``.
-        movement: (P,) see ``REPLAY``.
+        movement: (P,) see ``kernels.motion.REPLAY``.
         law: (W, P, 8) numbers of a ``Law``.
         colors: (K,) ``LightColor`` by ``LightState``.
     """
@@ -192,18 +189,22 @@ def _finish(
             n, action = agents.rows[a, 1], agents.actions[a]
             vehicle, row = arrays.vehicles[w, n], then.motion[w, n]
             drive_bicycle(action[0], action[1], dt, substeps, vehicle, then.size[w, n, 0], row)
+    num_boxes = 0
+    if phases & (LOCATE | OBSERVE) and a1 > a0:
+        count = recorded.place[w, NUM_OBJECTS]
+        num_boxes = write_boxes(count, then.motion[w], then.size[w], then.present[w], scratch.boxes)
     if phases & LOCATE:
         for a in range(a0, a1):
-            _locate(a, w, agents.rows[a, 1], back, ahead, is_own != 0.0, recorded, then, agents)
+            n = agents.rows[a, 1]
+            _locate(w, n, back, ahead, is_own != 0.0, recorded, then, agents)
+            _find_contacts(a, w, n, num_boxes, then, agents, scratch)
     if phases & SCORE:
         if has_begun:
             _begin(w, a0, a1, recorded.place[w, NUM_OBJECTS], agents, result)
         else:
             for a in range(a0, a1):
                 _score(a, w, agents.rows[a, 1], recorded, then, agents, arrays.task, result)
-    if phases & OBSERVE and a1 > a0:
-        count = recorded.place[w, NUM_OBJECTS]
-        num_boxes = write_boxes(count, then.motion[w], then.size[w], then.present[w], scratch.boxes)
+    if phases & OBSERVE:
         for a in range(a0, a1):
             n = agents.rows[a, 1]
             if np.isnan(agents.route[w, n, 0]):
@@ -229,26 +230,15 @@ def _drive_by_idm(w: int, phases: int, dt: float, arrays: StepArrays, memory: Si
 
 @device_function(forceinline=True)
 def _move(w: int, phases: int, dt: float, arrays: StepArrays) -> None:
-    """Write the next state of all objects that do not follow paths and whose policy is compiled; others keep theirs."""
+    """Write the next state of all objects, which is the current one where neither log nor velocity moves them."""
     if not phases & MOVE or arrays.has_begun[w]:
         return
     recorded, now, then, traffic = arrays.recorded, arrays.now, arrays.then, arrays.traffic
-    copy_world(w, recorded.place[w, NUM_OBJECTS], now, then)
-    then.timestep[w] = now.timestep[w] + 1
-    t, driver = now.timestep[w], traffic.driver
-    for policy in range(len(traffic.movement)):
-        movement = traffic.movement[policy]
-        if movement == UNCOMPILED or not recorded.place[w, DRIVERS] >> policy & 1:
-            continue
-        if movement < CARRY_ON:
-            replay(w, recorded, t, driver, policy, movement == ENTER, then.motion, then.present)
-        elif movement == CARRY_ON:
-            move_on(w, recorded, t, driver, policy, dt, then.motion, then.present)
+    move_objects(w, recorded, now, then, traffic.driver, traffic.movement, dt)
 
 
 @device_function(forceinline=True)
 def _locate(
-    a: int,
     w: int,
     n: int,
     back: float,
@@ -258,15 +248,26 @@ def _locate(
     then: StateArrays,
     agents: DrivenArrays,
 ) -> None:
-    """Locate an agent on its path, and find its contacts."""
+    """Locate an agent on its path."""
     route = agents.route[w, n]
     if not is_own:
         agents.route_before[w, n, 0], agents.route_before[w, n, 1] = route[0], route[1]
     row = recorded.place[w, OBJECTS] + n
     path = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
     locate(path, back, ahead, then.motion[w, n], route, is_own)
-    contacts = agents.contacts[a]
-    agents.hits[a] = touch(n, then.motion[w], then.size[w], then.object_type[w], then.present[w], contacts)
+
+
+@device_function(forceinline=True)
+def _find_contacts(
+    a: int, w: int, n: int, num_boxes: int, then: StateArrays, agents: DrivenArrays, scratch: Scratch
+) -> None:
+    """Find what an agent touches: nothing if it is absent."""
+    contacts, agents.hits[a] = agents.contacts[a], 0
+    for m in range(len(contacts)):
+        contacts[m] = False
+    if then.present[w, n]:
+        motion, size, object_type = then.motion[w], then.size[w], then.object_type[w]
+        agents.hits[a] = touch(n, motion, size, object_type, scratch.boxes, num_boxes, contacts)
 
 
 @device_function(forceinline=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
-from scenarionet_sim.kernels.step import UNCOMPILED
+from scenarionet_sim.kernels.motion import UNCOMPILED
 from scenarionet_sim.policies.objects import ObjectMask, all_objects
 from scenarionet_sim.worlds.lane_routes import LaneRoute
 from scenarionet_sim.worlds.state import State
@@ -55,7 +55,7 @@ class Policy:
 
     @property
     def law(self) -> Float64:
-        """(8,) numbers of a ``kernels.idm.Law`` for ``kernels.step.FOLLOW_PATH``."""
+        """(8,) numbers of a ``kernels.idm.Law`` for ``kernels.motion.FOLLOW_PATH``."""
         return np.zeros(8)
 
     def begin(self, batch: WorldBatch, state: State, slot: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenarionet_sim.kernels.step import REPLAY
+from scenarionet_sim.kernels.motion import REPLAY
 from scenarionet_sim.policies.base import Policy
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import gc
 import multiprocessing
 import pickle
@@ -276,8 +277,23 @@ def test_loaded_arrays_are_the_callers(lake):
 def test_a_scenario_of_a_batch_keeps_no_other_in_memory(lake):
     for scenario in ScenarioLoader(lake).batch(range(COUNT)):
         parts = [scenario.tracks, scenario.lights, *([scenario.map] if scenario.map else [])]
-        arrays = [value for part in parts for value in vars(part).values() if isinstance(value, np.ndarray)]
+        texts = [vars(vars(part)["_unread"]) for part in parts if len(part)]
+        values = [value for known in [*map(vars, parts), *texts] for value in known.values()]
+        arrays = [value for value in values if isinstance(value, np.ndarray)]
         assert [array.base is None or array.base.nbytes <= array.nbytes for array in arrays] == [True] * len(arrays)
+
+
+def test_texts_are_made_when_they_are_read(lake):
+    for seed in range(COUNT):
+        scenario = ScenarioLoader(lake)[seed]
+        assert not {"ids", "extras"} & vars(scenario.tracks).keys()
+        with ThreadPoolExecutor(4) as threads:
+            first, *others = threads.map(lambda _, tracks=scenario.tracks: tracks.ids, range(4))
+        assert all(ids is first for ids in others)
+        assert not hasattr(scenario.tracks, "nothing")
+        for copied in (pickle.loads(pickle.dumps(scenario)), copy.deepcopy(scenario), copy.copy(scenario)):
+            assert differences(copied, made(seed)) == []
+        assert pickle.dumps(scenario) == pickle.dumps(ScenarioLoader(lake)[seed])
 
 
 ROUNDS_OF_LOADING = """

@@ -6,6 +6,7 @@ million scenarios are found in a second, and one in a few milliseconds, of which
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
@@ -58,6 +59,7 @@ class MetadataRows(Sequence[dict[str, Any]]):
         self._rows = rows
         self._starts = starts
         self._names = tuple(names)
+        self._first_rows: list[int] = starts.tolist()
         self._tables: dict[int, RowTable] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -77,12 +79,12 @@ class MetadataRows(Sequence[dict[str, Any]]):
 
     def __getitem__(self, index: Any) -> Any:
         """Row of a scenario by column."""
-        row = self._rows[index]
-        file = int(np.searchsorted(self._starts, row, side="right")) - 1
+        row = int(self._rows[index])
+        file = bisect_right(self._first_rows, row) - 1
         table = self._tables.get(file)
         if table is None:
             table = self._tables[file] = self._read(self._snapshot.metadata[file])
-        return table[row - self._starts[file]]
+        return table[row - self._first_rows[file]]
 
     def columns(self, names: Sequence[str]) -> pa.Table:
         """Columns of all scenarios, in order."""

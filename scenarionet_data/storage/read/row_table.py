@@ -23,8 +23,10 @@ class RowTable:
 
     def __init__(self, table: pa.Table) -> None:
         self.table = table.combine_chunks()
-        self._names: list[str] = self.table.column_names
-        self._getters = [_getter(_whole(column)) for column in self.table.columns]
+        columns = {name: _whole(column) for name, column in zip(table.column_names, self.table.columns, strict=True)}
+        alike = {name for name, column in columns.items() if len(column) and _is_alike(column)}
+        self._row = {name: column[0].as_py() if name in alike else None for name, column in columns.items()}
+        self._getters = [(name, _getter(column)) for name, column in columns.items() if name not in alike]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return RowTable, (self.table,)
@@ -34,7 +36,22 @@ class RowTable:
 
     def __getitem__(self, index: int) -> dict[str, Any]:
         """A row, with the values that ``to_pylist`` gives."""
-        return {name: get(index) for name, get in zip(self._names, self._getters, strict=True)}
+        row = self._row.copy()
+        for name, get in self._getters:
+            row[name] = get(index)
+        return row
+
+
+def _is_alike(column: pa.Array) -> bool:
+    """Whether a column, not of lists, has the same value in all rows, as those of a dataset's name or its licence."""
+    if column.null_count:
+        return bool(column.null_count == len(column))
+    if pa.types.is_dictionary(column.type):
+        return len(column.dictionary) == 1
+    if _is_number(column.type):
+        values = column.to_numpy(zero_copy_only=False)
+        return bool(values.tobytes() == values[:1].tobytes() * len(values))  # 0.0 is not -0.0
+    return False
 
 
 def _whole(column: pa.ChunkedArray) -> pa.Array:
@@ -45,8 +62,6 @@ def _whole(column: pa.ChunkedArray) -> pa.Array:
 
 def _getter(column: pa.Array) -> _Getter:
     """Function that returns the value of a column in a row."""
-    if column.null_count == len(column):
-        return lambda _: None
     get = _values(column)
     if not column.null_count:
         return get

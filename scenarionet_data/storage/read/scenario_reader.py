@@ -8,7 +8,9 @@ from typing import Any
 
 from scenarionet_data.arrays.columns import ColumnLayout, Columns
 from scenarionet_data.arrays.memory import Memory
+from scenarionet_data.arrays.packed_columns import pick
 from scenarionet_data.codec import LAYOUTS, ScenarioColumns
+from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
@@ -68,7 +70,7 @@ class ScenarioReader:
         if self._remote is None:  # the operating system reads mapped files ahead
             return
         cached = {address for starts, _ in self._cached.values() for address in starts}
-        addresses = [address for row in metadata for table in wanted for address in _addresses(table, [row])]
+        addresses = [address for row in metadata for table in wanted if (address := _address(table, row))]
         with snapshots.reading_from(self._files, self._snapshot):
             self._remote.prefetch(address for address in addresses if address not in cached)
 
@@ -84,39 +86,42 @@ class ScenarioReader:
             SchemaMismatch: A file has a schema version that cannot be read.
         """
         self.prefetch(metadata, wanted)
-        return {table: self._read_table(table, metadata) for table in wanted}
+        with snapshots.reading_from(self._files, self._snapshot):
+            return {table: self._read_table(table, metadata) for table in wanted}
 
     def _read_table(self, table: str, metadata: Sequence[Mapping[str, Any]]) -> ScenarioColumns | None:
-        addresses = _addresses(table, metadata)
-        if not addresses:
+        _, _, first_row, num_rows = _ADDRESS[table]
+        wanted = [(address, row[first_row], row[num_rows]) for row in metadata if (address := _address(table, row))]
+        if not wanted:
             return None
+        addresses = dict.fromkeys([address for address, _, _ in wanted])
         starts, columns = self._cached.get(table, ({}, None))
         if columns is None or not addresses.keys() <= starts.keys():
             starts, columns = self._read_row_groups(table, list(addresses))
-        file, row_group, first_row, num_rows = _ADDRESS[table]
-        spans = [
-            (starts[RowGroupAddress(table, row[file], row[row_group])] + row[first_row], row[num_rows])
-            for row in metadata
-            if row[file]
-        ]
-        bounds = list(accumulate((row[num_rows] or 0 for row in metadata), initial=0))
-        if [first for first, _ in spans] == list(starts.values()) and bounds[-1] == columns.num_rows:
-            return ScenarioColumns(columns, bounds)
-        self._cached[table] = starts, columns  # shared row groups: scenarios read next are often in them
-        return ScenarioColumns(columns.pick(spans), bounds)
+        places = []
+        for address, first, count in wanted:
+            start = starts[address] + first
+            if first < 0 or count < 0 or start + count > columns.num_rows:
+                raise LakeError("a file has fewer rows than its metadata; `scenarionet fsck` names it and the remedy")
+            places.append((start, count))
+        if [first for first, _ in places] != list(starts.values()) or sum(places[-1]) != columns.num_rows:
+            self._cached[table] = starts, columns  # shared row groups: scenarios read next are often in them
+        begin = places[0][0]
+        if [sum(place) for place in places[:-1]] != [first for first, _ in places[1:]]:
+            columns, begin = pick(columns, places), 0
+        return ScenarioColumns(columns, list(accumulate([row[num_rows] or 0 for row in metadata], initial=begin)))
 
     def _read_row_groups(
         self, table: str, addresses: list[RowGroupAddress]
     ) -> tuple[dict[RowGroupAddress, int], Columns]:
         """Rows of row groups, concatenated, and the first row of each."""
-        with snapshots.reading_from(self._files, self._snapshot):
-            groups = self._row_groups.get(addresses)
-            try:
-                columns = self._readers[table].read(groups)
-            except UnreadableFile as error:
-                with reading(error.url):
-                    raise
-        return dict(zip(addresses, accumulate((group.num_rows for group in groups), initial=0), strict=False)), columns
+        groups = self._row_groups.get(addresses)
+        try:
+            columns = self._readers[table].read(groups)
+        except UnreadableFile as error:
+            with reading(error.url):
+                raise
+        return dict(zip(addresses, accumulate([group.num_rows for group in groups], initial=0), strict=False)), columns
 
 
 def _layout(table: str, with_ids: bool, columns: Mapping[str, Collection[str]] | None) -> ColumnLayout:
@@ -125,7 +130,7 @@ def _layout(table: str, with_ids: bool, columns: Mapping[str, Collection[str]] |
     return ColumnLayout(column for column in tables.load(table).columns if column.name in {*wanted, *ids})
 
 
-def _addresses(table: str, metadata: Sequence[Mapping[str, Any]]) -> dict[RowGroupAddress, None]:
-    """Distinct row groups of scenarios in one table, in their order."""
+def _address(table: str, row: Mapping[str, Any]) -> RowGroupAddress | None:
+    """Row group of a scenario in one table; None if it has no rows there."""
     file, row_group, *_ = _ADDRESS[table]
-    return dict.fromkeys(RowGroupAddress(table, row[file], row[row_group]) for row in metadata if row[file])
+    return RowGroupAddress(table, row[file], row[row_group]) if row[file] else None

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data import codec
-from scenarionet_data.arrays.columns import Columns
+from scenarionet_data.arrays.packed_columns import from_arrow
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
@@ -106,7 +106,7 @@ def test_slice_of_many_rows_is_decoded(row_groups):
     together = pa.Table.from_batches([e.tracks for e in encoded]).combine_chunks()
     first = sum(e.tracks.num_rows for e in encoded[:-1])
     rows = together.slice(first, encoded[-1].tracks.num_rows).to_batches()[0]
-    columns = Columns.from_arrow(rows, codec.LAYOUTS["tracks"])
+    columns = from_arrow(rows, codec.LAYOUTS["tracks"])
     (tracks,) = codec.decode_tracks(codec.ScenarioColumns(columns, [0, rows.num_rows]), [scenarios[-1].num_timesteps])
     assert differences(tracks, scenarios[-1].tracks) == []
     assert np.array_equal(tracks.valid, scenarios[-1].tracks.valid)

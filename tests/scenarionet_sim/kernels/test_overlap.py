@@ -8,15 +8,17 @@ import shapely
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.statistics.gaps import nearest_box
+from scenarionet_sim.kernels.boxes import Boxes, write_boxes
 from scenarionet_sim.kernels.log import HEADING, Z
 from scenarionet_sim.kernels.overlap import touch
 
 
 @kernel(allocates=False)
-def find_contacts(agents, motion, size, object_type, present, contacts, hits):
+def find_contacts(agents, motion, size, object_type, present, boxes, contacts, hits):
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
-        hits[a] = touch(n, motion[w], size[w], object_type[w], present[w], contacts[a])
+        count = write_boxes(motion.shape[1], motion[w], size[w], present[w], boxes)
+        hits[a] = touch(n, motion[w], size[w], object_type[w], boxes, count, contacts[a]) if present[w, n] else 0
 
 
 def make_boxes(position, heading, z, size):
@@ -27,9 +29,9 @@ def make_boxes(position, heading, z, size):
 
 
 def contacts_of(agents, motion, size, object_type, present):
-    contacts = np.ones((len(agents), motion.shape[1]), np.bool_)
+    contacts = np.zeros((len(agents), motion.shape[1]), np.bool_)
     hits = np.full(len(agents), 99, np.uint32)
-    find_contacts(agents, motion, size, object_type, present, contacts, hits)
+    find_contacts(agents, motion, size, object_type, present, Boxes.of(motion.shape[1]), contacts, hits)
     return contacts, hits
 
 

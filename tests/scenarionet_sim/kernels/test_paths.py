@@ -42,6 +42,14 @@ def test_nearest_point_matches_shapely(seed):
         assert 0 <= z <= 39
 
 
+@given(st.integers(0, 10_000), st.floats(-50.0, 150.0))
+def test_the_last_location_changes_nothing_but_the_window(seed, last):
+    rng = np.random.default_rng(seed)
+    points = np.cumsum(rng.normal(0, 1.5, (40, 2)), axis=0)
+    where = points[rng.integers(0, 40)] + rng.choice([0.0, 2.0]) * rng.normal(size=2)
+    assert place(points, where, last=last, window=(1e3, 1e3)) == place(points, where)
+
+
 def test_left_is_positive_and_ends_are_extrapolated():
     line = [[0, 0], [10, 0], [10, 10]]
     assert place(line, (4, 1.5)) == pytest.approx((4, 1.5, 0.4))

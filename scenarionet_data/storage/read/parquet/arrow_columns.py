@@ -8,6 +8,7 @@ from itertools import groupby
 import pyarrow as pa
 
 from scenarionet_data.arrays.columns import ColumnLayout, Columns
+from scenarionet_data.arrays.packed_columns import from_arrow
 from scenarionet_data.storage.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet.footer import RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.page_checks import check_pages
@@ -25,15 +26,16 @@ def read_by_arrow(groups: Sequence[RowGroup], layout: ColumnLayout) -> Columns:
         try:
             file = together[0].open()
             tables.append(file.read_row_groups([group.number for group in together], names, use_threads=False))
+            tables[-1].validate(full=True)  # texts are UTF-8
         except (OSError, pa.ArrowException) as error:
             raise UnreadableFile(footer.url, str(error)) from error
-    return Columns.from_arrow(pa.concat_tables(tables, promote_options="default"), layout)
+    return from_arrow(pa.concat_tables(tables, promote_options="default"), layout)
 
 
 def _check_pages(groups: Sequence[RowGroup], names: Sequence[str]) -> None:
     """Check the page headers of columns before Arrow reads them."""
     for group in groups:
-        chunks = dict(zip(group.footer.names, group.footer.chunks(group.number).tolist(), strict=True))
+        chunks = dict(zip(group.footer.names, group.footer.stored(group.number).chunks.tolist(), strict=True))
         for name in names:
             try:
                 check_pages(group.content, group.base, chunks[name])

@@ -1,10 +1,10 @@
 """Decode columns of many row groups as NumPy arrays.
 
 Arrow takes 5-10 us to set up a column of a row group, 30 us with zstd, and decodes the same list lengths for each
-column; a scenario has 40 columns. Here a row group is two calls of kernels: one decompresses its pages, which stay in
-the processor's cache until the other has decoded all columns. The kernels know what our writer produces; other
-encodings (several pages, data pages of version 2, other codecs) are decoded by Arrow, and so are the first row groups
-of a process, because the kernels take seconds to compile where they are not cached.
+column; a scenario has 40 columns. Here a row group is one call of a kernel, which decodes a page as soon as it is
+decompressed, or two with pages in zstd. The kernels know what our writer produces; row groups with anything else
+(several pages, data pages of version 2, other codecs) are decoded by Arrow, and so are the first ones of a process,
+because the kernels take seconds to compile where they are not cached.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.storage.read.parquet import page_kernels as pages
 from scenarionet_data.storage.read.parquet import value_kernels as values
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
-from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, UnreadableFile
+from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, StoredGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.row_group_kernels import (
     decode_stored_pages,
     is_compiled,
@@ -94,17 +94,16 @@ class ColumnReader:
 
     def _read(self, groups: Sequence[RowGroup]) -> Columns | None:
         """Read with the kernels; None if there is something that they do not know."""
-        needed = [group.footer.memory(group.number) for group in groups]
-        if (0, 0) in needed:
+        stored = [group.footer.stored(group.number) for group in groups]
+        if not all(each.can_decode for each in stored):
             return None
-        empty, count = self._memory.empty, len(self._layout.columns)
-        scratch = empty(max(size for size, _ in needed), np.uint8)
-        levels = empty((4, max(size for _, size in needed)), np.uint8)
-        plan, out = self._reserved(groups)
-        row, dictionaries = 0, _Dictionaries(self._dictionaries, out)
-        for group in groups:
-            found = np.zeros((count, pages.NUM_PAGE_FIELDS), np.int64)
-            chunks, num_rows = group.footer.chunks(group.number), group.num_rows
+        largest, size = max([each.largest for each in stored]), max([each.scratch for each in stored])
+        scratch = self._memory.scratch(size + 4 * largest)
+        levels, scratch = scratch[size : size + 4 * largest].reshape(4, largest), scratch[:size]
+        plan, out = self._reserved(stored)
+        count, row, words = len(plan), 0, dict[str, tuple[str, ...]]()
+        for group, (chunks, num_rows, *_) in zip(groups, stored, strict=True):
+            found, before = np.zeros((count, pages.NUM_PAGE_FIELDS), np.int64), out.counts.copy()
             done = unchecked(read_row_group)(
                 group.content, group.base, chunks, scratch, levels, found, plan, row, num_rows, out
             )
@@ -115,33 +114,37 @@ class ColumnReader:
                 return None
             if done < count:
                 raise self._damaged(done)
-            dictionaries.add(found)
+            self._add_words(found, before, out, words)
             row += num_rows
-        return Columns(row, self._layout, out, dictionaries.words)
+        return Columns(row, self._layout, out, words)
 
-    def _reserved(self, groups: Sequence[RowGroup]) -> tuple[Array, ColumnBlock]:
+    def _reserved(self, stored: Sequence[StoredGroup]) -> tuple[Array, ColumnBlock]:
         """The columns with places for their values, and memory for these."""
-        chunks = [group.footer.chunks(group.number) for group in groups]
-        total = chunks[0] if len(chunks) == 1 else np.sum(chunks, axis=0)
-        plan, firsts, empty = self._plan.copy(), np.empty(len(self._plan), np.int64), self._memory.empty
-        num_rows = sum(group.num_rows for group in groups)
-        num_words, num_bits, num_ends, size = unchecked(reserve)(total, num_rows, plan, firsts)
+        chunks = stored[0].chunks if len(stored) == 1 else np.sum([each.chunks for each in stored], axis=0)
+        num_rows = sum([each.num_rows for each in stored])
+        plan, (firsts, counts) = self._plan.copy(), np.zeros((2, len(self._plan)), np.int64)
+        num_words, num_bits, num_ends, size = unchecked(reserve)(chunks, num_rows, plan, firsts)
+        ends = 8 * num_ends  # the widest values first, so that all are aligned
+        lists = ends + 4 * 2 * len(plan) * (num_rows + 1)
+        words = lists + 4 * num_words
+        bits = words + num_bits
+        whole = self._memory.empty(bits + size, np.uint8)
         return plan, ColumnBlock(
-            empty((2, len(plan), num_rows + 1), np.int32),
+            whole[ends:lists].view(np.int32).reshape(2, len(plan), num_rows + 1),
             firsts,
-            np.zeros(len(plan), np.int64),
-            empty(num_words, np.uint32),
-            empty(num_bits, np.int8),
-            empty(num_ends, np.int64),
-            empty(size, np.uint8),
+            counts,
+            whole[lists:words].view(np.uint32),
+            whole[lists:words].view(np.float32),
+            whole[words:bits].view(np.int8),
+            whole[:ends].view(np.int64),
+            whole[bits:],
         )
 
     def _decompress(self, group: RowGroup, found: Array, scratch: Array) -> None:
         """Decompress the pages in zstd to their places."""
-        columns = np.flatnonzero(found[:, pages.STORED_END] > 0)
         content, target = group.content.data, scratch.data
-        places = found[columns[:, None], _POSITIONS].tolist()
-        for column, (start, stop, first, last) in zip(columns.tolist(), places, strict=True):
+        for column in np.flatnonzero(found[:, pages.STORED_END]).tolist():
+            start, stop, first, last = found[column, _POSITIONS].tolist()
             if not self._fills(content[first:last], target[start:stop]):
                 raise self._damaged(column)
 
@@ -154,36 +157,20 @@ class ColumnReader:
         except zstandard.ZstdError:
             return False
 
+    def _add_words(self, found: Array, before: Array, out: ColumnBlock, words: dict[str, tuple[str, ...]]) -> None:
+        """Add the dictionaries of a row group's pages; its indices become those in all words."""
+        firsts, sizes = found[:, pages.WORDS_PLACE].tolist(), found[:, pages.WORDS_SIZE].tolist()
+        for name, place in self._dictionaries:
+            added = _words(out.text[firsts[place] : firsts[place] + sizes[place]].tobytes())
+            known = words.setdefault(name, added)
+            if known != added:
+                start, end = out.firsts[place] + before[place], out.firsts[place] + out.counts[place]
+                indices = out.words[start:end].view(np.int32)
+                indices[indices >= 0] += len(known)
+                words[name] = known + added
+
     def _damaged(self, column: int) -> _Damaged:
         return _Damaged(f"column {self._layout.columns[column].name} is damaged")
-
-
-class _Dictionaries:
-    """The dictionaries of columns, joined over row groups.
-
-    Args:
-        columns: Names and places of the columns.
-        out: The block; indices in the dictionary of a row group become those in all.
-    """
-
-    def __init__(self, columns: Sequence[tuple[str, int]], out: ColumnBlock) -> None:
-        self._columns, self._out = columns, out
-        self._starts = dict.fromkeys((place for _, place in columns), 0)
-        self.words: dict[str, tuple[str, ...]] = {}
-
-    def add(self, found: Array) -> None:
-        """Add the dictionaries of a row group's pages."""
-        for name, place in self._columns:
-            first, size = found[place, pages.WORDS_PLACE], found[place, pages.WORDS_SIZE]
-            words = _words(self._out.text[first : first + size].tobytes())
-            start, end = self._starts[place], int(self._out.counts[place])
-            known = self.words.setdefault(name, words)
-            if known != words:
-                at = self._out.firsts[place]
-                indices = self._out.words[at + start : at + end].view(np.int32)
-                indices[indices >= 0] += len(known)
-                self.words[name] = known + words
-            self._starts[place] = end
 
 
 @lru_cache(1024)

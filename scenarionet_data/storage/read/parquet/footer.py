@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -63,6 +64,33 @@ class UnreadableFile(OSError):
         self.url = url
 
 
+class StoredGroup(NamedTuple):
+    """How a row group is stored.
+
+    Attributes:
+        chunks: (columns, NUM_CHUNK_FIELDS) its column chunks, see ``page_kernels``; 0 for missing columns.
+        num_rows: Number of its rows.
+        can_decode: Whether the kernels can decode all columns.
+        largest: Bytes of the largest page at most.
+        scratch: Bytes that its pages need while they are decoded: one at a time, but all of those in zstd together.
+    """
+
+    chunks: Int64
+    num_rows: int
+    can_decode: bool
+    largest: int
+    scratch: int
+
+    @classmethod
+    def of(cls, chunks: Int64, num_rows: int) -> StoredGroup:
+        """Those of some chunks."""
+        present = chunks[chunks[:, kernels.CHUNK_END] > 0]
+        sizes, is_zstd = present[:, kernels.CHUNK_SIZE], present[:, kernels.CODEC] == kernels.ZSTD
+        largest = int(sizes.max(initial=0))
+        can_decode = bool(present[:, kernels.CAN_DECODE].all())
+        return cls(chunks, num_rows, can_decode, largest, largest + int(sizes[is_zstd].sum()) + kernels.SPARE)
+
+
 class Footer:
     """A file's footer, and the positions of some of its columns.
 
@@ -96,9 +124,7 @@ class Footer:
         self.names = [column.name for column in columns]
         self._columns = [(positions.get(c.path), _known_encodings(c), c.element in _PACKED) for c in columns]
         self._encodings = self._read_encodings()
-        self._chunks: dict[int, Int64] = {}
-        self._memory: dict[int, tuple[int, int]] = {}
-        self._num_rows: dict[int, int] = {}
+        self._stored: dict[int, StoredGroup] = {}
 
     def _read_encodings(self) -> list[int]:
         """Encoding of each column's data pages, which a writer chooses for a file."""
@@ -106,48 +132,31 @@ class Footer:
         listed = [group.column(index).encodings if group and index is not None else () for index, *_ in self._columns]
         return [next((_ENCODINGS[name] for name in names if name in _ENCODINGS), kernels.PLAIN) for names in listed]
 
-    def num_rows(self, number: int) -> int:
-        """Rows of a row group."""
-        if number not in self._num_rows:
-            self._num_rows[number] = self.metadata.row_group(number).num_rows
-        return self._num_rows[number]
-
     def span(self, number: int) -> tuple[int, int]:
         """Start and end of the bytes of a row group's columns."""
-        chunks = self.chunks(number)
+        chunks = self.stored(number).chunks
         present = chunks[:, kernels.CHUNK_END] > 0
         return int(chunks[present, kernels.CHUNK_START].min()), int(chunks[:, kernels.CHUNK_END].max())
 
-    def chunks(self, number: int) -> Int64:
-        """(columns, NUM_CHUNK_FIELDS) a row group's column chunks, see ``page_kernels``; 0 for missing columns.
+    def stored(self, number: int) -> StoredGroup:
+        """How a row group is stored.
 
         Raises:
             UnreadableFile: There is no such row group.
         """
-        if not 0 <= number < self.metadata.num_row_groups:
-            raise UnreadableFile(self.url, f"it has no row group {number}")
-        if number not in self._chunks:
+        if number not in self._stored:
+            if not 0 <= number < self.metadata.num_row_groups:
+                raise UnreadableFile(self.url, f"it has no row group {number}")
             group = self.metadata.row_group(number)
-            rows = [
-                _chunk(group, *column, encoding, self.has_checksums)
-                for column, encoding in zip(self._columns, self._encodings, strict=True)
-            ]
-            self._chunks[number] = np.array(rows, np.int64)
-        return self._chunks[number]
-
-    def memory(self, number: int) -> tuple[int, int]:
-        """Bytes that the pages of a row group need while they are decoded, and the largest one; 0 if Arrow decodes it.
-
-        One page at a time is decoded, but all pages in zstd are decompressed together.
-        """
-        if number not in self._memory:
-            chunks = self.chunks(number)
-            present = chunks[chunks[:, kernels.CHUNK_END] > 0]
-            sizes, is_zstd = present[:, kernels.CHUNK_SIZE], present[:, kernels.CODEC] == kernels.ZSTD
-            largest, stored = int(sizes.max(initial=0)), int(sizes[is_zstd].sum())
-            can_decode = present[:, kernels.CAN_DECODE].all()
-            self._memory[number] = (largest + stored + kernels.SPARE, largest) if can_decode else (0, 0)
-        return self._memory[number]
+            chunks = np.array(
+                [
+                    _chunk(group, *column, encoding, self.has_checksums)
+                    for column, encoding in zip(self._columns, self._encodings, strict=True)
+                ],
+                np.int64,
+            )
+            self._stored[number] = StoredGroup.of(chunks, group.num_rows)
+        return self._stored[number]
 
 
 def _holds(stored: pq.ColumnSchema, column: ColumnType) -> bool:
@@ -200,7 +209,7 @@ class RowGroup:
     @property
     def num_rows(self) -> int:
         """Number of rows."""
-        return self.footer.num_rows(self.number)
+        return self.footer.stored(self.number).num_rows
 
     def open(self) -> pq.ParquetFile:
         """Open the bytes with Arrow; other row groups that they contain can be read, too."""

@@ -25,8 +25,7 @@ def decompress(data: Array, at: int, end: int, target: Array, first: int, stop: 
     while at < end:
         token = byte_at(data, at)
         at, length = at + 1, token >> 4
-        is_short = length < 15 and at + 32 <= end and to + 64 <= stop
-        if is_short:  # without loops, as most are
+        if length < 15 and at + 32 <= end and to + 16 <= stop:  # without loops, as most are
             copy_16(target, to, data, at)
         else:
             length, at = _extended(data, at, end, length)
@@ -40,7 +39,7 @@ def decompress(data: Array, at: int, end: int, target: Array, first: int, stop: 
             return False
         distance, length = short_at(data, at), token & 15
         at += 2
-        if is_short and length < 15 and 0 < distance <= to - first:
+        if length < 15 and 0 < distance <= to - first and to + 24 <= stop:
             source = to - distance
             if distance >= 8:
                 copy_8(target, to, target, source)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarionet_data.arrays.columns import TEXTS, ColumnLayout, Columns
-from scenarionet_data.errors import LakeError
+from scenarionet_data.arrays.columns import TEXTS, ColumnLayout
+from scenarionet_data.arrays.packed_columns import from_arrow, pick
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
@@ -91,7 +91,7 @@ def are_known(table, path):
 
 
 def by_arrow(table, paths):
-    return Columns.from_arrow(pa.concat_tables(pq.read_table(p) for p in paths), layout_of(table))
+    return from_arrow(pa.concat_tables(pq.read_table(p) for p in paths), layout_of(table))
 
 
 def assert_same(table, found, expected):
@@ -113,12 +113,15 @@ def assert_same(table, found, expected):
         assert ours.tobytes() == theirs.tobytes() if ours.dtype != object else ours.tolist() == theirs.tolist(), name
 
 
-def older_options(table):
-    """Options of files that earlier versions wrote: lists of numbers in zstd."""
-    columns = tables.load(table).columns
-    numbers = [column.path for column in columns if column.is_list and column.element not in ("string", "dictionary")]
-    codecs = {column.path: "zstd" if column.path in numbers else "lz4" for column in columns}
-    return {"compression": codecs, "compression_level": dict.fromkeys(numbers, 2)}
+def older_options(table, seed):
+    """Options of files that earlier versions wrote, with some columns in zstd; here any of them."""
+    draw = np.random.default_rng(seed)
+    chosen = {c.path: c.element != "dictionary" and draw.random() < 0.5 for c in tables.load(table).columns}
+    codecs = {path: "zstd" if is_zstd else "lz4" for path, is_zstd in chosen.items()}
+    return {
+        "compression": codecs,
+        "compression_level": {path: 2 for path, is_zstd in chosen.items() if is_zstd} or None,
+    }
 
 
 @pytest.mark.parametrize("table", READ)
@@ -128,7 +131,7 @@ def test_reads_what_arrow_reads(tmp_path_factory, table, sizes, seed):
     folder = tmp_path_factory.mktemp("files")
     first = [rows_of(table, size, seed + number) for number, size in enumerate(sizes)]
     paths = [
-        written(folder / "1.parquet", table, first, **older_options(table)),
+        written(folder / "1.parquet", table, first, **older_options(table, seed)),
         written(folder / "2.parquet", table, [rows_of(table, 3, seed)]),
     ]
     groups = [group for path in paths for group in row_groups(path, table)]
@@ -254,12 +257,27 @@ def test_error_names_the_damaged_file(tmp_path):
 def test_take_matches_arrow_slices(table, first, count):
     batch = rows_of(table, 29, 6)
     layout = layout_of(table)
-    picked = Columns.from_arrow(batch, layout).pick([(start, count) for start in first])
+    picked = pick(from_arrow(batch, layout), [(start, count) for start in first])
     expected = pa.concat_tables(pa.Table.from_batches([batch.slice(start, count)]) for start in first)
-    assert_same(table, picked, Columns.from_arrow(expected, layout))
+    assert_same(table, picked, from_arrow(expected, layout))
 
 
-def test_spans_beyond_num_rows_raise_error():
-    columns = Columns.from_arrow(rows_of("lights", 5, 1), layout_of("lights"))
-    with pytest.raises(LakeError, match="fewer rows than its metadata"):
-        columns.pick([(3, 3)])
+@given(contents=st.lists(st.binary(max_size=12) | st.text(max_size=12).map(str.encode), min_size=1, max_size=9))
+def test_only_utf_8_is_read(tmp_path_factory, contents):
+    rows = rows_of("lights", len(contents), 1)
+    place = rows.schema.get_field_index("light_id")
+    texts = pa.array(contents, pa.binary())
+    unchecked = pa.Array.from_buffers(pa.string(), len(texts), texts.buffers())
+    path = written(
+        tmp_path_factory.mktemp("t") / "f.parquet",
+        "lights",
+        [rows.set_column(place, rows.schema.field(place), unchecked)],
+    )
+    try:
+        expected = [content.decode() for content in contents]
+    except UnicodeDecodeError:
+        for reads in (read, lambda table, groups: read_by_arrow(groups, layout_of(table))):
+            with pytest.raises(UnreadableFile):
+                reads("lights", row_groups(path, "lights"))
+        return
+    assert read("lights", row_groups(path, "lights")).strings("light_id").tolist() == expected

@@ -1,0 +1,71 @@
+"""Compiled loops that copy the texts of a scenario out of those of a table."""
+
+from __future__ import annotations
+
+from scenarionet_data.arrays.columns import ColumnBlock
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Array
+
+
+@kernel(nogil=True, allocates=False)
+def measure_texts(block: ColumnBlock, columns: Array, are_lists: Array, first: int, last: int) -> tuple[int, int]:
+    """Number of texts in some rows of some columns, and their bytes.
+
+    Args:
+        block: Rows.
+        columns: (n,) int64 columns of texts.
+        are_lists: (C,) bool whether each column holds lists.
+        first, last: The rows.
+    """
+    count, size = 0, 0
+    for place in range(len(columns)):
+        begin, end = _texts(block, columns[place], are_lists[columns[place]], first, last)
+        count += end - begin
+        size += block.ends[end] - block.ends[begin]
+    return count, size
+
+
+@kernel(nogil=True, allocates=False)
+def copy_texts(
+    block: ColumnBlock,
+    columns: Array,
+    are_lists: Array,
+    first: int,
+    firsts: Array,
+    offsets: Array,
+    ends: Array,
+    text: Array,
+) -> None:
+    """Copy the texts of a scenario, one column after the other; see :func:`measure_texts`.
+
+    Args:
+        block: Rows.
+        columns, are_lists: As in :func:`measure_texts`.
+        first: First row.
+        firsts: (n,) int64, filled: place in ``ends`` of the start of each column.
+        offsets: (n, M + 1) int32, filled: number of texts before each row; a value that is null counts as none.
+        ends: (n + number of texts,) int64, filled: start of the first text of each column, and ends of all.
+        text: uint8, filled.
+    """
+    at, size = 0, 0
+    for place in range(len(columns)):
+        begin, end = _texts(block, columns[place], are_lists[columns[place]], first, first + offsets.shape[1] - 1)
+        firsts[place], offsets[place, 0] = at, 0
+        for row in range(offsets.shape[1] - 1):
+            offsets[place, row + 1] = offsets[place, row] + block.lists[0, columns[place], first + row]
+        start = block.ends[begin]
+        for k in range(begin, end + 1):
+            ends[at + k - begin] = block.ends[k] - start + size
+        source = block.text[start : block.ends[end]]
+        target = text[size : size + len(source)]
+        for k in range(len(source)):
+            target[k] = source[k]
+        at, size = at + end - begin + 1, size + len(source)
+
+
+@device_function
+def _texts(block: ColumnBlock, column: int, is_list: bool, first: int, last: int) -> tuple[int, int]:
+    """Places of the start of the first text of some rows, and of the end of the last one."""
+    if is_list:
+        return block.firsts[column] + block.lists[1, column, first], block.firsts[column] + block.lists[1, column, last]
+    return block.firsts[column] + first, block.firsts[column] + last
