@@ -89,8 +89,11 @@ def fill_grids(block: ColumnBlock, columns: Array, first: int, out: Grids) -> No
         span = slice(begin, begin + count)
         position, velocity, size = out.position[row, span], out.velocity[row, span], out.size[row, span]
         heading, valid = out.heading[row, span], out.valid[row, span]
-        for axis in range(3):
-            _copy_list(block, columns[1 + axis], first + row, position, axis)
+        if block.lists[0, columns[3], first + row] == count:
+            _join_points(block, columns[1:4], first + row, count, position)
+        else:  # z stays 0
+            for axis in range(2):
+                _copy_list(block, columns[1 + axis], first + row, position, axis)
         start = _element(block, columns[4], first + row)
         values = block.numbers[start : start + count]
         for k in range(count):
@@ -116,6 +119,22 @@ def _copy_list(block: ColumnBlock, column: int, row: int, points: Array, axis: i
     values = block.numbers[start : start + block.lists[0, column, row]]
     for k in range(len(values)):
         points[k, axis] = values[k]
+
+
+@device_function
+def _join_points(block: ColumnBlock, columns: Array, row: int, count: Any, points: Array) -> None:
+    """Fill points, (n, 3), with their coordinates from a row on."""
+    x, y, z = _element(block, columns[0], row), _element(block, columns[1], row), _element(block, columns[2], row)
+    numbers = block.numbers
+    _interleave(numbers[x : x + count], numbers[y : y + count], numbers[z : z + count], points.reshape(3 * count))
+
+
+@device_function(in_lanes=True)
+def _interleave(x: Array, y: Array, z: Array, points: Array) -> None:
+    for k in range(len(x)):
+        points[3 * k] = x[k]
+        points[3 * k + 1] = y[k]
+        points[3 * k + 2] = z[k]
 
 
 @device_function
@@ -171,14 +190,14 @@ def _fill_points(block: ColumnBlock, columns: Array, first: int, offsets: Array,
     ends = block.lists[1, columns[0]]
     for row in range(len(offsets)):
         offsets[row] = ends[first + row] - ends[first]
+    is_full = len(columns) == 3
     for axis in range(len(columns)):
-        count = block.lists[1, columns[axis], first + len(offsets) - 1] - block.lists[1, columns[axis], first]
-        if count == len(points):  # quicker than row by row
-            start = _element(block, columns[axis], first)
-            values = block.numbers[start : start + count]
-            for k in range(count):
-                points[k, axis] = values[k]
-            continue
+        found = block.lists[1, columns[axis], first + len(offsets) - 1] - block.lists[1, columns[axis], first]
+        is_full &= found == len(points)
+    if is_full:
+        _join_points(block, columns, first, len(points), points)
+        return
+    for axis in range(len(columns)):
         for row in range(len(offsets) - 1):
             target = points[offsets[row] : offsets[row + 1]]
             if block.lists[0, columns[axis], first + row]:

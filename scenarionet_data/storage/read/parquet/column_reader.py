@@ -151,11 +151,12 @@ class ColumnReader:
     def _fills(self, stored: memoryview, target: memoryview) -> bool:
         """Decompress a zstd page; returns whether it fills the target exactly."""
         try:
-            # Compared first, because readinto would truncate a longer page.
-            size = zstandard.frame_content_size(stored)
-            return size == len(target) == self._zstd.stream_reader(stored).readinto(target)
+            if zstandard.frame_content_size(stored) != len(target):
+                return False
+            target[:] = self._zstd.decompress(stored)
         except zstandard.ZstdError:
             return False
+        return True
 
     def _add_words(self, found: Array, before: Array, out: ColumnBlock, words: dict[str, tuple[str, ...]]) -> None:
         """Add the dictionaries of a row group's pages; its indices become those in all words."""
