@@ -128,7 +128,7 @@ def _is_sky_seen(first: int, end: int, seen: Int32) -> bool:
     found = np.int32(0)
     for k in range(first, end):
         found |= np.int32(1) if seen[k] == _NOTHING else np.int32(0)
-    return found > 0
+    return bool(found > 0)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
