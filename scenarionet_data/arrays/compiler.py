@@ -29,6 +29,7 @@ from numba.core import (
     codegen,
     compiler,
     errors,
+    fastmathpass,
     funcdesc,
     ir,
     ir_utils,
@@ -38,6 +39,7 @@ from numba.core import (
     untyped_passes,
 )
 from numba.core.analysis import rewrite_semantic_constants
+from numba.core.cpu_options import FastMathOptions
 from numba.core.rewrites import rewrite_registry
 from numba.core.ssa import reconstruct_ssa
 from numba.core.targetconfig import ConfigStack
@@ -45,6 +47,8 @@ from numba.core.typing import Context, signature
 from numba.np import arrayobj
 
 _TESTED = (0, 65), (0, 68)
+
+_FUSED = FastMathOptions({"contract"})
 
 _MEMINFO, _PARENT, _COUNT, _ITEMSIZE, _DATA, _SHAPE, _STRIDES = range(7)
 """Members of Numba's structure of an array."""
@@ -173,7 +177,7 @@ def _lower(state: Any, *, is_in_lanes: bool) -> Any:
     )
     with context.push_code_library(library):
         lower = _LoopLowering(context, library, descriptor, state.func_ir, metadata=state.metadata)
-        lower.counts_from_start = is_in_lanes
+        lower.is_in_lanes = is_in_lanes
         lower.lower()
         if not is_device:
             lower.create_cpython_wrapper(flags.release_gil)
@@ -232,11 +236,17 @@ class _LoopLowering(lowering.Lower):
     """Writes LLVM code of typed code without reference counts.
 
     Attributes:
-        counts_from_start: Whether no index counts from the end of an array; else several elements in a row are not
-            known to be neighbours.
+        is_in_lanes: Whether no index counts from the end of an array, without which several elements in a row are not
+            known to be neighbours, and products may be added to numbers without being rounded before.
     """
 
-    counts_from_start = False
+    is_in_lanes = False
+
+    def lower_normal_function(self, fndesc: Any) -> None:
+        """Write the function."""
+        super().lower_normal_function(fndesc)
+        if self.is_in_lanes:
+            fastmathpass.rewrite_module(self.module, _FUSED)
 
     def _find_singly_assigned_variable(self) -> None:
         """Find variables with one assignment, in a block that precedes every block that uses them."""
@@ -343,7 +353,7 @@ class _LoopLowering(lowering.Lower):
 
     def _from_start(self, kind: Any, value: Any, size: Any) -> Any:
         """Return an index that may count from the end as one that counts from the start."""
-        if self.counts_from_start or (isinstance(value, llvm.Constant) and value.constant >= 0):
+        if self.is_in_lanes or (isinstance(value, llvm.Constant) and value.constant >= 0):
             return self.context.cast(self.builder, value, kind, types.intp)
         return arrayobj.fix_integer_index(self.context, self.builder, kind, value, size)
 
