@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
@@ -124,8 +125,11 @@ def run_add_tenths(values, out):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_constants_of_functions_in_lanes_are_float32(dtype):
-    """In float64, other numbers would come out."""
     values = np.linspace(-3.0, 5.0, 101).astype(dtype)
     out = np.empty_like(values)
     run_add_tenths(values, out)
-    np.testing.assert_array_equal(out, values * np.float32(0.1) + np.float32(0.7))
+    tenth, rest = np.float32(0.1), np.float32(0.7)
+    exact = [Fraction(float(value)) * Fraction(float(tenth)) + Fraction(float(rest)) for value in values]
+    fused = np.array([float(number) for number in exact]).astype(dtype)
+    assert ((out == values * tenth + rest) | (out == fused)).all()  # processors may not round the product
+    assert (out != (values.astype(np.float64) * 0.1 + 0.7).astype(dtype)).any()
