@@ -111,7 +111,8 @@ def device_function(
         forceinline: Inline the machine code regardless of its size.
         divides_by_zero: As the kernel that calls it.
         in_lanes: Compute several elements of its loops at once: no memory that it writes to is reached by two of its
-            arguments, its constants are float32 instead of float64, and no index is below 0.
+            arguments, its constants are float32 instead of float64, and no index is below 0. Products are added
+            without being rounded before, where the processor can do so.
     """
     options: dict[str, Any] = {"_nrt": allocates, "nogil": nogil}
     if forceinline:

@@ -44,6 +44,21 @@ def test_threads_take_every_item_once(total):
     threads.close()
 
 
+@pytest.mark.parametrize("total", [1, 7, 1000])
+def test_items_that_are_spread_are_taken_once(total):
+    threads, taken = Threads(3), np.zeros(total, np.int64)
+
+    def take_some(own, ranges):
+        item = take_one(ranges, own)
+        while item >= 0:
+            taken[item] += 1
+            item = take_one(ranges, own)
+
+    threads.spread(take_some, total)
+    np.testing.assert_array_equal(taken, 1)
+    threads.close()
+
+
 def test_helpers_that_were_dismissed_or_closed_come_again():
     threads, taken = Threads(2), np.zeros(64, np.int64)
     for stop in (threads.dismiss, threads.dismiss, threads.close, threads.close, lambda: None):
