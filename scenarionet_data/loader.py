@@ -165,9 +165,9 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
     @property
     def _reader(self) -> ScenarioReader:
         """This thread's reader."""
-        if not hasattr(self._local, "reader"):
-            self._local.reader = ScenarioReader(self._files, self._snapshot, with_ids=not self._is_sealed)
-        reader: ScenarioReader = self._local.reader
+        reader: ScenarioReader | None = getattr(self._local, "reader", None)
+        if reader is None:
+            reader = self._local.reader = ScenarioReader(self._files, self._snapshot, with_ids=not self._is_sealed)
         return reader
 
 

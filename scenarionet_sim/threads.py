@@ -9,7 +9,8 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 from typing import TypeVar
 
-from scenarionet_sim.kernels.sharing import JOIN, LEADER, LEAVE, STAY_OUT, Team
+from scenarionet_data.arrays.dtypes import Int64
+from scenarionet_sim.kernels.sharing import JOIN, LEADER, LEAVE, STAY_OUT, Team, ranges_of
 
 Returned = TypeVar("Returned")
 
@@ -52,6 +53,18 @@ class Threads:
         calls = [partial(function, *ends[part : part + 2]) for part in range(count)]
         others = [self._submit(call) for call in calls[1:]]
         return [calls[0](), *(other.result() for other in others)]
+
+    def spread(self, function: Callable[[int, Int64], object], total: int) -> None:
+        """Call ``function(own, ranges)`` in every thread, which takes from ``total`` items, see ``kernels.sharing``.
+
+        Unlike :meth:`run`, no thread waits for one that begins late; unlike :meth:`share`, threads keep nothing.
+        """
+        self._notice_fork()
+        ranges = ranges_of(total, self._useful(total))
+        others = [self._submit(partial(function, own, ranges)) for own in range(1, len(ranges))]
+        function(0, ranges)
+        for other in others:
+            other.result()
 
     def share(self, function: Callable[[int, Team], object], total: int) -> int:
         """Share ``total`` items out to threads.

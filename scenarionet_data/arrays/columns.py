@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -71,6 +70,7 @@ class ColumnBlock(NamedTuple):
         firsts: (C,) int64 place of a column's first value in the array of its kind.
         counts: (C,) int64 number of its values; R for a column that does not hold lists.
         words: uint32 bits of numbers, NaN for null; of INDICES, -1 for null.
+        numbers: float32, the same memory.
         bits: int8 truth values, -1 for null.
         ends: int64 for each column of texts, the start of its first text and the end of each one in ``text``.
         text: uint8 UTF-8.
@@ -80,6 +80,7 @@ class ColumnBlock(NamedTuple):
     firsts: Array
     counts: Array
     words: Array
+    numbers: Array
     bits: Array
     ends: Array
     text: Array
@@ -123,21 +124,22 @@ def _dtype(column: ColumnType) -> str:
     return "float32" if column.element == "float32" else "int32"
 
 
-@dataclass(frozen=True, eq=False)
 class Columns:
     """Rows of a table.
 
-    Attributes:
+    Args:
         num_rows: Number of rows.
         layout: The columns.
         block: Their values.
         words: The dictionary of each dictionary column.
     """
 
-    num_rows: int
-    layout: ColumnLayout
-    block: ColumnBlock
-    words: Mapping[str, tuple[str, ...]]
+    def __init__(
+        self, num_rows: int, layout: ColumnLayout, block: ColumnBlock, words: Mapping[str, tuple[str, ...]]
+    ) -> None:
+        self.num_rows, self.layout, self.block, self.words = num_rows, layout, block, words
+        self._firsts: list[int] = block.firsts.tolist()
+        self._counts: list[int] = block.counts.tolist()
 
     def values(self, name: str) -> Array:
         """Scalars of all rows, or elements of all lists.
@@ -156,17 +158,12 @@ class Columns:
     def texts(self, name: str) -> Texts:
         """(num_rows,) texts, or the elements of lists of texts."""
         place = self.layout.place(name)
-        first, count = self._places[place]
+        first, count = self._firsts[place], self._counts[place]
         ends = self.block.ends[first : first + count + 1]
         column = self.layout.columns[place]
         if not column.nullable or column.is_list:
             return Texts(ends, self.block.text)
         return Texts(ends, self.block.text, self.block.lists[0, place, :-1] == 0)
-
-    @cached_property
-    def numbers(self) -> Array:
-        """float32 words of the block, for kernels."""
-        return self.block.words.view(np.float32)
 
     def strings(self, name: str) -> Object:
         """(num_rows,) str or None of a column of texts or of a dictionary."""
@@ -175,13 +172,8 @@ class Columns:
         strings: Object = _objects(self.words[name])[self.values(name)]
         return strings
 
-    @cached_property
-    def _places(self) -> list[tuple[int, int]]:
-        """Place of the first value of each column, and their number."""
-        return list(zip(self.block.firsts.tolist(), self.block.counts.tolist(), strict=True))
-
     def _values(self, place: int) -> Array:
-        first, count = self._places[place]
+        first, count = self._firsts[place], self._counts[place]
         stored = self.block.bits if self.layout.kinds[place] == BITS else self.block.words
         return stored[first : first + count].view(self.layout.dtypes[place])
 

@@ -28,6 +28,13 @@ class Memory:
     def __init__(self, limit: int = 2**27) -> None:
         self._limit = limit
         self._blocks: dict[int, list[UInt8]] = {}  # by size
+        self._scratch = np.empty(0, np.uint8)
+
+    def scratch(self, size: int) -> UInt8:
+        """Bytes of any values, which the next call returns again."""
+        if len(self._scratch) < size:
+            self._scratch = np.empty(size, np.uint8)
+        return self._scratch
 
     def empty(self, shape: int | Sequence[int], dtype: npt.DTypeLike) -> Array:
         """Array of any values."""

@@ -92,7 +92,10 @@ def _packed(
             joined = bits if layout.kinds[place] == BITS else numbers
             firsts[place], counts[place] = joined.size, len(values)
             joined.add(values)
-    block = ColumnBlock(lists, firsts, counts, numbers.whole(), bits.whole(), ends.whole(), text.whole())
+    stored = numbers.whole()
+    block = ColumnBlock(
+        lists, firsts, counts, stored, stored.view(np.float32), bits.whole(), ends.whole(), text.whole()
+    )
     return Columns(num_rows, layout, block, words)
 
 

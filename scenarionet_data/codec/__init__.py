@@ -126,18 +126,19 @@ def _rows(table: str, batch: pa.RecordBatch) -> ScenarioColumns:
 def _scenario(
     row: Mapping[str, Any], tracks: Tracks, lights: Lights, features: MapFeatures | None
 ) -> ScenarioDescription:
-    return ScenarioDescription(
-        id=row["scenario_id"],
-        dataset=row["dataset"],
-        version=row["version"],
-        split=row["split"],
-        timestamps=_timestamps(row),
-        dt=row["dt"],
-        current_timestep=row["current_timestep"],
-        ego_id=row["ego_id"],
-        origin=np.array([row["origin_x"], row["origin_y"], row["origin_z"]]),
-        has_z=row["has_z"],
-        source=Source(
+    crop = row["map_crop"]
+    values = {
+        "id": row["scenario_id"],
+        "dataset": row["dataset"],
+        "version": row["version"],
+        "split": row["split"],
+        "timestamps": _timestamps(row),
+        "dt": row["dt"],
+        "current_timestep": row["current_timestep"],
+        "ego_id": row["ego_id"],
+        "origin": np.array([row["origin_x"], row["origin_y"], row["origin_z"]]),
+        "has_z": row["has_z"],
+        "source": Source(
             scenario_id=row["source_scenario_id"],
             file=row["source_file"],
             licence=row["licence"],
@@ -146,15 +147,30 @@ def _scenario(
             date=row["date"],
             crs=row["crs"],
         ),
-        tracks=tracks,
-        lights=lights,
-        map=features,
-        map_id=row["map_id"] if row["map_crop"] is not None else None,
-        map_crop=tuple(row["map_crop"]) if row["map_crop"] is not None else None,
-        objects_of_interest=tuple(row["objects_of_interest"]),
-        tracks_to_predict=tuple(zip(row["tracks_to_predict"], row["tracks_to_predict_difficulty"], strict=True)),
-        extras=from_json(row["extras"]),
-    )
+        "tracks": tracks,
+        "lights": lights,
+        "map": features,
+        "map_id": row["map_id"] if crop is not None else None,
+        "map_crop": tuple(crop) if crop is not None else None,
+        "objects_of_interest": tuple(row["objects_of_interest"]),
+        "tracks_to_predict": tuple(zip(row["tracks_to_predict"], row["tracks_to_predict_difficulty"], strict=True)),
+        "defects": (),
+        "num_recorded_rows": None,
+    }
+    return ScenarioDescription.read(values, _Extras(row["extras"]))
+
+
+class _Extras:
+    """Extras of a scenario as JSON text, which is parsed when it is read."""
+
+    def __init__(self, text: str | None) -> None:
+        self._text = text
+
+    def __contains__(self, field: str) -> bool:
+        return field == "extras"
+
+    def __getitem__(self, field: str) -> dict[str, Any]:
+        return from_json(self._text)
 
 
 def _own_maps(metadata: Sequence[Mapping[str, Any]], maps: ScenarioColumns | None) -> list[MapFeatures | None]:

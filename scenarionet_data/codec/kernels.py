@@ -74,12 +74,11 @@ class Grids(NamedTuple):
 
 
 @kernel(nogil=True, allocates=False)
-def fill_grids(block: ColumnBlock, numbers: Array, columns: Array, first: int, out: Grids) -> None:
+def fill_grids(block: ColumnBlock, columns: Array, first: int, out: Grids) -> None:
     """Scatter the lists of a scenario's objects to their timesteps.
 
     Args:
         block: Rows of tracks, which :func:`check_spans` and :func:`check_lengths` have checked.
-        numbers: float32 words of the block.
         columns: (12,) int64 columns start, x, y, z, heading, vx, vy, length, width, height, valid, is_interpolated.
         first: Row of the scenario's first object.
         out: Filled.
@@ -90,18 +89,21 @@ def fill_grids(block: ColumnBlock, numbers: Array, columns: Array, first: int, o
         span = slice(begin, begin + count)
         position, velocity, size = out.position[row, span], out.velocity[row, span], out.size[row, span]
         heading, valid = out.heading[row, span], out.valid[row, span]
-        for axis in range(3):
-            _copy_list(block, numbers, columns[1 + axis], first + row, position, axis)
+        if block.lists[0, columns[3], first + row] == count:
+            _join_points(block, columns[1:4], first + row, count, position)
+        else:  # z stays 0
+            for axis in range(2):
+                _copy_list(block, columns[1 + axis], first + row, position, axis)
         start = _element(block, columns[4], first + row)
-        values = numbers[start : start + count]
+        values = block.numbers[start : start + count]
         for k in range(count):
             heading[k] = values[k]
         for axis in range(2):
-            _copy_list(block, numbers, columns[5 + axis], first + row, velocity, axis)
+            _copy_list(block, columns[5 + axis], first + row, velocity, axis)
         _fill_flags(block, columns[10], first + row, True, valid)
         _fill_flags(block, columns[11], first + row, False, out.is_interpolated[row, span])
         for axis in range(3):
-            _fill_size(block, numbers, columns[7 + axis], first + row, valid, size, axis)
+            _fill_size(block, columns[7 + axis], first + row, valid, size, axis)
 
 
 @device_function
@@ -111,19 +113,35 @@ def _element(block: ColumnBlock, column: int, row: int) -> Any:
 
 
 @device_function
-def _copy_list(block: ColumnBlock, numbers: Array, column: int, row: int, points: Array, axis: int) -> None:
+def _copy_list(block: ColumnBlock, column: int, row: int, points: Array, axis: int) -> None:
     """Copy a list of coordinates to points, (n, 2 or 3); an empty list to none of them."""
     start = _element(block, column, row)
-    values = numbers[start : start + block.lists[0, column, row]]
+    values = block.numbers[start : start + block.lists[0, column, row]]
     for k in range(len(values)):
         points[k, axis] = values[k]
 
 
 @device_function
-def _fill_size(block: ColumnBlock, numbers: Array, column: int, row: int, valid: Array, size: Array, axis: int) -> None:
+def _join_points(block: ColumnBlock, columns: Array, row: int, count: Any, points: Array) -> None:
+    """Fill points, (n, 3), with their coordinates from a row on."""
+    x, y, z = _element(block, columns[0], row), _element(block, columns[1], row), _element(block, columns[2], row)
+    numbers = block.numbers
+    _interleave(numbers[x : x + count], numbers[y : y + count], numbers[z : z + count], points.reshape(3 * count))
+
+
+@device_function(in_lanes=True)
+def _interleave(x: Array, y: Array, z: Array, points: Array) -> None:
+    for k in range(len(x)):
+        points[3 * k] = x[k]
+        points[3 * k + 1] = y[k]
+        points[3 * k + 2] = z[k]
+
+
+@device_function
+def _fill_size(block: ColumnBlock, column: int, row: int, valid: Array, size: Array, axis: int) -> None:
     """Fill an extent at the valid timesteps of a span; a list of one element holds at all of them."""
     start, count = _element(block, column, row), block.lists[0, column, row]
-    values = numbers[start : start + count]
+    values = block.numbers[start : start + count]
     if count == 1:
         for k in range(len(valid)):
             size[k, axis] = values[0] if valid[k] else 0
@@ -145,45 +163,48 @@ class FeaturePoints(NamedTuple):
     """Points of M map features; offsets are those of ``Ragged``."""
 
     line_offsets: Array  # (M + 1,) int32
-    line: Array  # (P, 3) float32, zeros until they are filled
+    line: Array  # (P, 3) float32
     outline_offsets: Array  # (M + 1,) int32
-    outline: Array  # (Q, 3) float32, likewise
+    outline: Array  # (Q, 3) float32
     width_offsets: Array  # (M + 1,) int32
-    width: Array  # (K, 2) float32, likewise
+    width: Array  # (K, 2) float32
 
 
 @kernel(nogil=True, allocates=False)
-def fill_lines(block: ColumnBlock, numbers: Array, columns: Array, first: int, out: FeaturePoints) -> None:
+def fill_lines(block: ColumnBlock, columns: Array, first: int, out: FeaturePoints) -> None:
     """Fill lists of points from lists of their coordinates; those without elements in a row are 0.
 
     Args:
         block: Rows of maps, which :func:`check_lengths` has checked.
-        numbers: float32 words of the block.
         columns: (8,) int64 columns x, y, z, polygon_x, polygon_y, polygon_z, width_left, width_right.
         first: First row.
         out: Filled.
     """
-    _fill_points(block, numbers, columns[:3], first, out.line_offsets, out.line)
-    _fill_points(block, numbers, columns[3:6], first, out.outline_offsets, out.outline)
-    _fill_points(block, numbers, columns[6:], first, out.width_offsets, out.width)
+    _fill_points(block, columns[:3], first, out.line_offsets, out.line)
+    _fill_points(block, columns[3:6], first, out.outline_offsets, out.outline)
+    _fill_points(block, columns[6:], first, out.width_offsets, out.width)
 
 
 @device_function
-def _fill_points(block: ColumnBlock, numbers: Array, columns: Array, first: int, offsets: Array, points: Array) -> None:
+def _fill_points(block: ColumnBlock, columns: Array, first: int, offsets: Array, points: Array) -> None:
     ends = block.lists[1, columns[0]]
     for row in range(len(offsets)):
         offsets[row] = ends[first + row] - ends[first]
+    is_full = len(columns) == 3
     for axis in range(len(columns)):
-        count = block.lists[1, columns[axis], first + len(offsets) - 1] - block.lists[1, columns[axis], first]
-        if count == len(points):
-            start = _element(block, columns[axis], first)
-            values = numbers[start : start + count]
-            for k in range(count):
-                points[k, axis] = values[k]
-        else:
-            for row in range(len(offsets) - 1):
-                target = points[offsets[row] : offsets[row + 1]]
-                _copy_list(block, numbers, columns[axis], first + row, target, axis)
+        found = block.lists[1, columns[axis], first + len(offsets) - 1] - block.lists[1, columns[axis], first]
+        is_full &= found == len(points)
+    if is_full:
+        _join_points(block, columns, first, len(points), points)
+        return
+    for axis in range(len(columns)):
+        for row in range(len(offsets) - 1):
+            target = points[offsets[row] : offsets[row + 1]]
+            if block.lists[0, columns[axis], first + row]:
+                _copy_list(block, columns[axis], first + row, target, axis)
+            else:
+                for k in range(len(target)):
+                    target[k, axis] = 0
 
 
 @kernel(nogil=True, allocates=False)

@@ -65,8 +65,8 @@ def decode_lights(rows: ScenarioColumns | None, steps: Sequence[int]) -> list[Li
             "affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
         )
     stops = np.empty((columns.num_rows, 3), np.float32)
-    firsts = columns.block.firsts[columns.layout.places(("stop_x", "stop_y", "stop_z"))]
-    unchecked(fill_stop_points)(columns.numbers, firsts, stops)
+    firsts = block.firsts[columns.layout.places(("stop_x", "stop_y", "stop_z"))]
+    unchecked(fill_stop_points)(block.numbers, firsts, stops)
     kept = {
         "stop_point": stops,
         "is_lane_in_map": columns.values("is_lane_in_map"),

@@ -114,17 +114,18 @@ def _features(columns: Columns, kept: Mapping[str, Array], first: int, last: int
 
 def _lines(columns: Columns, first: int, last: int) -> FeaturePoints:
     """Points and widths of one scenario's features."""
-    places, ends, size = columns.layout.places(_LINES), columns.block.lists[1], last - first + 1
-    counts = (ends[places[[0, 3, 6]], last] - ends[places[[0, 3, 6]], first]).tolist()
+    layout, ends, size = columns.layout, columns.block.lists[1], last - first + 1
+    firsts = (layout.place("x"), layout.place("polygon_x"), layout.place("width_left"))
+    counts = [ends.item(place, last) - ends.item(place, first) for place in firsts]
     out = FeaturePoints(
         np.empty(size, np.int32),
-        np.zeros((counts[0], 3), np.float32),
+        np.empty((counts[0], 3), np.float32),
         np.empty(size, np.int32),
-        np.zeros((counts[1], 3), np.float32),
+        np.empty((counts[1], 3), np.float32),
         np.empty(size, np.int32),
-        np.zeros((counts[2], 2), np.float32),
+        np.empty((counts[2], 2), np.float32),
     )
-    unchecked(fill_lines)(columns.block, columns.numbers, places, first, out)
+    unchecked(fill_lines)(columns.block, layout.places(_LINES), first, out)
     return out
 
 

@@ -134,7 +134,7 @@ def _grids(columns: Columns, first: int, last: int, steps: int) -> Grids:
         np.zeros(shape, np.bool_),
     )
     places = columns.layout.places(("start", *_OVER_TIME))
-    unchecked(fill_grids)(columns.block, columns.numbers, places, first, out)
+    unchecked(fill_grids)(columns.block, places, first, out)
     return out
 
 

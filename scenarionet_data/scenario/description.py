@@ -20,6 +20,7 @@ from scenarionet_data.scenario.parts import (
     ID_LISTS,
     Lights,
     MapFeatures,
+    ScenarioPart,
     Source,
     Tracks,
     is_scenario_id,
@@ -42,7 +43,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class ScenarioDescription:
+class ScenarioDescription(ScenarioPart):
     """One scenario, complete.
 
     Attributes:

@@ -56,7 +56,7 @@ class Unread(Protocol):
 
 
 class ScenarioPart:
-    """Base of the parts of a scenario: values that take many Python objects may be made when they are first read."""
+    """Base of a scenario and its parts: values that take many Python objects may be made when they are first read."""
 
     if not TYPE_CHECKING:  # type checkers know the fields
 
@@ -71,7 +71,7 @@ class ScenarioPart:
 
     @classmethod
     def read(cls, values: Mapping[str, Any], unread: Unread) -> Self:
-        """A part whose fields are all in ``values`` or ``unread``."""
+        """An instance whose fields are all in ``values`` or ``unread``."""
         part = object.__new__(cls)
         part.__dict__.update(values, _unread=unread)
         return part

@@ -10,29 +10,23 @@ from functools import lru_cache
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, Int64, UInt8
-from scenarionet_sim.cameras.lenses import rays_of
 from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.stage import Scenery, stage_of
 from scenarionet_sim.kernels.cameras.frames import draw_frames
 from scenarionet_sim.kernels.cameras.layout import (
     BAND,
-    EYE,
-    FORWARD,
+    BANDS,
     NUM_LIGHTS,
     NUM_POSE,
     NUM_SHADES,
     NUM_VERTEX,
-    PIVOT,
-    RIGHT,
     SKY_STEP,
     TILE,
-    VELOCITY,
-    YAW_SPEED,
     FrameMemory,
     Look,
     Pictures,
 )
-from scenarionet_sim.kernels.log import HEADING, VX, YAW_RATE, X, Y
+from scenarionet_sim.kernels.cameras.mounting import mount_cameras
 from scenarionet_sim.threads import Threads
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
@@ -46,6 +40,9 @@ CHANNELS: dict[str, tuple[int, type[np.generic]]] = {
     "flow": (2, np.float32),
 }
 """Channels: numbers per pixel and their type."""
+
+_TAILS = {name: (numbers,) if numbers > 1 else () for name, (numbers, _) in CHANNELS.items()}
+_NO_PICTURES = Pictures(*(np.empty((0, 0, *_TAILS[name]), dtype) for name, (_, dtype) in CHANNELS.items()))
 
 MAX_TRIANGLES = 200_000
 _MAX_VERTICES = 2_000
@@ -62,16 +59,18 @@ class Optics:
         reach: Farthest visible distance along a ray [m].
         are_boxes: Whether objects are their boxes instead of meshes.
         flow_time: Time between the two pictures of the flow [s].
+        rays: (H, W, 3) see ``cameras.lenses.rays_of``; read-only.
+        rings: (H,) descending slopes of a lidar's rings.
     """
 
     lens: Float64
     width: int
     height: int
     reach: float
-    are_boxes: bool = False
-    flow_time: float = 0.1
-    rings: Float64 | None = None
-    rays: Float64 | None = None
+    are_boxes: bool
+    flow_time: float
+    rays: Float64
+    rings: Float64
 
 
 def draw(
@@ -101,31 +100,20 @@ def draw(
         Arrays (B, H, W) or (B, H, W, numbers) by channel.
     """
     count, (height, width) = len(cameras), (optics.height, optics.width)
-    made: dict[str, Array] = {}
-    for name, (numbers, dtype) in CHANNELS.items():
-        tail = (numbers,) if numbers > 1 else ()
-        made[name] = np.empty((count if name in channels else 0, height, width, *tail), dtype)
-    stage = stage_of(batch, scenery)
-    bands = -(-height // BAND)
-    order: Int64 = np.concatenate([np.arange(start, bands, threads) for start in range(threads)])
-    rays = rays_of(tuple(optics.lens.tolist()), width, height) if optics.rays is None else optics.rays
-    rings = np.zeros(0) if optics.rings is None else optics.rings
-    pictures = Pictures(**{
-        name: picture.reshape(len(picture), height * width, *picture.shape[3:]) for name, picture in made.items()
-    })  # fmt: skip
-    solids, meshes = stage.solids(batch, state), library()
+    made = {name: np.empty((count, height * width, *_TAILS[name]), CHANNELS[name][1]) for name in channels}
+    pictures, stage = _NO_PICTURES._replace(**made), stage_of(batch, scenery)
+    solids, meshes, ground = stage.solids(batch, state), library(), stage.ground
     options = optics.are_boxes, optics.reach, optics.flow_time
 
-    def draw_bands(first: int, end: int) -> int:
+    def draw_parts(own: int, ranges: Int64) -> None:
         draw_frames(
-            first, end, order, cameras, poses, optics.lens, rays, rings, (height, width), options, solids, stage.ground,
-            meshes, look, _scratch(width), pictures,
+            own, ranges, cameras, poses, optics.lens, optics.rays, optics.rings, (height, width), options, solids,
+            ground, meshes, look, _scratch(width), pictures,
         )  # fmt: skip
-        return end - first
 
     if count:
-        _threads(threads).run(draw_bands, count * bands)
-    return {name: made[name] for name in channels}
+        _threads(threads).spread(draw_parts, count * -(-height // (BAND * BANDS)))
+    return {name: values.reshape(count, height, width, *_TAILS[name]) for name, values in made.items()}
 
 
 @lru_cache
@@ -157,54 +145,28 @@ def _scratch(width: int) -> FrameMemory:
             cells=np.zeros(TILE, np.int32),
             texels=np.zeros((3, TILE), np.int32),
             box=np.zeros(7),
+            is_near=np.empty(_MAX_INSTANCES, np.int32),
             sky=np.zeros((2, columns // SKY_STEP + 2, 4), np.float32),
         )
     return found
 
 
-def axes_of(yaw: Float64, pitch: Float64, roll: Float64) -> Float64:
-    """Return the axes right, down and ahead (B, 3, 3) of cameras.
-
-    Args:
-        yaw: (B,) counter-clockwise from +x [rad].
-        pitch: (B,) upwards [rad].
-        roll: (B,) clockwise as seen by the camera [rad].
-    """
-    zero = np.zeros_like(yaw)
-    ahead = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)], axis=1)
-    level = np.stack([np.sin(yaw), -np.cos(yaw), zero], axis=1)
-    below = np.stack([np.sin(pitch) * np.cos(yaw), np.sin(pitch) * np.sin(yaw), -np.cos(pitch)], axis=1)
-    cos, sin = np.cos(roll)[:, None], np.sin(roll)[:, None]
-    return np.stack([cos * level + sin * below, cos * below - sin * level, ahead], axis=1)
-
-
 def poses_on(
-    batch: WorldBatch,
-    state: State,
-    agents: Int32,
-    place: tuple[float, float, float],
-    yaw: Float64,
-    pitch: Float64,
-    roll: Float64,
+    batch: WorldBatch, state: State, agents: Int32, place: tuple[float, float, float], turns: Float64
 ) -> Float64:
     """Return the poses (A, NUM_POSE) of a camera mounted on each agent.
 
     Args:
         batch, state: The worlds and their current state.
-        agents: (A, 2) slot and row.
+        agents: (A, 2) int32 slot and row.
         place: x forward, y left of the middle of the box, z above the ground [m].
-        yaw, pitch, roll: (A,) see :func:`axes_of`, yaw from straight ahead [rad].
+        turns: (A, 3) yaw counter-clockwise from straight ahead, pitch upwards and roll clockwise as seen by the camera
+            [rad].
     """
-    x, y, z = place
-    motion = state.motion[agents[:, 0], agents[:, 1]]
-    heading = motion[:, HEADING]
-    cos, sin = np.cos(heading), np.sin(heading)
-    poses = np.zeros((len(agents), NUM_POSE))
-    poses[:, EYE], poses[:, EYE + 1] = motion[:, X] + cos * x - sin * y, motion[:, Y] + sin * x + cos * y
-    poses[:, EYE + 2] = z + ground_heights(batch, agents[:, 0], motion[:, :2])
-    poses[:, RIGHT : FORWARD + 3] = axes_of(heading + yaw, pitch, roll).reshape(-1, 9)
-    poses[:, VELOCITY : VELOCITY + 2], poses[:, YAW_SPEED] = motion[:, VX : VX + 2], motion[:, YAW_RATE]
-    poses[:, PIVOT : PIVOT + 2] = motion[:, :2]
+    poses, heights = np.empty((len(agents), NUM_POSE)), np.zeros(len(agents))
+    if any(world.heights is not None for world in batch.worlds):
+        heights = ground_heights(batch, agents[:, 0], state.motion[agents[:, 0], agents[:, 1], :2])
+    mount_cameras(state.motion, agents, place, turns, heights, poses)
     return poses
 
 

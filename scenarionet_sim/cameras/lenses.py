@@ -44,6 +44,10 @@ def lens_of(kind: str, intrinsics: Intrinsics, distortion: tuple[float, ...]) ->
     return lens
 
 
+_NO_RAYS: Float64 = np.zeros((0, 0, 3))
+_NO_RAYS.flags.writeable = False  # as all rays: one type of arrays, for which kernels are compiled once
+
+
 @lru_cache(maxsize=16)
 def rays_of(lens: tuple[float, ...], width: int, height: int) -> Float64:
     """Return the directions (H, W, 3) right, down, ahead of the pixels' centres.
@@ -53,7 +57,7 @@ def rays_of(lens: tuple[float, ...], width: int, height: int) -> Float64:
     """
     kind = int(lens[KIND])
     if kind == PINHOLE:
-        return np.zeros((0, 0, 3))
+        return _NO_RAYS
     u = (np.arange(width) + 0.5 - lens[CX]) / lens[FX]
     v = (np.arange(height) + 0.5 - lens[CY]) / lens[FY]
     bent = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1)

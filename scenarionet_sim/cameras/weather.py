@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, UInt8
+from scenarionet_data.arrays.dtypes import Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.kernels.cameras.layout import (
     CLOUD,
@@ -82,18 +82,29 @@ _HORIZON, _LOW_HORIZON = np.array([0.62, 0.76, 0.94]), np.array([0.78, 0.44, 0.2
 _GREY = np.array([0.60, 0.63, 0.67])
 
 
-def look_of(weathers: list[Weather], exposure: float, vignette: float, shifts: list[int]) -> Look:
+def look_of(
+    names: tuple[str, ...], slots: Int32, weather: Weather | None, seed: int, exposure: float, vignette: float
+) -> Look:
     """Return the light of frames as kernels take it.
 
     Args:
-        weathers: Of each frame.
+        names: Ids of the scenarios in all slots.
+        slots: (B,) slots of the frames.
+        weather: Of all frames; None to draw it for every scenario by ``seed``.
+        seed: Seed of weather and textures.
         exposure: Factor of brightness.
         vignette: Share of light lost in the corners.
-        shifts: Of the textures [texels], by frame.
     """
-    lights = np.array([_light(weather) for weather in weathers]).reshape(-1, NUM_LIGHT)
-    lights[:, EXPOSURE], lights[:, VIGNETTE], lights[:, SHIFT] = exposure, vignette, shifts
-    return Look(lights, _grain(), _tone())
+    return Look(_lights(names, weather, seed, exposure, vignette)[slots], _grain(), _tone())
+
+
+@lru_cache(maxsize=64)
+def _lights(names: tuple[str, ...], weather: Weather | None, seed: int, exposure: float, vignette: float) -> Float64:
+    """Return the light (W, NUM_LIGHT) of slots."""
+    lights = np.array([_light(weather or random_weather(seed, name)) for name in names]).reshape(-1, NUM_LIGHT)
+    lights[:, EXPOSURE], lights[:, VIGNETTE] = exposure, vignette
+    lights[:, SHIFT] = [zlib.crc32(name.encode(), seed) % 512 for name in names]
+    return lights
 
 
 @lru_cache

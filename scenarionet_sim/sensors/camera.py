@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import cached_property, partial
@@ -15,9 +14,9 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.cameras.cuda.availability import require_cuda
 from scenarionet_sim.cameras.drawing import CHANNELS, Optics, draw, poses_on, scaled_down
 from scenarionet_sim.cameras.formats import add_pixel_noise
-from scenarionet_sim.cameras.lenses import Intrinsics, lens_of
+from scenarionet_sim.cameras.lenses import Intrinsics, lens_of, rays_of
 from scenarionet_sim.cameras.stage import Scenery
-from scenarionet_sim.cameras.weather import DAY, Weather, look_of, random_weather
+from scenarionet_sim.cameras.weather import DAY, Weather, look_of
 from scenarionet_sim.kernels.cameras.layout import Look
 from scenarionet_sim.sensors.base import Sensor, require
 from scenarionet_sim.worlds.state import State
@@ -185,7 +184,8 @@ class Camera(Sensor):
             fx, fy, cx, cy = (factor * value for value in self.matrix)
             lens = lens_of(self.lens, (fx, fy, cx, cy), self.distortion)
             size = self.width * factor, self.height * factor
-            made[factor] = Optics(lens, *size, self.range, self.are_boxes, self.flow_time)
+            rays = rays_of(tuple(lens.tolist()), *size)
+            made[factor] = Optics(lens, *size, self.range, self.are_boxes, self.flow_time, rays, np.zeros(0))
         return made
 
     def frames(
@@ -199,7 +199,6 @@ class Camera(Sensor):
             agents: (A, 2) int32 world and row of each agent.
             rng: Source of noise and jitter; unused without them.
         """
-        rng = rng or np.random.default_rng()
         if self.device == "cuda":
             return {name: seen.copy_to_host() for name, seen in self.frames_on_card(batch, state, agents, rng).items()}
         who, poses, look, scenery = self._shots(batch, state, agents, rng)
@@ -219,27 +218,24 @@ class Camera(Sensor):
         require_cuda()
         from scenarionet_sim.cameras.cuda import drawing as card
 
-        rng = rng or np.random.default_rng()
         who, poses, look, scenery = self._shots(batch, state, agents, rng)
         drawn = partial(card.draw, batch, state, who, poses, look=look, scenery=scenery)
         return self._finished(drawn, card.scaled_down, card.add_pixel_noise, rng)
 
     def _shots(
-        self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator
+        self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator | None
     ) -> tuple[Int32, Float64, Look, Scenery]:
         """Return slots and own vehicles, poses and light of the frames, and what surrounds the roads."""
-        mount = self.mount
-        turns = mount.yaw, mount.pitch, mount.roll
+        mount, count = self.mount, len(agents)
+        turns = np.empty((count, 3))
+        turns[:] = mount.yaw, mount.pitch, mount.roll
         if self.jitter:
-            yaw, pitch, roll = np.array(turns)[:, None] + self.jitter * rng.standard_normal((3, len(agents)))
-        else:
-            yaw, pitch, roll = (np.full(len(agents), turn) for turn in turns)
-        poses = poses_on(batch, state, agents, (mount.x, mount.y, mount.z), yaw, pitch, roll)
-        who = np.column_stack([agents, np.full(len(agents), OWN_VIEWS.index(self.own))]).astype(np.int32)
-        ids = [batch.worlds[slot].scenario_id for slot in agents[:, 0].tolist()]
-        weathers = [self.weather or random_weather(self.seed, name) for name in ids]
-        shifts = [zlib.crc32(name.encode(), self.seed) % 512 for name in ids]
-        look = look_of(weathers, self.exposure, self.vignette, shifts)
+            turns += (self.jitter * (rng or np.random.default_rng()).standard_normal((3, count))).T
+        poses = poses_on(batch, state, agents, (mount.x, mount.y, mount.z), turns)
+        who = np.empty((count, 3), np.int32)
+        who[:, :2], who[:, 2] = agents, OWN_VIEWS.index(self.own)
+        names = tuple([world.scenario_id for world in batch.worlds])
+        look = look_of(names, agents[:, 0], self.weather, self.seed, self.exposure, self.vignette)
         return who, poses, look, (self.has_sidewalks, self.has_scenery, self.seed)
 
     def _finished(
@@ -247,7 +243,7 @@ class Camera(Sensor):
         drawn: Callable[..., dict[str, Made]],
         shrink: Callable[[Made, int], Made],
         add_noise: Callable[[Made, float, np.random.Generator], None],
-        rng: np.random.Generator,
+        rng: np.random.Generator | None,
     ) -> dict[str, Made]:
         """Return all channels, with several rays per pixel and noise where wanted."""
         found: dict[str, Made] = {}
@@ -257,7 +253,7 @@ class Camera(Sensor):
         if rest := tuple(name for name in self.channels if name not in found):
             found |= drawn(optics=self._optics[1], channels=rest)
         if self.noise and "rgb" in self.channels:
-            add_noise(found["rgb"], self.noise, rng)
+            add_noise(found["rgb"], self.noise, rng or np.random.default_rng())
         return {name: found[name] for name in self.channels}
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:

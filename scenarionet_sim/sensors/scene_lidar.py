@@ -88,22 +88,25 @@ class SceneLidar(Sensor):
         """(rings, azimuths, 3) unit vectors right, down and ahead."""
         rise, turn = np.array(self.elevations)[:, None], 2 * np.pi * np.arange(self.azimuths) / self.azimuths
         parts = -np.cos(rise) * np.sin(turn), -np.sin(rise) + 0 * turn, np.cos(rise) * np.cos(turn)
-        return np.ascontiguousarray(np.stack(parts, axis=-1))
+        rays = np.ascontiguousarray(np.stack(parts, axis=-1))
+        rays.flags.writeable = False
+        return rays
 
     @cached_property
     def _optics(self) -> Optics:
         lens = np.zeros(NUM_LENS)
         lens[KIND], lens[[FX, FY]] = RINGS, self.azimuths / (2 * np.pi)
         size = self.azimuths, len(self.elevations)
-        return Optics(lens, *size, self.range, self.are_boxes, rings=np.tan(self.elevations), rays=self._rays)
+        return Optics(lens, *size, self.range, self.are_boxes, 0.0, self._rays, np.tan(self.elevations))
 
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
         """Write ranges and intensities."""
         mount, count = self.mount, len(agents)
-        turns = (np.full(count, turn) for turn in (mount.yaw, mount.pitch, mount.roll))
-        poses = poses_on(batch, state, agents, (mount.x, mount.y, mount.z), *turns)
-        who = np.column_stack([agents, np.zeros(count)]).astype(np.int32)
-        look, scenery = look_of([DAY] * count, 1.0, 0.0, [0] * count), (True, self.has_scenery, self.seed)
+        turns = np.array([(mount.yaw, mount.pitch, mount.roll)] * count).reshape(-1, 3)
+        poses = poses_on(batch, state, agents, (mount.x, mount.y, mount.z), turns)
+        who = np.column_stack([agents, np.zeros(count, np.int32)])
+        look = look_of(("",), np.zeros(count, np.int32), DAY, 0, 1.0, 0.0)
+        scenery = True, self.has_scenery, self.seed
         channels = "depth", "semantic", "normals"
         found = draw(batch, state, who, poses, self._optics, look, scenery, channels, self.threads)
         out[..., 0] = np.minimum(found["depth"] / self.range, 1.0)

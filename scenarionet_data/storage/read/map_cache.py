@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data import codec
-from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.arrays.packed_columns import from_arrow
+from scenarionet_data.arrays.dtypes import Float64, Int64
+from scenarionet_data.arrays.packed_columns import from_arrow, offsets_of
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import meets
 from scenarionet_data.errors import ScenarioNotFound
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.read.crop_kernels import move_points
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
@@ -49,8 +50,14 @@ class SharedMap:
         corner = np.array([origin[0], origin[1], origin[0], origin[1]])
         min_x, min_y, max_x, max_y = np.asarray(window) + corner
         rows = np.flatnonzero(meets(self.bounds, (min_x, min_y, max_x, max_y)))
-        chosen, shift = self.features.take(rows), self.origins[rows] - origin
-        return replace(chosen, polyline=_translated(chosen.polyline, shift), polygon=_translated(chosen.polygon, shift))
+        shift = self.origins[rows] - origin
+        line, outline = (_moved(points, rows, shift) for points in (self.features.polyline, self.features.polygon))
+        return replace(self._without_points.take(rows), polyline=line, polygon=outline)
+
+    @cached_property
+    def _without_points(self) -> MapFeatures:
+        none = Ragged.empty(len(self.features), 3)
+        return replace(self.features, polyline=none, polygon=none)
 
 
 class MapCache:
@@ -109,6 +116,9 @@ def _read(files: LakeFiles, name: str) -> SharedMap:
     return SharedMap(features, origins, bounds)
 
 
-def _translated(points: Ragged, shift: Float64) -> Ragged:
-    translated = points.values + np.repeat(shift, points.lengths, axis=0)
-    return Ragged(points.offsets, translated.astype(np.float32))
+def _moved(points: Ragged, rows: Int64, shift: Float64) -> Ragged:
+    """Lists of points at some rows, each moved by its shift, (rows, 3) [m]."""
+    offsets = offsets_of(points.lengths[rows])
+    moved = np.empty((offsets[-1], 3), np.float32)
+    move_points(points.offsets, points.values, rows, shift, offsets, moved)
+    return Ragged(offsets, moved)

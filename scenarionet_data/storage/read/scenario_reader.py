@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from typing import Any
 
 from scenarionet_data.arrays.columns import ColumnLayout, Columns
@@ -70,7 +70,7 @@ class ScenarioReader:
         if self._remote is None:  # the operating system reads mapped files ahead
             return
         cached = {address for starts, _ in self._cached.values() for address in starts}
-        addresses = [address for row in metadata for table in wanted for address in _addresses(table, [row])]
+        addresses = [address for row in metadata for table in wanted if (address := _address(table, row))]
         with snapshots.reading_from(self._files, self._snapshot):
             self._remote.prefetch(address for address in addresses if address not in cached)
 
@@ -90,28 +90,26 @@ class ScenarioReader:
             return {table: self._read_table(table, metadata) for table in wanted}
 
     def _read_table(self, table: str, metadata: Sequence[Mapping[str, Any]]) -> ScenarioColumns | None:
-        addresses = _addresses(table, metadata)
-        if not addresses:
+        _, _, first_row, num_rows = _ADDRESS[table]
+        wanted = [(address, row[first_row], row[num_rows]) for row in metadata if (address := _address(table, row))]
+        if not wanted:
             return None
+        addresses = dict.fromkeys([address for address, _, _ in wanted])
         starts, columns = self._cached.get(table, ({}, None))
         if columns is None or not addresses.keys() <= starts.keys():
             starts, columns = self._read_row_groups(table, list(addresses))
-        file, row_group, first_row, num_rows = _ADDRESS[table]
-        spans = [
-            (starts[RowGroupAddress(table, row[file], row[row_group])], row[first_row], row[num_rows])
-            for row in metadata
-            if row[file]
-        ]
-        if any(first < 0 or count < 0 or start + first + count > columns.num_rows for start, first, count in spans):
-            raise LakeError("a file has fewer rows than its metadata; `scenarionet fsck` names it and the remedy")
-        places = [(start + first, count) for start, first, count in spans]
+        places = []
+        for address, first, count in wanted:
+            start = starts[address] + first
+            if first < 0 or count < 0 or start + count > columns.num_rows:
+                raise LakeError("a file has fewer rows than its metadata; `scenarionet fsck` names it and the remedy")
+            places.append((start, count))
         if [first for first, _ in places] != list(starts.values()) or sum(places[-1]) != columns.num_rows:
             self._cached[table] = starts, columns  # shared row groups: scenarios read next are often in them
         begin = places[0][0]
-        if any(first + count != after for (first, count), (after, _) in pairwise(places)):
+        if [sum(place) for place in places[:-1]] != [first for first, _ in places[1:]]:
             columns, begin = pick(columns, places), 0
-        bounds = accumulate([row[num_rows] or 0 for row in metadata], initial=begin)
-        return ScenarioColumns(columns, list(bounds))
+        return ScenarioColumns(columns, list(accumulate([row[num_rows] or 0 for row in metadata], initial=begin)))
 
     def _read_row_groups(
         self, table: str, addresses: list[RowGroupAddress]
@@ -123,7 +121,7 @@ class ScenarioReader:
         except UnreadableFile as error:
             with reading(error.url):
                 raise
-        return dict(zip(addresses, accumulate((group.num_rows for group in groups), initial=0), strict=False)), columns
+        return dict(zip(addresses, accumulate([group.num_rows for group in groups], initial=0), strict=False)), columns
 
 
 def _layout(table: str, with_ids: bool, columns: Mapping[str, Collection[str]] | None) -> ColumnLayout:
@@ -132,7 +130,7 @@ def _layout(table: str, with_ids: bool, columns: Mapping[str, Collection[str]] |
     return ColumnLayout(column for column in tables.load(table).columns if column.name in {*wanted, *ids})
 
 
-def _addresses(table: str, metadata: Sequence[Mapping[str, Any]]) -> dict[RowGroupAddress, None]:
-    """Distinct row groups of scenarios in one table, in their order."""
+def _address(table: str, row: Mapping[str, Any]) -> RowGroupAddress | None:
+    """Row group of a scenario in one table; None if it has no rows there."""
     file, row_group, *_ = _ADDRESS[table]
-    return dict.fromkeys(RowGroupAddress(table, row[file], row[row_group]) for row in metadata if row[file])
+    return RowGroupAddress(table, row[file], row[row_group]) if row[file] else None

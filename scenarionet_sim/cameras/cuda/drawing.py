@@ -16,7 +16,6 @@ from scenarionet_sim.cameras.cuda.frames import DeviceFrames
 from scenarionet_sim.cameras.cuda.kernels import LANES, launch
 from scenarionet_sim.cameras.cuda.memory import DeviceMemory
 from scenarionet_sim.cameras.drawing import CHANNELS, Optics
-from scenarionet_sim.cameras.lenses import rays_of
 from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.stage import Scenery, Stage, stage_of
 from scenarionet_sim.kernels.cameras.layout import (
@@ -146,14 +145,10 @@ def _solids_on(memory: DeviceMemory, batch: WorldBatch, stage: Stage, solids: So
 
 def _shots_on(memory: DeviceMemory, cameras: Int32, poses: Float64, optics: Optics) -> Shots:
     """Return the cameras with their arrays on the card."""
-    rays = rays_of(tuple(optics.lens.tolist()), optics.width, optics.height)
     return Shots(
         memory.put("owners", cameras), memory.put("poses", poses), memory.put("lens", optics.lens),
-        memory.constant(rays), memory.constant(_NO_RINGS),
+        memory.constant(optics.rays), memory.constant(optics.rings),
     )  # fmt: skip
-
-
-_NO_RINGS: Float64 = np.zeros(0)
 
 
 def _items(memory: DeviceMemory, num_frames: int, num_items: int) -> Items:

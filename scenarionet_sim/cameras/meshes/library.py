@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32
-from scenarionet_sim.cameras.meshes import people, things, vehicles
+from scenarionet_sim.cameras.meshes import far_vehicles, people, things, vehicles
 from scenarionet_sim.cameras.meshes.materials import MATERIAL_COLORS, PAINTS
 from scenarionet_sim.cameras.shapes import Shape, box, joined, tube, with_normals
 from scenarionet_sim.kernels.cameras import layout as at
@@ -41,17 +41,18 @@ def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
         at.BUILDING: (things.building(), (15.0, 15.0, 12.0)),
         at.SIGN: (whole, (1.0, 1.0, 1.0)),
         at.DECK: (vehicles.interior(), (4.6, 1.9, 1.55)),
-        at.CAR_FAR: (vehicles.far_car(), (4.6, 1.9, 1.55)),
-        at.TRUCK_FAR: (vehicles.far_truck(), (8.0, 2.5, 3.2)),
+        at.CAR_FAR: (far_vehicles.far_car(), (4.6, 1.9, 1.55)),
+        at.TRUCK_FAR: (far_vehicles.far_truck(), (8.0, 2.5, 3.2)),
         at.PERSON_FAR: (people.far_person(), (0.6, 0.6, 1.75)),
         at.BLOCK: ([things.open_box(at.BODY)], (1.0, 1.0, 1.0)),
         at.WALLS: ([things.open_box(at.FACADE)], (15.0, 15.0, 12.0)),
         at.LIGHT_FAR: (things.far_light_head(), (0.35, 0.35, 1.0)),
-        at.CAR_MIDDLE: (vehicles.middle_car(), (4.6, 1.9, 1.55)),
-        at.VAN_MIDDLE: (vehicles.middle_van(), (5.4, 2.0, 2.0)),
+        at.CAR_MIDDLE: (far_vehicles.middle_car(), (4.6, 1.9, 1.55)),
+        at.VAN_MIDDLE: (far_vehicles.middle_van(), (5.4, 2.0, 2.0)),
         at.TREE_MIDDLE: (things.middle_tree(), (5.0, 5.0, 8.0)),
         at.TREE_FAR: (things.far_tree(), (5.0, 5.0, 8.0)),
-        at.TREE_TINY: (things.tiny_tree(), (5.0, 5.0, 8.0)),
+        at.TREE_TINY: (things.tiny_tree(6), (5.0, 5.0, 8.0)),
+        at.TREE_DOT: (things.tiny_tree(4), (5.0, 5.0, 8.0)),
         at.CONIFER_MIDDLE: (things.middle_conifer(), (4.0, 4.0, 9.0)),
         at.CONIFER_FAR: (things.far_conifer(), (4.0, 4.0, 9.0)),
         at.CONIFER_TINY: (things.tiny_conifer(), (4.0, 4.0, 9.0)),
@@ -66,12 +67,13 @@ _COARSER = {
     at.CYCLIST: (at.PERSON_FAR, 24), at.PERSON_FAR: (at.BLOCK, 6), at.CONE: (at.BLOCK, 6), at.BARRIER: (at.BLOCK, 6),
     at.LIGHT_HEAD: (at.LIGHT_FAR, 24), at.POLE: (at.POLE_FAR, 60), at.BUILDING: (at.WALLS, 6),
     at.TREE: (at.TREE_MIDDLE, 110), at.TREE_MIDDLE: (at.TREE_FAR, 36), at.TREE_FAR: (at.TREE_TINY, 6),
-    at.CONIFER: (at.CONIFER_MIDDLE, 110), at.CONIFER_MIDDLE: (at.CONIFER_FAR, 36), at.CONIFER_FAR: (at.CONIFER_TINY, 6),
+    at.TREE_TINY: (at.TREE_DOT, 3), at.CONIFER: (at.CONIFER_MIDDLE, 110), at.CONIFER_MIDDLE: (at.CONIFER_FAR, 36),
+    at.CONIFER_FAR: (at.CONIFER_TINY, 6),
 }  # fmt: skip
 """The next coarser mesh of each, and the radius on the screen [pixels] below which it is drawn instead."""
 
 
-_ONE_SIDED = (at.TREE_FAR, at.TREE_TINY, at.CONIFER_FAR, at.CONIFER_TINY, at.POLE_FAR)
+_ONE_SIDED = (at.TREE_FAR, at.TREE_TINY, at.TREE_DOT, at.CONIFER_FAR, at.CONIFER_TINY, at.POLE_FAR)
 """Meshes that have only the side that faces the camera."""
 
 

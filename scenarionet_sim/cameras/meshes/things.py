@@ -132,10 +132,12 @@ def far_tree() -> list[Shape]:
     return [_front([(-0.2, 0.0, 0.70), *outline], fan, at.BODY), _trunk(0.035, 0.42)]
 
 
-def tiny_tree() -> list[Shape]:
-    """Return the side of a broad-leaved tree that faces -x, seen from very far away."""
-    outline = [(0.12 * np.sin(a), 0.42 * np.cos(a), 0.66 + 0.34 * np.sin(a)) for a in np.arange(6) * np.pi / 3.0]
-    return [_front(outline, [(0, k + 1, k) for k in range(1, 5)], at.BODY)]
+def tiny_tree(sides: int) -> list[Shape]:
+    """Return the side of a broad-leaved tree that faces -x, seen from very far away: an outline of some sides."""
+    wide, tall = (0.42, 0.34) if sides > 4 else (0.50, 0.42)
+    angles = np.arange(sides) * 2.0 * np.pi / sides
+    outline = [(0.12 * np.sin(a), wide * np.cos(a), 0.66 + tall * np.sin(a)) for a in angles.tolist()]
+    return [_front(outline, [(0, k + 1, k) for k in range(1, sides - 1)], at.BODY)]
 
 
 def far_conifer() -> list[Shape]:

@@ -8,6 +8,7 @@ from scenarionet_sim.kernels.cameras.instances import add_solids
 from scenarionet_sim.kernels.cameras.labels import label_pixels, write_flow
 from scenarionet_sim.kernels.cameras.layout import (
     BAND,
+    BANDS,
     FX,
     GROUND_X,
     GROUND_Y,
@@ -27,16 +28,16 @@ from scenarionet_sim.kernels.cameras.layout import (
 from scenarionet_sim.kernels.cameras.paving import color_ground
 from scenarionet_sim.kernels.cameras.rows import look_along
 from scenarionet_sim.kernels.cameras.shading import cast_shadows, color_triangles, expose
-from scenarionet_sim.kernels.cameras.sky import color_sky
+from scenarionet_sim.kernels.cameras.sky import carry_sky, color_sky
 from scenarionet_sim.kernels.cameras.triangles import trace_band
 from scenarionet_sim.kernels.minmax import smaller
+from scenarionet_sim.kernels.sharing import take
 
 
 @kernel(allocates=False, nogil=True, divides_by_zero=True)
 def draw_frames(
-    first: int,
-    end: int,
-    order: Int64,
+    own: int,
+    ranges: Int64,
     owners: Int32,
     poses: Float64,
     lens: Float64,
@@ -51,11 +52,10 @@ def draw_frames(
     scratch: FrameMemory,
     pictures: Pictures,
 ) -> None:
-    """Draw bands of frames.
+    """Draw parts of frames, ``BANDS`` bands each.
 
     Args:
-        first, end: Bands of all frames, frame by frame.
-        order: (number of bands of a frame,) the band to draw at each turn.
+        own, ranges: Number of the thread, and parts of all frames, frame by frame, see ``kernels.sharing``.
         owners: (B, 3) slot, row of the own vehicle or -1, and how it is shown.
         poses: (B, NUM_POSE) cameras.
         lens: (NUM_LENS,).
@@ -70,9 +70,11 @@ def draw_frames(
     height, width = size
     are_boxes, reach, dt = options
     is_colored = len(pictures.rgb) > 0
-    drawn, count, num_shadows = -1, 0, 0
-    for turn in range(first, end):
-        frame, band = turn // len(order), order[turn % len(order)]
+    drawn, count, num_shadows, shown, above = -1, 0, 0, -1, -1
+    parts = (height + BAND * BANDS - 1) // (BAND * BANDS)
+    part = take(ranges, own)
+    while part >= 0:
+        frame = part // parts
         slot, pose = owners[frame, 0], poses[frame]
         if frame != drawn:
             count, num_shadows = add_solids(
@@ -81,35 +83,36 @@ def draw_frames(
                 scratch.box,
             )  # fmt: skip
             drawn = frame
-        top, bottom = band * BAND, smaller(band * BAND + BAND, height)
-        trace_band(top, bottom, count, lens, rays, width, scratch)
-        for node in range(scratch.sky.shape[1]):
-            scratch.sky[0, node, 3] = 0.0
-            scratch.sky[1, node, 3] = 0.0
-        num_pixels = (bottom - top) * width
-        num_tiles = (num_pixels + TILE - 1) // TILE
-        tile = (num_pixels + num_tiles - 1) // num_tiles
-        for start in range(0, num_pixels, tile):
-            num, place = smaller(tile, num_pixels - start), top * width + start
-            near, seen = scratch.near[start : start + num], scratch.seen[start : start + num]
-            kinds = look_along(place, num, slot, pose, lens, rays, width, reach, ground, near, seen, scratch.shades)
-            label_pixels(
-                frame, place, slot, pose, ground, seen, scratch.labels, scratch.colors, scratch.shades, pictures
-            )
-            if len(pictures.flow):
-                write_flow(
-                    frame, place, width, slot, pose, lens, dt, solids.motion, seen, scratch.labels, scratch.shades,
-                    pictures.flow,
-                )  # fmt: skip
-            if is_colored:
-                color_tile(
-                    place, slot, pose, size, lens, rays, num_shadows, kinds, ground, look.lights[frame], look.grain,
-                    seen, scratch,
-                )  # fmt: skip
-                expose(
-                    place, size, kinds, look.lights[frame], look.tone, seen, scratch.texels, scratch.shades,
-                    pictures.rgb[frame, place : place + num],
-                )  # fmt: skip
+        for band in range(part % parts * BANDS, smaller(part % parts * BANDS + BANDS, (height + BAND - 1) // BAND)):
+            top, bottom = band * BAND, smaller(band * BAND + BAND, height)
+            trace_band(top, bottom, count, lens, rays, width, scratch)
+            carry_sky(frame == shown and band == above + 1, scratch.sky)
+            shown, above = frame, band
+            num_pixels = (bottom - top) * width
+            num_tiles = (num_pixels + TILE - 1) // TILE
+            tile = (num_pixels + num_tiles - 1) // num_tiles
+            for start in range(0, num_pixels, tile):
+                num, place = smaller(tile, num_pixels - start), top * width + start
+                near, seen = scratch.near[start : start + num], scratch.seen[start : start + num]
+                kinds = look_along(place, num, slot, pose, lens, rays, width, reach, ground, near, seen, scratch.shades)
+                label_pixels(
+                    frame, place, slot, pose, ground, seen, scratch.labels, scratch.colors, scratch.shades, pictures
+                )
+                if len(pictures.flow):
+                    write_flow(
+                        frame, place, width, slot, pose, lens, dt, solids.motion, seen, scratch.labels, scratch.shades,
+                        pictures.flow,
+                    )  # fmt: skip
+                if is_colored:
+                    color_tile(
+                        place, slot, pose, size, lens, rays, num_shadows, kinds, ground, look.lights[frame], look.grain,
+                        seen, scratch,
+                    )  # fmt: skip
+                    expose(
+                        place, size, kinds, look.lights[frame], look.tone, seen, scratch.texels, scratch.shades,
+                        pictures.rgb[frame, place : place + num],
+                    )  # fmt: skip
+        part = take(ranges, own)
 
 
 @device_function(forceinline=True, divides_by_zero=True, nogil=True)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.kernels.cameras.ground import height_at
 from scenarionet_sim.kernels.cameras.layout import (
     BARRIER,
@@ -16,10 +18,15 @@ from scenarionet_sim.kernels.cameras.layout import (
     CAR_CLASS,
     CONE,
     CONE_CLASS,
+    CX,
+    CY,
     CYCLIST,
     DECK,
+    DOWN,
     EYE,
     FENCE,
+    FORWARD,
+    FX,
     FY,
     HIDDEN,
     INSIDE,
@@ -33,6 +40,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     PERSON,
     PINHOLE,
     RIDER,
+    RIGHT,
     SHADOW,
     SUN,
     TAIL_LAMP,
@@ -113,7 +121,7 @@ def lamp_of(solids: Solids, slot: int, lamp: int) -> int:
     return LAMP_GREEN if color == 1 else (LAMP_YELLOW if color == 2 else (LAMP_RED if color == 3 else -1))
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids, ground: Ground, box: Float64) -> bool:
     """Write x, y, z, heading, length, width, height of an object or fixture; return whether it may be in reach.
 
@@ -139,7 +147,7 @@ def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids,
     return True
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def casts_shadow(
     is_object: bool, box: Float64, pose: Float64, lens: Float64, width: int, height: int, light: Float64
 ) -> bool:
@@ -155,7 +163,7 @@ def casts_shadow(
     return not is_beside_picture(x, y, z, radius, pose, lens, width, height)
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def appearance_of(
     item: int, slot: int, own: int, own_view: int, are_boxes: bool, is_colored: bool, solids: Solids, box: Float64
 ) -> tuple[int, int, int, int, float, float]:
@@ -182,7 +190,33 @@ def appearance_of(
     return mesh, semantic, paint, glow, spin, steer
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
+def _list_near(
+    count: int, first: int, pose: Float64, lens: Float64, width: float, height: float, reach: float,
+    shadow_reach: float, fixed: Float32, is_near: Int32,
+) -> None:  # fmt: skip
+    """Write whether a pinhole may see fixtures or their shadows, which are up to ``shadow_reach`` heights long."""
+    side, rise = larger(lens[CX], width - lens[CX]), larger(lens[CY], height - lens[CY])
+    per_side, per_rise = math.sqrt(lens[FX] * lens[FX] + side * side), math.sqrt(lens[FY] * lens[FY] + rise * rise)
+    for k in range(count):
+        length, wide, tall = fixed[first + k, 4] * 1.0, fixed[first + k, 5] * 1.0, fixed[first + k, 6] * 1.0
+        radius = 0.55 * (length + wide) + tall * (1.0 + shadow_reach) + 1.0
+        wx, wy, wz = (
+            fixed[first + k, 0] - pose[EYE],
+            fixed[first + k, 1] - pose[EYE + 1],
+            fixed[first + k, 2] - pose[EYE + 2],
+        )
+        x = pose[RIGHT] * wx + pose[RIGHT + 1] * wy + pose[RIGHT + 2] * wz
+        y = pose[DOWN] * wx + pose[DOWN + 1] * wy + pose[DOWN + 2] * wz
+        z = pose[FORWARD] * wx + pose[FORWARD + 1] * wy + pose[FORWARD + 2] * wz
+        is_beside = (abs(x) * lens[FX] - z * side > radius * per_side) | (
+            abs(y) * lens[FY] - z * rise > radius * per_rise
+        )
+        is_far = wx * wx + wy * wy + wz * wz > (reach + radius) * (reach + radius)
+        is_near[k] = np.int32(0) if is_beside | is_far | (z < -radius) else np.int32(1)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
 def add_solids(
     slot: int, own: int, own_view: int, pose: Float64, lens: Float64, rings: Float64, width: int,
     height: int, reach: float, are_boxes: bool, is_colored: bool, has_normals: bool, solids: Solids, ground: Ground,
@@ -192,7 +226,17 @@ def add_solids(
     count, num_triangles, num_shadows = 0, 0, 0
     has_shadows = is_colored and light[SHADOW] > 0.0 and lens[KIND] == PINHOLE
     rows = solids.motion.shape[1]
-    for item in range(rows + solids.fixed_range[slot, 1] - solids.fixed_range[slot, 0]):
+    num_fixed = int(solids.fixed_range[slot, 1] - solids.fixed_range[slot, 0])
+    shadow_reach = 1.0 / larger(light[SUN + 2], 0.2) if has_shadows else 0.0
+    is_near, has_view = scratch.is_near, lens[KIND] == PINHOLE
+    if has_view:
+        _list_near(
+            smaller(num_fixed, len(is_near)), int(solids.fixed_range[slot, 0]), pose, lens, width * 1.0, height * 1.0,
+            reach, shadow_reach, solids.fixed, is_near,
+        )  # fmt: skip
+    for item in range(rows + num_fixed):
+        if has_view and rows <= item < rows + len(is_near) and is_near[item - rows] == 0:
+            continue
         if not write_box(item, slot, pose, reach, solids, ground, box):
             continue
         is_object = item < rows

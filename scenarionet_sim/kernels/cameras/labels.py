@@ -67,7 +67,7 @@ def ground_class(ground: Ground, slot: int, x: float, y: float) -> int:
     return PAVEMENT if bits & SIDEWALK else TERRAIN
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def label_pixels(
     frame: int, first: int, slot: int, pose: Float64, ground: Ground, seen: Int32, labels: Int32, colors: Float32,
     shades: Float32, pictures: Pictures,

@@ -39,8 +39,8 @@ x, y, direction x, y, length and half the width."""
 (
     BOX, CAR, VAN, TRUCK, BUS, PEDESTRIAN, CYCLIST, CONE, BARRIER, LIGHT_HEAD, POLE, TREE, CONIFER, BUILDING, SIGN,
     DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, BLOCK, WALLS, LIGHT_FAR, CAR_MIDDLE, VAN_MIDDLE, TREE_MIDDLE,
-    TREE_FAR, TREE_TINY, CONIFER_MIDDLE, CONIFER_FAR, CONIFER_TINY, POLE_FAR,
-) = range(31)  # fmt: skip
+    TREE_FAR, TREE_TINY, TREE_DOT, CONIFER_MIDDLE, CONIFER_FAR, CONIFER_TINY, POLE_FAR,
+) = range(32)  # fmt: skip
 """Meshes; those for small pictures are the last."""
 
 (
@@ -91,6 +91,9 @@ NOTHING, ON_GROUND = -2, -1
 
 BAND = 8
 """Rows of a band, the part of a frame that a thread draws at a time."""
+
+BANDS = 3
+"""Bands that a thread draws one after another."""
 
 TILE = 384
 """Most pixels of a band drawn at a time: their values stay in the processor's cache."""
@@ -221,6 +224,7 @@ class FrameMemory(NamedTuple):
         cells: (TILE,) cells of the ground.
         texels: (3, TILE) texels of its noise in the first row; levels of colour.
         box: (7,) of an object.
+        is_near: (I,) 1 for fixtures that may be in view.
         sky: (2, columns / SKY_STEP + 2, 4) light of the sky above and below a band, and 1 where it is known.
     """
 
@@ -239,6 +243,7 @@ class FrameMemory(NamedTuple):
     cells: Int32
     texels: Int32
     box: Float64
+    is_near: Int32
     sky: Float32
 
 

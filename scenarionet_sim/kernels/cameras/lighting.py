@@ -1,4 +1,4 @@
-"""The light on the vertices of meshes."""
+"""The light on the vertices of meshes, and of triangles."""
 
 from __future__ import annotations
 
@@ -8,22 +8,39 @@ from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64
 from scenarionet_sim.kernels.cameras.layout import (
     AWAY,
+    BODY,
     BOUNCE,
+    COLUMN,
     DIFFUSE,
+    FACADE,
+    GLASS,
     GLOSS,
+    HEADLAMP,
     HORIZON,
+    LAMP_GREEN,
+    LAMP_RED,
+    LAMPS,
+    METAL,
     MIRROR,
     NORMAL,
+    ROW,
     SKYLIGHT,
     SUN,
     SUNLIGHT,
+    TAIL_LAMP,
     ZENITH,
+    Meshes,
 )
 from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
+NUM_MATERIALS = 21
 
-@device_function(forceinline=True, divides_by_zero=True)
+LEAST_AREA = 0.5
+"""Twice the area [pixels] of triangles below which their light is the same everywhere."""
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
 def light_vertices(light: Float64, count: int, is_glossy: bool, vertices: Float64, lights: Float32) -> None:
     """Write the light on the first vertices of a mesh in view.
 
@@ -111,3 +128,70 @@ def _mirror(
             share * g + shine * sun_g,
             share * b + shine * sun_b,
         )
+
+
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+def color_triangle(
+    meshes: Meshes, material: int, paint: int, glow: int, is_flat: bool, light: Float64, vertices: Float64,
+    lights: Float32, corners: tuple[int, int, int], colors: Float32,
+) -> None:  # fmt: skip
+    """Write the light of a triangle, the same everywhere or a plane through that at its corners, to ``colors`` (12,).
+
+    Args:
+        meshes: Colours.
+        material: Material.
+        paint: Colour of ``BODY``.
+        glow: Material that shines, or -1.
+        is_flat: Whether the light is the same everywhere; it must be if a corner has no place on the screen.
+        light: Light of the frame.
+        vertices, lights: See ``FrameMemory``.
+        corners: Vertices.
+        colors: See ``FrameMemory``.
+    """
+    color = meshes.colors[NUM_MATERIALS + paint if material in (BODY, FACADE) else material]
+    strength = strength_of(material, glow, light)
+    a, b, c = corners
+    columns, rows = vertices[COLUMN], vertices[ROW]
+    ux, uy, vx, vy = columns[b] - columns[a], rows[b] - rows[a], columns[c] - columns[a], rows[c] - rows[a]
+    area = ux * vy - vx * uy
+    is_flat = is_flat or abs(area) < LEAST_AREA
+    per_area = 0.0 if is_flat else 1.0 / area
+    for channel in range(3):
+        albedo, along, down = color[channel] * 1.0, 0.0, 0.0
+        start = corner_light(material, albedo, strength, lights, a, channel)
+        if not is_flat:
+            to_b = corner_light(material, albedo, strength, lights, b, channel) - start
+            to_c = corner_light(material, albedo, strength, lights, c, channel) - start
+            along, down = (to_b * vy - to_c * uy) * per_area, (to_c * ux - to_b * vx) * per_area
+            start -= along * (columns[a] - 0.5) + down * (rows[a] - 0.5)
+        colors[3 * channel], colors[3 * channel + 1], colors[3 * channel + 2] = start, along, down
+
+
+@device_function(divides_by_zero=True)
+def strength_of(material: int, glow: int, light: Float64) -> float:
+    """Return how brightly a material shines by itself, or that it is darker (below 0), by the material that glows."""
+    if material == TAIL_LAMP and glow == TAIL_LAMP:
+        return 5.0
+    if material in (HEADLAMP, TAIL_LAMP):
+        return float(light[LAMPS] * (3.0 if material == HEADLAMP else 1.2))
+    if LAMP_RED <= material <= LAMP_GREEN:
+        return 6.0 if glow == material else -0.85
+    return 0.0
+
+
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+def corner_light(material: int, color: float, strength: float, lights: Float32, corner: int, channel: int) -> float:
+    """Return the light that a corner of a triangle sends to the camera, in one channel.
+
+    Args:
+        material, color: Material and its linear colour.
+        strength: See :func:`strength_of`.
+        lights: (NUM_LIGHTS, V) light on vertices, see ``FrameMemory.lights``.
+        corner: Vertex.
+        channel: 0 to 2.
+    """
+    sent = color * lights[DIFFUSE + channel, corner]
+    if material in (BODY, GLASS, METAL):
+        share = 0.10 if material == GLASS else 0.045
+        sent += share * lights[MIRROR + channel, corner] + lights[GLOSS + channel, corner]
+    return float(larger(sent * (1.0 + smaller(strength, 0.0)) + larger(strength, 0.0) * color, 0.0))

@@ -47,11 +47,14 @@ _ROAD, _SIDEWALK = np.int32(ROAD), np.int32(SIDEWALK)
 FINE_TEXELS, COARSE_TEXELS = 40.0, 7.0
 """Texels per metre of the two tables of noise."""
 
+EVERYWHERE = 256
+"""More than all bits of surfaces."""
+
 _AHEAD = 65600.0
 """Texels before the corner of the grid, more than any pixel sees: numbers of texels are positive."""
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def color_ground(
     slot: int, angle: float, ground: Ground, light: Float64, grain: UInt8, seen: Int32, cells: Int32,
     texels: Int32, shades: Float32,
@@ -73,14 +76,22 @@ def color_ground(
     for k in range(count):
         texels[k] = ground.corner[np.uint32(cells[k])]
     surfaces = _list_surfaces(count, seen, texels, shades[ON_ROAD], shades[ON_WALK])
+    is_all_road, surfaces = surfaces >= EVERYWHERE, surfaces % EVERYWHERE
     if surfaces >= HAS_STROKES:
         for k in range(count):
             cells[k] = cells[k] if texels[k] >= HAS_STROKES else -1
         draw_strokes(count, ground, slot, cells, shades)
-    _pave(
-        count, light, frame[0] % 1.5, frame[1] % 1.5, shades[GROUND_X], shades[GROUND_Y], shades[ALONG], shades[FINE],
-        shades[COARSE], shades[ON_ROAD], shades[ON_WALK], shades[SHADE], shades[RED], shades[GREEN], shades[BLUE],
-    )  # fmt: skip
+    if surfaces < HAS_STROKES and (not surfaces & (ROAD | SIDEWALK) or is_all_road):
+        _cover_evenly(
+            count, light, is_all_road, shades[FINE], shades[COARSE], shades[SHADE], shades[RED], shades[GREEN],
+            shades[BLUE],
+        )  # fmt: skip
+    else:
+        _pave(
+            count, light, frame[0] % 1.5, frame[1] % 1.5, shades[GROUND_X], shades[GROUND_Y], shades[ALONG],
+            shades[FINE], shades[COARSE], shades[ON_ROAD], shades[ON_WALK], shades[SHADE], shades[RED], shades[GREEN],
+            shades[BLUE],
+        )  # fmt: skip
     if surfaces >= HAS_STROKES:
         _paint_over(
             count, light, shades[FINE], shades[COARSE], shades[WHITE_SHARE], shades[YELLOW_SHARE], shades[KERB_SHARE],
@@ -116,7 +127,7 @@ def _find_cells(count: int, frame: Float64, base: int, xs: Float32, ys: Float32,
         cells[k] = first + cell if is_inside else last
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def _read_noise(
     count: int, frame: Float64, shift: float, grain: UInt8, is_near: bool, texels: Int32, shades: Float32
 ) -> None:
@@ -177,15 +188,43 @@ def _list_texels_from(
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _list_surfaces(count: int, seen: Int32, bits: Int32, on_road: Float32, on_walk: Float32) -> int:
-    """Write the shares of road and pavement at the corners of cells; return the bits of all cells together."""
-    found = np.int32(0)
+    """Write the shares of road and pavement at the corners of cells; return the bits of all cells together.
+
+    ``EVERYWHERE`` is added if all of the ground that is seen is road.
+    """
+    found, common = np.int32(0), _ROAD
     for k in range(count):
-        here = bits[k] if seen[k] == ON_GROUND else np.int32(0)
+        is_ground = seen[k] == ON_GROUND
+        here = bits[k] if is_ground else np.int32(0)
         bits[k] = here
-        found |= here
+        found = np.int32(found | here)
+        common = np.int32(common & (here if is_ground else _ROAD))
         on_road[k] = 1.0 if here & _ROAD else 0.0
         on_walk[k] = 1.0 if here & _SIDEWALK else 0.0
-    return int(found)
+    return int(found) + (EVERYWHERE if common == _ROAD else 0)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _cover_evenly(
+    count: int, light: Float64, is_road: bool, fine: Float32, coarse: Float32, shade: Float32, red: Float32,
+    green: Float32, blue: Float32,
+) -> None:  # fmt: skip
+    """Write the light of road or terrain alone, as ``_pave`` does."""
+    up = single(light[SUN + 2])
+    r, g, b = (
+        single(0.082 if is_road else 0.115), single(0.08282 if is_road else 0.150), single(0.0861 if is_road else 0.048)
+    )  # fmt: skip
+    rough, rougher = single(0.22 if is_road else 0.5), single(0.75 if is_road else 0.87)
+    sun_r, sky_r = r * single(light[SUNLIGHT]) * up, r * single(light[SKYLIGHT])
+    sun_g, sky_g = g * single(light[SUNLIGHT + 1]) * up, g * single(light[SKYLIGHT + 1])
+    sun_b, sky_b = b * single(light[SUNLIGHT + 2]) * up, b * single(light[SKYLIGHT + 2])
+    for k in range(count):
+        bright = 1.0 + rough * coarse[k] + rougher * fine[k]
+        direct = shade[k] * bright
+        ambient = 0.55 * bright + 0.45 * direct
+        red[k] = sun_r * direct + sky_r * ambient
+        green[k] = sun_g * direct + sky_g * ambient
+        blue[k] = sun_b * direct + sky_b * ambient
 
 
 @device_function(divides_by_zero=True, in_lanes=True)

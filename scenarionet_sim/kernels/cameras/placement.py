@@ -8,38 +8,25 @@ from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64
 from scenarionet_sim.kernels.cameras.layout import (
     AWAY,
-    BODY,
     BOTTOM,
     COARSER,
     COARSER_BELOW,
-    COLUMN,
     CX,
     CY,
-    DIFFUSE,
     DOWN,
     EYE,
     FACADE,
     FORWARD,
     FX,
     FY,
-    GLASS,
-    GLOSS,
-    HEADLAMP,
     INSTANCE_ROW,
     IS_GLOSSY,
     IS_ONE_SIDED,
     KIND,
-    LAMP_GREEN,
-    LAMP_RED,
-    LAMPS,
     MATERIAL,
-    METAL,
-    MIRROR,
     PINHOLE,
     RIGHT,
-    ROW,
     SEMANTIC,
-    TAIL_LAMP,
     TOP,
     TRI_END,
     TRI_FIRST,
@@ -49,23 +36,19 @@ from scenarionet_sim.kernels.cameras.layout import (
     FrameMemory,
     Meshes,
 )
-from scenarionet_sim.kernels.cameras.lighting import light_vertices
+from scenarionet_sim.kernels.cameras.lighting import color_triangle, light_vertices
 from scenarionet_sim.kernels.cameras.triangles import add_triangle
 from scenarionet_sim.kernels.cameras.vertices import place_vertices
 from scenarionet_sim.kernels.minmax import larger, smaller
 
-NUM_MATERIALS = 21
 SMALL = 10.0
 """Radius on the screen [pixels] below which the light is the same everywhere on a triangle."""
 
 STEEP_VIEW = 0.5
 """Slope of the view on an object from which on it is not drawn by meshes that have one side only."""
 
-LEAST_AREA = 0.5
-"""Twice the area [pixels] of triangles below which their light is the same everywhere."""
 
-
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def screen_radius(box: Float64, pose: Float64, lens: Float64, width: int, height: int, reach: float) -> float:
     """Return the radius [pixels] of the ball around a box on the screen; -1 if no pixel can show it."""
     radius = 0.5 * math.sqrt(box[4] ** 2 + box[5] ** 2 + box[6] ** 2) + 0.1
@@ -78,7 +61,7 @@ def screen_radius(box: Float64, pose: Float64, lens: Float64, width: int, height
     return float(lens[FX] * radius / larger(far, 0.1))
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def is_beside_picture(
     wx: float, wy: float, wz: float, radius: float, pose: Float64, lens: Float64, width: int, height: int
 ) -> bool:
@@ -95,7 +78,7 @@ def is_beside_picture(
     return bool(abs(y) * lens[FY] - z * rise > radius * math.sqrt(lens[FY] * lens[FY] + rise * rise))
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def mesh_for(meshes: Meshes, mesh: int, radius: float, box: Float64, pose: Float64) -> tuple[int, float, float]:
     """Return the mesh to draw of a box that is seen under a radius [pixels], and cosine and sine of its heading."""
     x, y, z = box[0] - pose[EYE], box[1] - pose[EYE + 1], box[2] + 0.5 * box[6] - pose[EYE + 2]
@@ -111,7 +94,7 @@ def mesh_for(meshes: Meshes, mesh: int, radius: float, box: Float64, pose: Float
     return mesh, math.cos(box[3]), math.sin(box[3])
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def write_normal(vertices: Float64, a: int, b: int, c: int, colors: Float32) -> None:
     """Write the normal of a triangle into the last columns of ``colors`` (12,)."""
     xs, ys, zs = vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2]
@@ -122,74 +105,7 @@ def write_normal(vertices: Float64, a: int, b: int, c: int, colors: Float32) -> 
     colors[9], colors[10], colors[11] = nx * unit, ny * unit, nz * unit
 
 
-@device_function(forceinline=True, divides_by_zero=True)
-def color_triangle(
-    meshes: Meshes, material: int, paint: int, glow: int, is_flat: bool, light: Float64, vertices: Float64,
-    lights: Float32, corners: tuple[int, int, int], colors: Float32,
-) -> None:  # fmt: skip
-    """Write the light of a triangle, the same everywhere or a plane through that at its corners, to ``colors`` (12,).
-
-    Args:
-        meshes: Colours.
-        material: Material.
-        paint: Colour of ``BODY``.
-        glow: Material that shines, or -1.
-        is_flat: Whether the light is the same everywhere; it must be if a corner has no place on the screen.
-        light: Light of the frame.
-        vertices, lights: See ``FrameMemory``.
-        corners: Vertices.
-        colors: See ``FrameMemory``.
-    """
-    color = meshes.colors[NUM_MATERIALS + paint if material in (BODY, FACADE) else material]
-    strength = strength_of(material, glow, light)
-    a, b, c = corners
-    columns, rows = vertices[COLUMN], vertices[ROW]
-    ux, uy, vx, vy = columns[b] - columns[a], rows[b] - rows[a], columns[c] - columns[a], rows[c] - rows[a]
-    area = ux * vy - vx * uy
-    is_flat = is_flat or abs(area) < LEAST_AREA
-    per_area = 0.0 if is_flat else 1.0 / area
-    for channel in range(3):
-        albedo, along, down = color[channel] * 1.0, 0.0, 0.0
-        start = corner_light(material, albedo, strength, lights, a, channel)
-        if not is_flat:
-            to_b = corner_light(material, albedo, strength, lights, b, channel) - start
-            to_c = corner_light(material, albedo, strength, lights, c, channel) - start
-            along, down = (to_b * vy - to_c * uy) * per_area, (to_c * ux - to_b * vx) * per_area
-            start -= along * (columns[a] - 0.5) + down * (rows[a] - 0.5)
-        colors[3 * channel], colors[3 * channel + 1], colors[3 * channel + 2] = start, along, down
-
-
-@device_function(forceinline=True, divides_by_zero=True)
-def strength_of(material: int, glow: int, light: Float64) -> float:
-    """Return how brightly a material shines by itself, or that it is darker (below 0), by the material that glows."""
-    if material == TAIL_LAMP and glow == TAIL_LAMP:
-        return 5.0
-    if material in (HEADLAMP, TAIL_LAMP):
-        return float(light[LAMPS] * (3.0 if material == HEADLAMP else 1.2))
-    if LAMP_RED <= material <= LAMP_GREEN:
-        return 6.0 if glow == material else -0.85
-    return 0.0
-
-
-@device_function(forceinline=True, divides_by_zero=True)
-def corner_light(material: int, color: float, strength: float, lights: Float32, corner: int, channel: int) -> float:
-    """Return the light that a corner of a triangle sends to the camera, in one channel.
-
-    Args:
-        material, color: Material and its linear colour.
-        strength: See :func:`strength_of`.
-        lights: (NUM_LIGHTS, V) light on vertices, see ``FrameMemory.lights``.
-        corner: Vertex.
-        channel: 0 to 2.
-    """
-    sent = color * lights[DIFFUSE + channel, corner]
-    if material in (BODY, GLASS, METAL):
-        share = 0.10 if material == GLASS else 0.045
-        sent += share * lights[MIRROR + channel, corner] + lights[GLOSS + channel, corner]
-    return float(larger(sent * (1.0 + smaller(strength, 0.0)) + larger(strength, 0.0) * color, 0.0))
-
-
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def add_mesh(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, lens: Float64,
     rings: Float64, width: int, height: int, light: Float64, scratch: FrameMemory, num_triangles: int, is_colored: bool,
@@ -231,7 +147,7 @@ def add_mesh(
     return num_triangles
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def add_instance(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, box: Float64, spin: float,
     steer: float, pose: Float64, lens: Float64, rings: Float64, width: int, height: int, radius: float,

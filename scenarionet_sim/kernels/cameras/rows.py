@@ -41,7 +41,7 @@ _GROUND, _SKY, _TRIANGLE = np.int32(SEES_GROUND), np.int32(SEES_SKY), np.int32(S
 _ON_GROUND, _NOTHING = np.int32(ON_GROUND), np.int32(NOTHING)
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def look_along(
     first: int, count: int, slot: int, pose: Float64, lens: Float64, rays: Float64, width: int, reach: float,
     ground: Ground, near: Float32, seen: Int32, shades: Float32,
@@ -80,7 +80,7 @@ def look_along(
     )  # fmt: skip
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def aim_rays(
     row: int, start: int, first: int, end: int, pose: Float64, lens: Float64, rays: Float64, inverse: float,
     shades: Float32,
@@ -151,7 +151,7 @@ def _choose_nearest(
         to_ground = to_ground if length < most * to_ground else 0.0
         nearest = larger(near[k], to_ground)
         is_triangle = (near[k] >= to_ground) & (seen[k] >= 0)
-        kinds |= _TRIANGLE if is_triangle else (_GROUND if to_ground > 0.0 else _SKY)
+        kinds = np.int32(kinds | (_TRIANGLE if is_triangle else (_GROUND if to_ground > 0.0 else _SKY)))
         seen[k] = seen[k] if is_triangle else (_ON_GROUND if to_ground > 0.0 else _NOTHING)
         distance = 1.0 / nearest if nearest > 0.0 else most
         distances[k], far[k] = distance, distance * length

@@ -40,11 +40,14 @@ _HIGHEST, _STEP_BITS, _DARKEST_BITS = np.int32(NUM_LEVELS - 1), np.int32(15), np
 PART = 32
 """Pixels of a row that are tested together for being beside a shadow."""
 
+LONG = 8
+"""Pixels of a row from which on it is worth finding all that see the same triangle."""
+
 SOFT = 0.3
 """Width of the soft edge of a shadow outside of its outline [m]."""
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def cast_shadows(
     row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, seen: Int32,
     xs: Float32, ys: Float32, shade: Float32,
@@ -71,7 +74,7 @@ def cast_shadows(
             )  # fmt: skip
 
 
-@device_function(divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def _is_beside(shadow: Float64, frame: Float64, x0: float, y0: float, x1: float, y1: float) -> bool:
     """Whether a shadow and the points between two are on different sides of an edge of the box around the shadow."""
     cos, sin, x, y = shadow[2], shadow[3], shadow[0] - frame[0], shadow[1] - frame[1]
@@ -102,7 +105,7 @@ def _cast(strength: float, x0: float, y0: float, shadow: Float64, xs: Float32, y
         shade[k] *= 1.0 - strength * larger(cast, contact)
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def color_triangles(
     row: int, shift: int, first: int, end: int, pose: Float64, lens: Float64, frame: Float64, colors: Float32,
     labels: Int32, seen: Int32, shades: Float32,
@@ -116,20 +119,25 @@ def color_triangles(
         colors, labels, seen, shades: See ``FrameMemory``.
     """
     reds, greens, blues = shades[RED], shades[GREEN], shades[BLUE]
-    begin = first
+    begin, line = first, single(row)
     while begin < end:
         triangle = seen[begin]
         if triangle < 0:
             begin += 1
             continue
-        stop = begin + 1
-        while stop < end and seen[stop] == triangle:
-            stop += 1
-        color, column = colors[triangle], begin + shift
-        red, green = color[0] + color[1] * column + color[2] * row, color[3] + color[4] * column + color[5] * row
-        blue = color[6] + color[7] * column + color[8] * row
-        _grade(begin, stop, single(red), color[1], single(green), color[4], single(blue), color[7], reds, greens, blues)
-        if labels[triangle, MATERIAL] == FACADE:
+        color, column, stop = colors[triangle], single(begin + shift), begin + 1
+        is_wall = labels[triangle, MATERIAL] == FACADE
+        if is_wall or (begin + LONG <= end and seen[begin + LONG - 1] == triangle):
+            while stop < end and seen[stop] == triangle:
+                stop += 1
+        red, green = color[0] + color[1] * column + color[2] * line, color[3] + color[4] * column + color[5] * line
+        blue = color[6] + color[7] * column + color[8] * line
+        if stop == begin + 1 and not is_wall:
+            reds[begin], greens[begin], blues[begin] = red, green, blue
+            begin = stop
+            continue
+        _grade(begin, stop, red, color[1], green, color[4], blue, color[7], reds, greens, blues)
+        if is_wall:
             nx, ny = color[9] * (1.0 / 3.2), color[10] * (1.0 / 3.2)
             _open_windows(
                 begin, stop, single(nx), single(ny), single((nx * frame[1] - ny * frame[0]) % 1.0),
@@ -168,7 +176,7 @@ def _open_windows(
         blue[k] *= 0.1 + 0.9 * bright
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True)
 def expose(
     first: int, size: tuple[int, int], kinds: int, light: Float64, tone: UInt8, seen: Int32, levels: Int32,
     shades: Float32, picture: UInt8,
@@ -194,11 +202,7 @@ def expose(
             for channel in range(RED, BLUE + 1):
                 shades[channel, k] *= kept
     _list_levels(count, light[EXPOSURE], shades[RED], shades[GREEN], shades[BLUE], levels[0], levels[1], levels[2])
-    reds, greens, blues = levels[0], levels[1], levels[2]
-    for k in range(count):
-        picture[k, 0] = tone[np.uint32(reds[k])]
-        picture[k, 1] = tone[np.uint32(greens[k])]
-        picture[k, 2] = tone[np.uint32(blues[k])]
+    _write_levels(count, tone, levels[0], levels[1], levels[2], picture)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -224,10 +228,17 @@ def _list_levels(
         reds[k], greens[k], blues[k] = _level(red[k] * gain), _level(green[k] * gain), _level(blue[k] * gain)
 
 
+@device_function(forceinline=True, in_lanes=True)
+def _write_levels(count: int, tone: UInt8, reds: Int32, greens: Int32, blues: Int32, picture: UInt8) -> None:
+    for k in range(count):
+        picture[k, 0], picture[k, 1], picture[k, 2] = tone[reds[k]], tone[greens[k]], tone[blues[k]]
+
+
 @device_function(forceinline=True)
 def _level(light: float) -> int:
     """Return the level of linear light, whose float32 is a logarithm in steps: exponent and first bits of mantissa."""
-    return smaller(larger((bits_of(light) - _DARKEST_BITS) >> _STEP_BITS, _NONE), _HIGHEST)  # type: ignore[return-value, type-var]
+    bits = np.int32(bits_of(light) - _DARKEST_BITS)
+    return smaller(larger(np.int32(bits >> _STEP_BITS), _NONE), _HIGHEST)  # type: ignore[return-value, type-var]
 
 
 def light_of_level(level: Array) -> Float64:

@@ -24,7 +24,7 @@ SHADOW_REACH = 120.0
 """Shadows farther than this are not seen [m]."""
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def add_shadow(
     box: Float64, pose: Float64, lens: Float64, width: int, height: int, light: Float64, shadows: Float64,
     num_shadows: int,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.cameras.layout import (
@@ -32,6 +34,8 @@ from scenarionet_sim.kernels.cameras.layout import (
 )
 from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
+
+_NOTHING = np.int32(NOTHING)
 
 GRAIN_SIZE = 512
 """Side of the tables of noise [texels]; a power of two."""
@@ -90,7 +94,7 @@ def sky_color(light: Float64, grain: UInt8, x: float, y: float, z: float) -> tup
     return red, green, blue
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def color_sky(
     row: int, start: int, begin: int, stop: int, size: tuple[int, int], pose: Float64, lens: Float64, rays: Float64,
     light: Float64, grain: UInt8, seen: Int32, nodes: Float32, shades: Float32,
@@ -119,12 +123,12 @@ def color_sky(
         first = end
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def _is_sky_seen(first: int, end: int, seen: Int32) -> bool:
-    is_seen = False
+    found = np.int32(0)
     for k in range(first, end):
-        is_seen |= seen[k] == NOTHING
-    return is_seen
+        found |= np.int32(1) if seen[k] == _NOTHING else np.int32(0)
+    return bool(found > 0)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -139,10 +143,19 @@ def _blend_nodes(
     step_g = (above_right[1] + share * (below_right[1] - above_right[1]) - g) * (1.0 / 8.0)
     step_b = (above_right[2] + share * (below_right[2] - above_right[2]) - b) * (1.0 / 8.0)
     for k in range(first, end):
-        at, is_sky = single(k + shift), seen[k] == NOTHING
+        at, is_sky = single(k + shift), seen[k] == _NOTHING
         red[k] = r + step_r * at if is_sky else red[k]
         green[k] = g + step_g * at if is_sky else green[k]
         blue[k] = b + step_b * at if is_sky else blue[k]
+
+
+@device_function(forceinline=True, in_lanes=True)
+def carry_sky(is_below: bool, nodes: Float32) -> None:
+    """Forget the light at the nodes of the band before, except for those at the top of a band right below it."""
+    for node in range(nodes.shape[1]):
+        for channel in range(4):
+            nodes[0, node, channel] = nodes[1, node, channel] if is_below else 0.0
+        nodes[1, node, 3] = 0.0
 
 
 @device_function(divides_by_zero=True)

@@ -30,7 +30,7 @@ from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def draw_strokes(count: int, ground: Ground, slot: int, cells: Int32, shades: Float32) -> None:
     """Write the shares of road, pavement and paint in the pixels of cells with strokes, a run in one cell at a time.
 
@@ -66,7 +66,7 @@ def _aim(count: int, ray_x: Float32, ray_y: Float32, view_x: Float32, view_y: Fl
         view_x[k], view_y[k] = ray_x[k] * per, ray_y[k] * per
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def _draw_cell(ground: Ground, slot: int, cell: int, first: int, end: int, shades: Float32) -> None:
     """Draw the strokes of a cell on a run of pixels."""
     frame, across, along = ground.frame[slot], shades[ACROSS, first:end], shades[ALONG, first:end]
@@ -104,7 +104,7 @@ def _soften(edges: Float32, shares: Float32) -> None:
         shares[k] += larger(0.5 - edges[k], 0.0) * (1.0 - 2.0 * shares[k])
 
 
-@device_function(divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def _paint(
     stroke: Float32, frame: Float64, widest: float, first: int, end: int, shades: Float32, shares: Float32
 ) -> None:
@@ -145,7 +145,7 @@ def _cover(
         shares[k] = larger(shares[k], larger(part, 0.0) * larger(rest, 0.0) / (wide * deep))
 
 
-@device_function(divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def _cross(
     stroke: Float32, frame: Float64, number: int, first: int, end: int, shades: Float32, shares: Float32,
     edges: Float32,

@@ -39,8 +39,8 @@ from scenarionet_sim.kernels.cameras.layout import (
     Meshes,
     Solids,
 )
-from scenarionet_sim.kernels.cameras.lighting import light_vertices
-from scenarionet_sim.kernels.cameras.placement import SMALL, color_triangle, mesh_for, screen_radius, write_normal
+from scenarionet_sim.kernels.cameras.lighting import color_triangle, light_vertices
+from scenarionet_sim.kernels.cameras.placement import SMALL, mesh_for, screen_radius, write_normal
 from scenarionet_sim.kernels.cameras.shadows import add_shadow
 from scenarionet_sim.kernels.cameras.thread_layout import (
     BOTTOM,

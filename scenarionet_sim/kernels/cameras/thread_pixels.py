@@ -111,7 +111,7 @@ def draw_pixel(
         scratch = FrameMemory(
             triangles.vertices, triangles.lights, triangles.edges, triangles.spans, triangles.colors, triangles.labels,
             triangles.bounds, items.instances[frame], items.shadows[frame], memory.near, seen, memory.shades,
-            memory.cells, memory.texels, items.boxes[frame, 0], sky[frame, band : band + 2],
+            memory.cells, memory.texels, items.boxes[frame, 0], items.drawn[frame], sky[frame, band : band + 2],
         )  # fmt: skip
         num_shadows = items.counts[frame, NUM_SHADOWS]
         color_tile(number, slot, pose, size, lens, rays, num_shadows, kinds, ground, light, look.grain, seen, scratch)

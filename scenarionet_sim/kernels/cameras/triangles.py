@@ -45,7 +45,7 @@ WIDE = 0.35
 """Angle [rad] under which a triangle's edges are bent too much by a lens to be bounded by its corners."""
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def bound_triangle(
     vertices: Float64, a: int, b: int, c: int, lens: Float64, rings: Float64, width: int, height: int, bounds: Int32
 ) -> bool:
@@ -122,7 +122,7 @@ def _bound_on_rings(vertices: Float64, a: int, b: int, c: int, slopes: Float64, 
     bounds[1], bounds[3] = first, end
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def add_triangle(
     vertices: Float64, a: int, b: int, c: int, lens: Float64, rings: Float64, width: int, height: int, edges: Float64,
     spans: Float64, bounds: Int32,
@@ -154,7 +154,7 @@ def add_triangle(
     return 2 if is_placed else 1
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def trace_band(
     top: int, end: int, num_instances: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory
 ) -> None:
@@ -180,16 +180,14 @@ def trace_band(
                     )  # fmt: skip
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def span_of(bounds: Int32, spans: Float64, row: int) -> tuple[float, float]:
     """Return the first column and the end of a triangle in a row of a pinhole's picture, from its bounds and spans."""
     left, right = bounds[0] * 1.0, bounds[2] * 1.0
     for edge in range(0, 9, 3):
         crossing = np.ceil(spans[edge] + spans[edge + 1] * row)  # beyond all integers where an edge is level
-        if spans[edge + 2] > 0.0:
-            left = larger(left, crossing)
-        else:
-            right = smaller(right, crossing)
+        is_left = spans[edge + 2] > 0.0
+        left, right = larger(left, crossing if is_left else left), smaller(right, right if is_left else crossing)
     return left, right
 
 
@@ -205,7 +203,7 @@ def inverse_distance(edges: Float64, x: float, y: float, z: float) -> float:
     return -1.0
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, near: Float32, seen: Int32) -> None:
     """Cover the span of a triangle in a row of a pinhole's picture, whose first pixel is number ``start``."""
     left, right = span_of(bounds, spans, row)
@@ -213,15 +211,14 @@ def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, ne
         return
     step = spans[10] + 0.0
     inverse = spans[9] + spans[11] * row + step * left
-    first, end = start + int(left), start + int(right)
+    first, end, number = start + int(left), start + int(right), np.int32(triangle)
     if end - first > SHORT:
         _cover(triangle, inverse, step, near[first:end], seen[first:end])
         return
     for k in range(end - first):
-        here = single(inverse + step * k)
-        if here > near[first + k]:
-            near[first + k] = here
-            seen[first + k] = triangle
+        here, before = single(inverse + step * k), near[first + k]
+        seen[first + k] = number if here > before else seen[first + k]
+        near[first + k] = larger(before, here)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -234,7 +231,7 @@ def _cover(triangle: int, inverse: float, step: float, near: Float32, seen: Int3
         near[k] = larger(before, here)
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def write_spans(
     first: RayFunction, second: RayFunction, third: RayFunction, inverse: RayFunction, lens: Float64, spans: Float64
 ) -> None:
@@ -248,7 +245,7 @@ def write_spans(
     spans[9] = spans[10] * (0.5 - lens[CX]) + inverse[1] * top + inverse[2]
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def _write_edge(edge: RayFunction, place: int, top: float, per_y: float, lens: Float64, spans: Float64) -> None:
     slope = edge[0] if abs(edge[0]) > 1e-30 else 1e-30
     scale = -lens[FX] / slope

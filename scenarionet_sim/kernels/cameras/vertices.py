@@ -37,7 +37,7 @@ STEEP = 1e6
 """Slope of rays that are vertical for a lidar."""
 
 
-@device_function(forceinline=True, divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def place_vertices(
     meshes: Meshes, mesh: int, box: Float64, turn: tuple[float, float], spin: float, steer: float, pose: Float64,
     lens: Float64, vertices: Float64,
@@ -114,7 +114,7 @@ def _scale(
         _scale_vertex(first + k, k, box, from_x, from_y, from_z, from_nx, from_ny, from_nz, xs, ys, zs, nx, ny, nz)
 
 
-@device_function(divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def _roll(
     meshes: Meshes, mesh: int, part: int, box: Float64, spin: float, steer: float, k: int, vertices: Float64
 ) -> None:

@@ -60,3 +60,10 @@ def test_blocks_of_other_sizes_make_room():
     assert memory.num_bytes == 2**14
     held = [memory.empty(2**14, np.uint8) for _ in range(9)]
     assert memory.num_bytes == 2**16 and len({array.ctypes.data for array in held}) == 9
+
+
+def test_scratch_is_the_same_until_more_is_needed():
+    memory = Memory()
+    small = memory.scratch(100)
+    assert memory.scratch(60) is small
+    assert len(memory.scratch(LARGE)) >= LARGE

@@ -19,6 +19,7 @@ from scenarionet_data.storage.read.parquet.page_kernels import (
     NUM_WORDS,
     START,
     STORED_END,
+    VALUES,
     WORDS_PLACE,
     WORDS_SIZE,
     load_page,
@@ -138,7 +139,8 @@ def decode_stored_pages(
         The first column that is damaged, or their number.
     """
     for column in range(len(pages)):
-        is_stored = pages[column, STORED_END] > 0
-        if is_stored and not decode_page(scratch, levels, pages, columns, column, row, num_rows, out):
+        if pages[column, STORED_END] == 0:
+            pages[column, VALUES] = 0  # its levels are not the last ones any more
+        elif not decode_page(scratch, levels, pages, columns, column, row, num_rows, out):
             return column
     return len(pages)

@@ -25,7 +25,9 @@ def memory(num_columns, num_rows, room, size):
     ]  # fmt: skip
     lists, firsts, counts, words, bits, ends, text = (array[:-8] for array in arrays)
     counts[:] = 0
-    return ColumnBlock(lists.reshape(2, num_columns, num_rows + 1), firsts, counts, words, bits, ends, text), arrays
+    return ColumnBlock(
+        lists.reshape(2, num_columns, num_rows + 1), firsts, counts, words, words.view(np.float32), bits, ends, text
+    ), arrays
 
 
 def described(columns, room, size, block):
