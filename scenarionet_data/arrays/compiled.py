@@ -42,7 +42,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _PACKAGES = ("scenarionet_data", "scenarionet_sim")
 _ANNOUNCED_FROM = 2.0  # [s] of processor time to compile a group
 _GROUPS: tuple[tuple[str, str, int], ...] = (
-    ("scenarionet_data.storage", "loading", 3),
+    ("scenarionet_data.storage", "loading", 4),
     ("scenarionet_data.procedural", "generated traffic", 6),
     ("scenarionet_data.converters", "reading raw records", 4),
     ("scenarionet_sim", "the simulator", 8),

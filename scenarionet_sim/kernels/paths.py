@@ -44,12 +44,12 @@ def wrapped(angle: float) -> float:
 @device_function
 def segment_at(path: PathRows, s: float) -> int:
     """Return the first point of the segment at arc length ``s``, clamped to the first and last segment."""
-    low, high = path.first, path.end - 1
-    while high - low > 1:
-        middle = (low + high) >> 1
-        is_behind = path.points[middle, ARC] <= s
-        low, high = middle if is_behind else low, high if is_behind else middle
-    return low
+    k, count = path.first, path.end - 1 - path.first
+    while count > 1:
+        half = count >> 1
+        k += half if path.points[k + half, ARC] <= s else 0
+        count -= half
+    return k
 
 
 @device_function
@@ -70,14 +70,8 @@ def direction(path: PathRows, k: int) -> tuple[float, float, float]:
 
 
 @device_function
-def pose_at(path: PathRows, s: float) -> tuple[float, float, float, float]:
-    """Return x, y, z [m] and heading [rad] at an arc length; the path has at least two points."""
-    return pose_on(path, segment_at(path, s), s)
-
-
-@device_function
 def pose_on(path: PathRows, k: int, s: float) -> tuple[float, float, float, float]:
-    """Return what :func:`pose_at` does at an arc length on segment ``k``."""
+    """Return x, y, z [m] and heading [rad] at an arc length on segment ``k``; the path has at least two points."""
     share = (s - path.points[k, ARC]) / (np.float64(path.points[k + 1, ARC]) - path.points[k, ARC])
     x = path.points[k, 0] + share * (np.float64(path.points[k + 1, 0]) - path.points[k, 0])
     y = path.points[k, 1] + share * (np.float64(path.points[k + 1, 1]) - path.points[k, 1])
@@ -87,14 +81,25 @@ def pose_on(path: PathRows, k: int, s: float) -> tuple[float, float, float, floa
 
 
 @device_function
-def nearest(path: PathRows, x: float, y: float, low: float, high: float, limit: float = np.inf) -> tuple[float, float]:
+def nearest(path: PathRows, x: float, y: float, low: float, high: float) -> tuple[float, float]:
     """Return the arc length of the point of a path nearest to (x, y), and the offset of (x, y) to its left [m].
 
     Args:
         path: Of at least one point.
         x, y: The point.
         low, high: Range of arc lengths to search [m].
-        limit: Squared distance that some of these points keep [m²], or more; farther segments are left out quickly.
+    """
+    return nearest_from(path, x, y, segment_at(path, low), high, np.inf)
+
+
+@device_function
+def nearest_from(path: PathRows, x: float, y: float, start: int, high: float, limit: float) -> tuple[float, float]:
+    """Return what :func:`nearest` does, from a segment on.
+
+    Args:
+        path, x, y, high: As above.
+        start: First segment.
+        limit: Squared distance that some of these segments keep [m²], or more; farther ones are left out quickly.
     """
     first, end = path.first, path.end
     if end - first == 1:
@@ -102,7 +107,7 @@ def nearest(path: PathRows, x: float, y: float, low: float, high: float, limit: 
         dx, dy = x - path.points[first, 0], y - path.points[first, 1]
         return cos * dx + sin * dy, cos * dy - sin * dx
     best, best_s, best_lateral = np.inf, 0.0, 0.0
-    for k in range(segment_at(path, low), end - 1):
+    for k in range(start, end - 1):
         if path.points[k, ARC] > high:
             break
         dx, dy = x - path.points[k, 0], y - path.points[k, 1]
@@ -170,15 +175,18 @@ def locate(own: PathRows, back: float, ahead: float, row: Float64, route: Float6
     if own.end == own.first:
         return
     last = route[0]
-    low, high, limit = -np.inf, np.inf, np.inf
+    x, y, k, high, limit = row[X], row[Y], own.first, np.inf, np.inf
     if not np.isnan(last):
-        low, high, k = last - back, last + ahead, segment_at(own, last)
-        dx, dy = row[X] - own.points[k, X], row[Y] - own.points[k, Y]
+        k, high = segment_at(own, last), last + ahead
+        dx, dy = x - own.points[k, X], y - own.points[k, Y]
         limit = dx * dx + dy * dy
-    route[0], route[1] = nearest(own, row[X], row[Y], low, high, limit)
-    if sets_height:
-        is_point = own.end - own.first == 1
-        row[Z] = own.points[own.first, Z] if is_point else pose_at(own, route[0])[2]
+        while k > own.first and own.points[k, ARC] > last - back:
+            k -= 1
+    route[0], route[1] = nearest_from(own, x, y, k, high, limit)
+    if sets_height and own.end - own.first == 1:
+        row[Z] = own.points[own.first, Z]
+    elif sets_height:
+        row[Z] = pose_on(own, segment_from(own, k, route[0]), route[0])[2]
 
 
 @kernel

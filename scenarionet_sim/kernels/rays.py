@@ -75,9 +75,10 @@ def nearest_segment(
             return best
     column = smaller(larger(int((x + start * dx - left) / cell_size), 0), columns - 1)
     row = smaller(larger(int((y + start * dy - low) / cell_size), 0), rows - 1)
-    step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
-    next_x = (left + (column + (dx > 0)) * cell_size - x) * over_x
-    next_y = (low + (row + (dy > 0)) * cell_size - y) * over_y
+    # A ray along an axis never reaches the next row or column: its border is ahead, at an infinite distance.
+    step_x, step_y = (1 if dx >= 0.0 else -1), (1 if dy >= 0.0 else -1)
+    next_x = (left + (column + (dx >= 0.0)) * cell_size - x) * over_x
+    next_y = (low + (row + (dy >= 0.0)) * cell_size - y) * over_y
     along_x, along_y = cell_size * abs(over_x), cell_size * abs(over_y)
     while 0 <= column < columns and 0 <= row < rows:
         cell = row * columns + column

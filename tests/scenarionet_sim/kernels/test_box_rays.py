@@ -59,7 +59,8 @@ def test_boxes_without_length_or_width_are_seen_from_the_side():
     assert (cast(motion, size, 4) >= 0.0).all()
 
 
-def test_an_agent_on_the_edge_of_a_box_is_inside():
+@pytest.mark.parametrize("offset", [0.0, 0.5, 1.0])
+def test_an_agent_in_or_on_the_edge_of_a_box_is_inside(offset):
     motion, size = np.zeros((1, 2, 7)), np.full((1, 2, 3), 2.0)
-    motion[0, 1, 0] = 1.0
+    motion[0, 1, 0] = offset
     np.testing.assert_array_equal(cast(motion, size, 8), 0.0)

@@ -110,6 +110,15 @@ def test_rays_along_cell_borders(heading):
     np.testing.assert_allclose(cast(roads, [0.0, 0.0], heading, 4, 50.0), 0.6, atol=1e-9)
 
 
+def test_a_ray_along_an_axis_stays_in_its_row_of_cells():
+    """A wall that is in the row of the agent alone."""
+    builder = MapBuilder()
+    builder.add("wall", EDGE, polyline=[[20, 1], [20, 4]])
+    builder.add("border", EDGE, polyline=[[-30, -30], [60, -30], [60, 60]])
+    roads = Roads.from_map(builder.build(np.zeros(3)))
+    assert cast(roads, [0.0, 2.5], 0.0, 4, 50.0)[0] == pytest.approx(0.4)
+
+
 def test_ranges_to_the_road_edges():
     """The road's edges are 1.75 m to the right and 5.25 m to the left of the ego."""
     drive = simulate(make_drive(), steps=0)

@@ -26,7 +26,6 @@ from scenarionet_data.storage.read.parquet import value_kernels as values
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, StoredGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.row_group_kernels import (
-    decode_stored_pages,
     is_compiled,
     read_row_group,
     reserve,
@@ -104,12 +103,11 @@ class ColumnReader:
         count, row, words = len(plan), 0, dict[str, tuple[str, ...]]()
         for group, (chunks, num_rows, *_) in zip(groups, stored, strict=True):
             found, before = np.zeros((count, pages.NUM_PAGE_FIELDS), np.int64), out.counts.copy()
-            done = unchecked(read_row_group)(
-                group.content, group.base, chunks, scratch, levels, found, plan, row, num_rows, out
-            )
+            arguments = group.content, group.base, chunks, scratch, levels, found, plan, row, num_rows, out
+            done = unchecked(read_row_group)(*arguments, False)
             if done > count:
                 self._decompress(group, found, scratch)
-                done = unchecked(decode_stored_pages)(scratch, levels, found, plan, row, num_rows, out)
+                done = unchecked(read_row_group)(*arguments, True)
             if done == UNKNOWN:
                 return None
             if done < count:

@@ -88,8 +88,11 @@ def read_row_group(
     row: int,
     num_rows: int,
     out: ColumnBlock,
+    is_decompressed: bool,
 ) -> int:
-    """Decode the columns of a row group behind the values of those before, but for pages in zstd.
+    """Decode the columns of a row group behind the values of those before; those in zstd by a second call.
+
+    Pages in zstd are decompressed to their places in ``scratch`` between the calls.
 
     Args:
         data: (n,) uint8 bytes of the file, starting at position ``base``.
@@ -102,45 +105,35 @@ def read_row_group(
         row: First row of the row group.
         num_rows: Its number of rows.
         out: Filled.
+        is_decompressed: Whether this is the second call.
 
     Returns:
-        The first column that is damaged, or the number of columns and pages in zstd; UNKNOWN if a column has more than
-        one page, or of another kind.
+        The first column that is damaged, or the number of columns and of pages in zstd; UNKNOWN if a column has more
+        than one page, or of another kind.
     """
     at, stored = 0, 0
-    for column in range(len(chunks)):
-        page = pages[column]
-        if chunks[column, CHUNK_END] == 0:
-            fill_nulls(columns, column, row, num_rows, out)
-            continue
-        words = out.text[columns[column, FIRST_BYTE] : columns[column, LAST_BYTE]]
-        page[START] = load_page(data, base, chunks[column], page, scratch, at, words)
-        if page[START] == UNKNOWN:
-            return UNKNOWN
-        if page[START] == DAMAGED:
-            return column
-        if page[WORDS_SIZE]:
-            page[WORDS_PLACE], page[NUM_WORDS] = columns[column, FIRST_BYTE], count_words(words[: page[WORDS_SIZE]])
-            columns[column, FIRST_BYTE] += page[WORDS_SIZE]
-        if page[STORED_END]:
-            at, stored = page[END], stored + 1
-        elif not decode_page(scratch, levels, pages, columns, column, row, num_rows, out):
-            return column
-    return len(chunks) + stored
-
-
-@kernel(nogil=True, allocates=False)
-def decode_stored_pages(
-    scratch: Array, levels: Array, pages: Array, columns: Array, row: int, num_rows: int, out: ColumnBlock
-) -> int:
-    """Decode the pages that :func:`read_row_group` left in zstd, after they were decompressed to their places.
-
-    Returns:
-        The first column that is damaged, or their number.
-    """
     for column in range(len(pages)):
-        if pages[column, STORED_END] == 0:
-            pages[column, VALUES] = 0  # its levels are not the last ones any more
-        elif not decode_page(scratch, levels, pages, columns, column, row, num_rows, out):
+        page = pages[column]
+        if is_decompressed:
+            if page[STORED_END] == 0:
+                page[VALUES] = 0  # its levels are not the last ones any more
+                continue
+        else:
+            if chunks[column, CHUNK_END] == 0:
+                fill_nulls(columns, column, row, num_rows, out)
+                continue
+            words = out.text[columns[column, FIRST_BYTE] : columns[column, LAST_BYTE]]
+            page[START] = load_page(data, base, chunks[column], page, scratch, at, words)
+            if page[START] == UNKNOWN:
+                return UNKNOWN
+            if page[START] == DAMAGED:
+                return column
+            if page[WORDS_SIZE]:
+                page[WORDS_PLACE], page[NUM_WORDS] = columns[column, FIRST_BYTE], count_words(words[: page[WORDS_SIZE]])
+                columns[column, FIRST_BYTE] += page[WORDS_SIZE]
+            if page[STORED_END]:
+                at, stored = page[END], stored + 1
+                continue
+        if not decode_page(scratch, levels, pages, columns, column, row, num_rows, out):
             return column
-    return len(pages)
+    return len(pages) + stored

@@ -42,8 +42,9 @@ def described(columns, room, size, block):
 def decoded(data, found, columns, num_rows, block):
     """Decode decompressed pages; returns the first damaged column, or their number."""
     found[:, pages.STORED_END] = 1
-    levels = np.zeros((4, len(data)), np.uint8)
-    return kernels.decode_stored_pages(data, levels, found, columns, 0, num_rows, block)
+    levels, chunks = np.zeros((4, len(data)), np.uint8), np.zeros((len(found), pages.NUM_CHUNK_FIELDS), np.int64)
+    file = np.frombuffer(b"", np.uint8)
+    return kernels.read_row_group(file, 0, chunks, data, levels, found, columns, 0, num_rows, block, True)
 
 
 @given(
