@@ -92,7 +92,7 @@ NOTHING, ON_GROUND = -2, -1
 BAND = 8
 """Rows of a band, the part of a frame that a thread draws at a time."""
 
-BANDS = 3
+BANDS = 2
 """Bands that a thread draws one after another."""
 
 TILE = 384
