@@ -163,12 +163,9 @@ class Columns:
             return Texts(ends, self.block.text)
         return Texts(ends, self.block.text, self.block.lists[0, place, :-1] == 0)
 
-    def strings(self, name: str, first: int = 0, last: int | None = None) -> Object:
-        """(num_rows,) str or None of a column of texts or of a dictionary, or those of some rows."""
-        if name not in self.words:
-            return self.texts(name).strings()[first:last]
-        strings: Object = _objects(self.words[name])[self.values(name)[first:last]]
-        return strings
+    def strings(self, name: str) -> Object:
+        """(num_rows,) str or None of a column of texts or of a dictionary."""
+        return chosen(self.words[name], self.values(name)) if name in self.words else self.texts(name).strings()
 
     def _values(self, place: int) -> Array:
         first, count = self._span(place)
@@ -178,6 +175,12 @@ class Columns:
     def _span(self, place: int) -> tuple[int, int]:
         """Place of a column's first value, and number of its values."""
         return self.block.firsts.item(place), self.block.counts.item(place)
+
+
+def chosen(words: tuple[str, ...], indices: Int32) -> Object:
+    """Words of a dictionary, or None for -1, as an array."""
+    strings: Object = _objects(words)[indices]
+    return strings
 
 
 @lru_cache(256)

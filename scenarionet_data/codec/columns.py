@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, Obj
 from scenarionet_data.schema import tables
 
 
-@dataclass(frozen=True, eq=False)
-class ScenarioColumns:
+class ScenarioColumns(NamedTuple):
     """Rows of one table for some scenarios, concatenated.
 
     Attributes:

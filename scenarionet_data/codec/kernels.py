@@ -96,6 +96,7 @@ class TrackArrays(NamedTuple):
     is_size_assumed: Array  # (N,) bool
     is_type_assumed: Array  # (N,) bool
     is_velocity_estimated: Array  # (N,) bool
+    source_type: Array  # (N,) int32 numbers of words, or -1
 
 
 @kernel(nogil=True, allocates=False)
@@ -106,8 +107,8 @@ def fill_tracks(
 
     Args:
         block: Rows of tracks.
-        columns: (16,) int64 columns x, y, z, heading, vx, vy, length, width, height, valid, is_interpolated, start,
-            object_type, is_size_assumed, is_type_assumed, is_velocity_estimated.
+        columns: (17,) int64 columns x, y, z, heading, vx, vy, length, width, height, valid, is_interpolated, start,
+            object_type, is_size_assumed, is_type_assumed, is_velocity_estimated, source_type.
         others: (11,) int64 lengths that the lists may have besides that of x, see :func:`check_lengths`.
         first: Row of the scenario's first object.
         codes: uint8 code of each word of object_type.
@@ -123,28 +124,38 @@ def fill_tracks(
     for place in range(len(others)):
         if not _are_as_long(block, columns[0], columns[place], others[place], first, last):
             return place
-    starts = block.words[block.firsts[columns[_START]] :]
+    cells = len(out.heading) * steps
+    heading, valid, is_interpolated = (
+        out.heading.reshape(cells),
+        out.valid.reshape(cells),
+        out.is_interpolated.reshape(cells),
+    )
+    position, size = out.position.reshape(3 * cells), out.size.reshape(3 * cells)
+    velocity = out.velocity.reshape(2 * cells)
+    starts = block.words[block.firsts[columns[_START]] + first :]
     for row in range(len(out.heading)):
-        begin, count = np.int64(starts[first + row]), np.int64(block.lists[0, columns[0], first + row])
-        span = slice(begin, begin + count)
-        valid = out.valid[row, span]
-        _fill_flags(block, columns[9], first + row, True, valid)
-        _fill_flags(block, columns[10], first + row, False, out.is_interpolated[row, span])
-        start, heading = _element(block, columns[3], first + row), out.heading[row, span]
-        for k in range(count):
-            heading[k] = block.numbers[start + k]
-        position, velocity, size = out.position[row, span], out.velocity[row, span], out.size[row, span]
+        count = np.int64(block.lists[0, columns[0], first + row])
+        begin = row * steps + np.int64(starts[row])
+        end = begin + count
+        _fill_flags(block, columns[9], first + row, True, valid[begin:end])
+        _fill_flags(block, columns[10], first + row, False, is_interpolated[begin:end])
+        start, headings = _element(block, columns[3], first + row), heading[begin:end]
+        values = block.numbers[start : start + count]
+        for k in range(len(values)):
+            headings[k] = values[k]
         if block.lists[0, columns[2], first + row] == count:
-            _join_points(block, columns[:3], first + row, count, position)
+            _join_points(block, columns[:3], first + row, count, position[3 * begin : 3 * end])
         else:  # z stays 0
-            _join_pairs(block, columns[:2], first + row, count, position, 3)
-        _join_pairs(block, columns[4:6], first + row, count, velocity, 2)
-        for axis in range(3):
-            _fill_size(block, columns[6 + axis], first + row, valid, size, axis)
+            _join_pairs(block, columns[:2], first + row, count, position[3 * begin : 3 * end], 3)
+        _join_pairs(block, columns[4:6], first + row, count, velocity[2 * begin : 2 * end], 2)
+        _fill_sizes(block, columns[6:9], first + row, valid[begin:end], size[3 * begin : 3 * end])
     _copy_codes(block, columns[12], first, codes, out.object_type)
     _copy_flags(block, columns[13], first, out.is_size_assumed)
     _copy_flags(block, columns[14], first, out.is_type_assumed)
     _copy_flags(block, columns[15], first, out.is_velocity_estimated)
+    words = block.words[block.firsts[columns[16]] + first :]
+    for row in range(len(out.source_type)):
+        out.source_type[row] = words[row]
     copy_texts(block, first, texts)
     return len(columns)
 
@@ -160,10 +171,10 @@ def _element(block: ColumnBlock, column: int, row: int) -> Any:
 
 @device_function
 def _join_points(block: ColumnBlock, columns: Array, row: int, count: Any, points: Array) -> None:
-    """Fill points, (n, 3), with their coordinates from a row on."""
+    """Fill points, (3 * n,), with their coordinates from a row on."""
     x, y, z = _element(block, columns[0], row), _element(block, columns[1], row), _element(block, columns[2], row)
     numbers = block.numbers
-    _interleave(numbers[x : x + count], numbers[y : y + count], numbers[z : z + count], points.reshape(3 * count))
+    _interleave(numbers[x : x + count], numbers[y : y + count], numbers[z : z + count], points)
 
 
 @device_function(in_lanes=True)
@@ -176,24 +187,22 @@ def _interleave(x: Array, y: Array, z: Array, points: Array) -> None:
 
 @device_function
 def _join_pairs(block: ColumnBlock, columns: Array, row: int, count: Any, points: Array, width: int) -> None:
-    """Fill the first two of the ``width`` coordinates of points."""
-    x, y, flat = _element(block, columns[0], row), _element(block, columns[1], row), points.reshape(width * count)
-    for k in range(count):
-        flat[width * k] = block.numbers[x + k]
-        flat[width * k + 1] = block.numbers[y + k]
+    """Fill the first two of the ``width`` coordinates of points, (width * n,)."""
+    first, second = _element(block, columns[0], row), _element(block, columns[1], row)
+    x, y = block.numbers[first : first + count], block.numbers[second : second + count]
+    for k in range(len(x)):
+        points[width * k], points[width * k + 1] = x[k], y[k]
 
 
 @device_function
-def _fill_size(block: ColumnBlock, column: int, row: int, valid: Array, size: Array, axis: int) -> None:
-    """Fill an extent at the valid timesteps of a span; a list of one element holds at all of them."""
-    start, count = _element(block, column, row), block.lists[0, column, row]
-    if count == 1:
-        value = block.numbers[start]
+def _fill_sizes(block: ColumnBlock, columns: Array, row: int, valid: Array, sizes: Array) -> None:
+    """Fill extents, (3 * n,), at the valid timesteps of a span; a list of one element holds at all of them."""
+    for axis in range(3):
+        start, count = _element(block, columns[axis], row), block.lists[0, columns[axis], row]
+        values, step = block.numbers[start : start + count], 0 if count == 1 else 1
         for k in range(len(valid)):
-            size[k, axis] = value if valid[k] else 0
-    else:
-        for k in range(count):
-            size[k, axis] = block.numbers[start + k] if valid[k] else 0
+            if valid[k]:
+                sizes[3 * k + axis] = values[step * k]
 
 
 @device_function
@@ -330,7 +339,7 @@ def _fill_points(block: ColumnBlock, columns: Array, first: int, offsets: Array,
         found = block.lists[1, columns[axis], first + len(offsets) - 1] - block.lists[1, columns[axis], first]
         is_full &= found == len(points)
     if is_full:
-        _join_points(block, columns, first, len(points), points)
+        _join_points(block, columns, first, len(points), points.reshape(3 * len(points)))
         return
     for axis in range(len(columns)):
         for row in range(len(offsets) - 1):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -58,9 +59,14 @@ def decode_lights(rows: ScenarioColumns | None, steps: Sequence[int]) -> list[Li
         LakeError: The number of states differs from the number of timesteps: the file is damaged.
     """
     if rows is None:
-        return [Lights.empty(num_steps) for num_steps in steps]
+        return [_no_lights(num_steps) for num_steps in steps]
     columns, bounds = rows.columns, pairwise(rows.bounds)
     return [_lights(columns, first, last, count) for (first, last), count in zip(bounds, steps, strict=True)]
+
+
+@lru_cache(64)
+def _no_lights(steps: int) -> Lights:
+    return Lights.empty(steps)
 
 
 def _lights(columns: Columns, first: int, last: int, steps: int) -> Lights:

@@ -46,6 +46,7 @@ _COLUMNS = (
     "is_size_assumed",
     "is_type_assumed",
     "is_velocity_estimated",
+    "source_type",
 )
 
 
@@ -115,12 +116,15 @@ def _tracks(columns: Columns, first: int, last: int, steps: int) -> Tracks:
         np.empty(count, np.bool_),
         np.empty(count, np.bool_),
         np.empty(count, np.bool_),
+        np.empty(count, np.int32),
     )
-    texts, codes = RowTexts(columns, _TEXTS, first, last), codes_of_words(columns, "object_type", ObjectType)
+    fields = out._asdict()
+    words = {"source_type": (columns.words["source_type"], fields.pop("source_type"))}
+    texts = RowTexts(columns, _TEXTS, first, last, words)
+    codes = codes_of_words(columns, "object_type", ObjectType)
     places = columns.layout.places(_COLUMNS)
     done = unchecked(fill_tracks)(columns.block, places, _LENGTHS, first, codes, out, texts.arrays)
     _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
-    fields = dict(zip(TrackArrays._fields, out, strict=True), source_type=columns.strings("source_type", first, last))
     return Tracks.read(fields, texts)
 
 

@@ -52,6 +52,7 @@ class ColumnReader:
         self._zstd = zstandard.ZstdDecompressor()
         self._left_to_arrow = compile_after
         self._memory = memory or Memory()
+        self._levels = np.empty((4, 0), np.uint8)
 
     def footer(self, url: str, metadata: pq.FileMetaData, *, has_checksums: bool = False) -> Footer:
         """Locate the columns in a file.
@@ -87,14 +88,14 @@ class ColumnReader:
     def _read(self, groups: Sequence[RowGroup]) -> Columns | None:
         """Read with the kernels; None if there is something that they do not know."""
         stored = [group.footer.stored(group.number) for group in groups]
-        if not all(each.can_decode for each in stored):
-            return None
-        largest, size = max([each.largest for each in stored]), max([each.scratch for each in stored])
-        scratch = self._memory.scratch(size + 4 * largest)
-        levels, scratch = scratch[size : size + 4 * largest].reshape(4, largest), scratch[:size]
+        for each in stored:
+            if not each.can_decode:
+                return None
+        scratch, levels = self._scratch(stored)
         reserved = groups[0].footer.reserve(groups[0].number) if len(groups) == 1 else self._reserved(stored)
         plan, out = reserved.columns.copy(), reserved.block(self._memory)
-        count, row, words = len(plan), 0, dict[str, tuple[str, ...]]()
+        count, row = len(plan), 0
+        words: dict[str, tuple[str, ...]] = {}
         for group, (chunks, num_rows, *_) in zip(groups, stored, strict=True):
             found = np.zeros((count, pages.NUM_PAGE_FIELDS), np.int64)
             arguments = group.content, group.base, chunks, scratch, levels, found, plan, row, num_rows, out
@@ -109,6 +110,15 @@ class ColumnReader:
             self._add_words(found, num_rows, out, words)
             row += num_rows
         return Columns(row, self._layout, out, words)
+
+    def _scratch(self, stored: Sequence[StoredGroup]) -> tuple[Array, Array]:
+        """Memory for pages, and for the levels of one of each shape."""
+        largest, size = 0, 0
+        for group in stored:
+            largest, size = max(largest, group.largest), max(size, group.scratch)
+        if largest > self._levels.shape[1]:
+            self._levels = np.empty((4, largest), np.uint8)
+        return self._memory.scratch(size), self._levels
 
     def _reserved(self, stored: Sequence[StoredGroup]) -> Reservation:
         """Places in memory of the values of several row groups."""

@@ -68,7 +68,7 @@ class Reservation(NamedTuple):
 
     def block(self, memory: Memory) -> ColumnBlock:
         """Memory for the values, without any yet."""
-        whole = memory.empty(self.size, np.uint8)
+        whole = memory.bytes(self.size)
         lists, *others = [np.ndarray(shape, kind, whole, at) for shape, kind, at in self.arrays]
         counts: Array = np.zeros(len(self.firsts), np.int64)
         return ColumnBlock(lists, self.firsts, counts, *others)
