@@ -198,14 +198,14 @@ def _read_indices(data: Array, page: Array, values: Array) -> bool:
 @device_function
 def _read_texts(data: Array, page: Array, column: Array, ends: Array, text: Array) -> bool:
     """Decode texts behind those before; returns whether the page is consistent, and the texts are UTF-8."""
-    at, end, size = page[VALUES], page[END], column[FIRST_BYTE]
+    at, end, size, limit = page[VALUES], page[END], column[FIRST_BYTE], column[LAST_BYTE]
     ends[0] = size
-    if end - at > column[LAST_BYTE] - size:
+    if end - at > limit - size:
         return False
     for i in range(len(ends) - 1):
         length = uint32_at(data, at) if at + 4 <= end else end
         at += 4
-        if length > end - at or not copy_text(data, at, length, text, size):
+        if length > end - at or not copy_text(data, at, length, text, size, limit):
             return False
         at, size = at + length, size + length
         ends[i + 1] = size
