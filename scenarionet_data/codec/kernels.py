@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from scenarionet_data.arrays.byte_views import as_float32, as_int32
 from scenarionet_data.arrays.columns import ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.codec.text_kernels import copy_texts
 
 EQUAL, OR_ONE, OR_NONE, OR_NEVER = range(4)
 """Lengths that a list may have: that of its span; or 1; or 0; or 0 if those of its scenario all have it."""
@@ -87,7 +87,6 @@ def _are_as_long(block: ColumnBlock, like: int, column: int, other: int, first: 
 def fill_tracks(
     block: ColumnBlock,
     columns: Array,
-    are_lists: Array,
     others: Array,
     first: int,
     last: int,
@@ -100,9 +99,8 @@ def fill_tracks(
 
     Args:
         block: Rows of tracks.
-        columns: (19,) int64 columns x, y, z, heading, vx, vy, length, width, height, valid, is_interpolated, start,
-            object_type, is_size_assumed, is_type_assumed, is_velocity_estimated, source_type, track_id, extras.
-        are_lists: (C,) bool whether each column of the table holds lists.
+        columns: (17,) int64 columns x, y, z, heading, vx, vy, length, width, height, valid, is_interpolated, start,
+            object_type, is_size_assumed, is_type_assumed, is_velocity_estimated, source_type.
         others: (11,) int64 lengths that the lists may have besides that of x, see :func:`check_lengths`.
         first, last: Rows of the scenario.
         steps: Its number of timesteps.
@@ -111,15 +109,16 @@ def fill_tracks(
         places: Those of the arrays of ``StoredTracks``.
 
     Returns:
-        Place in ``columns`` of the first that does not match the spans of the scenario, or 17.
+        Place in ``columns`` of the first that does not match the spans of the scenario, or their number.
     """
     if not _are_inside(block, columns[_START], columns[0], first, last, steps):
         return _START
     for place in range(len(others)):
         if not _are_as_long(block, columns[0], columns[place], others[place], first, last):
             return place
-    position, velocity = memory[places[1] : places[2]].view(np.float32), memory[places[2] : places[3]].view(np.float32)
-    size, heading = memory[places[3] : places[4]].view(np.float32), memory[places[4] : places[5]].view(np.float32)
+    numbers, integers = as_float32(memory), as_int32(memory)
+    position, velocity = numbers[places[2] >> 2 : places[3] >> 2], numbers[places[3] >> 2 : places[4] >> 2]
+    size, heading = numbers[places[4] >> 2 : places[5] >> 2], numbers[places[5] >> 2 : places[6] >> 2]
     valid, is_interpolated = memory[places[7] : places[8]], memory[places[8] : places[9]]
     starts = block.words[block.firsts[columns[_START]] + first :]
     for row in range(last - first):
@@ -141,13 +140,11 @@ def fill_tracks(
     _copy_codes(block, columns[12], first, codes, memory[places[9] : places[10]])
     for flag in range(3):
         _copy_flags(block, columns[13 + flag], first, memory[places[10 + flag] : places[11 + flag]])
-    source_type = memory[places[5] : places[6]].view(np.int32)
+    source_type = integers[places[6] >> 2 : places[7] >> 2]
     words = block.words[block.firsts[columns[16]] + first :]
     for row in range(len(source_type)):
         source_type[row] = words[row]
-    ends, offsets = memory[: places[1]].view(np.int64), memory[places[6] : places[7]].view(np.int32)
-    copy_texts(block, columns[17:], are_lists, first, last, ends, offsets, memory[places[13] : places[14]])
-    return 17
+    return len(columns)
 
 
 _START = 11
@@ -226,7 +223,6 @@ def _copy_flags(block: ColumnBlock, column: int, first: int, out: Array) -> None
 def fill_lights(
     block: ColumnBlock,
     columns: Array,
-    are_lists: Array,
     first: int,
     last: int,
     steps: int,
@@ -239,8 +235,7 @@ def fill_lights(
 
     Args:
         block: Rows of lights.
-        columns: (8,) int64 columns stop_x, stop_y, stop_z, state, is_lane_in_map, provenance, light_id, lane_id.
-        are_lists: (C,) bool whether each column of the table holds lists.
+        columns: (6,) int64 columns stop_x, stop_y, stop_z, state, is_lane_in_map, provenance.
         first, last: Rows of the scenario.
         steps: Its number of timesteps.
         states, provenances: uint8 code of each word of these columns.
@@ -253,7 +248,7 @@ def fill_lights(
     for row in range(first, last):
         if block.lists[0, columns[3], row] != steps:
             return False
-    points = memory[places[1] : places[2]].view(np.float32)
+    points = as_float32(memory)[places[2] >> 2 : places[3] >> 2]
     for row in range(last - first):
         for axis in range(3):
             points[3 * row + axis] = block.numbers[block.firsts[columns[axis]] + first + row]
@@ -262,8 +257,6 @@ def fill_lights(
     _copy_codes(block, columns[3], block.lists[1, columns[3], first], states, memory[places[3] : places[4]])
     _copy_flags(block, columns[4], first, memory[places[4] : places[5]])
     _copy_codes(block, columns[5], first, provenances, memory[places[5] : places[6]])
-    ends, offsets = memory[: places[1]].view(np.int64), memory[places[2] : places[3]].view(np.int32)
-    copy_texts(block, columns[6:], are_lists, first, last, ends, offsets, memory[places[6] : places[7]])
     return True
 
 
@@ -271,7 +264,6 @@ def fill_lights(
 def fill_features(
     block: ColumnBlock,
     columns: Array,
-    are_lists: Array,
     first: int,
     last: int,
     codes: Array,
@@ -282,33 +274,31 @@ def fill_features(
 
     Args:
         block: Rows of maps.
-        columns: (20,) int64 columns x, y, z, polygon_x, polygon_y, polygon_z, width_left, width_right, speed_limit,
-            feature_type, is_intersection, and those of texts.
-        are_lists: (C,) bool whether each column of the table holds lists.
+        columns: (11,) int64 columns x, y, z, polygon_x, polygon_y, polygon_z, width_left, width_right, speed_limit,
+            feature_type, is_intersection.
         first, last: Rows of the scenario.
         codes: uint8 code of each word of feature_type.
         memory: uint8, filled.
         places: Those of the arrays of ``StoredFeatures``.
 
     Returns:
-        Place in ``columns`` of the first whose lists do not match its polylines, or 11.
+        Place in ``columns`` of the first whose lists do not match its polylines, or their number.
     """
     for place in range(8):
         if not _are_as_long(block, columns[place - place % 3], columns[place], OR_NONE, first, last):
             return place
+    numbers, integers = as_float32(memory), as_int32(memory)
     for kind in range(3):
-        offsets = memory[places[5 + kind] : places[6 + kind]].view(np.int32)
-        points = memory[places[1 + kind] : places[2 + kind]].view(np.float32)
+        offsets = integers[places[6 + kind] >> 2 : places[7 + kind] >> 2]
+        points = numbers[places[2 + kind] >> 2 : places[3 + kind] >> 2]
         _fill_points(block, columns[3 * kind : min(3 * kind + 3, 8)], first, offsets, points)
-    speed_limit, is_intersection = memory[places[4] : places[5]].view(np.float32), memory[places[10] : places[11]]
+    speed_limit, is_intersection = numbers[places[5] >> 2 : places[6] >> 2], memory[places[10] : places[11]]
     limits, bits = block.firsts[columns[8]] + first, block.firsts[columns[10]] + first
     for row in range(last - first):
         speed_limit[row] = block.numbers[limits + row]
         is_intersection[row] = block.bits[bits + row]
     _copy_codes(block, columns[9], first, codes, memory[places[9] : places[10]])
-    ends, offsets = memory[: places[1]].view(np.int64), memory[places[8] : places[9]].view(np.int32)
-    copy_texts(block, columns[11:], are_lists, first, last, ends, offsets, memory[places[11] : places[12]])
-    return 11
+    return len(columns)
 
 
 @device_function

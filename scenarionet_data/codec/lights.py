@@ -71,24 +71,22 @@ class StoredLights(StoredPart):
     """Lights in memory; see ``Lights`` for the shapes.
 
     Args:
-        length: L.
-        counts: Number of elements of each array.
+        columns: Rows.
+        first, last: Those of the scenario.
         steps: T.
     """
 
     arrays: ClassVar = {
-        "text_ends": np.int64,
         "stop_point": np.float32,
-        "text_offsets": np.int32,
         "state": np.uint8,
         "is_lane_in_map": np.bool_,
         "provenance": np.uint8,
-        "text": np.uint8,
     }
     texts: ClassVar = {"ids": "light_id", "lane_ids": "lane_id"}
 
-    def __init__(self, length: int, counts: Sequence[int], steps: int) -> None:
-        super().__init__(length, counts)
+    def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
+        count = last - first
+        super().__init__(columns, first, last, (3 * count, count * steps, count, count))
         self._axes = {"stop_point": 3, "state": steps}
 
     def __getitem__(self, field: str) -> Any:
@@ -96,19 +94,15 @@ class StoredLights(StoredPart):
         return found.reshape(self._length, self._axes[field]) if field in self._axes else found
 
 
-_COLUMNS = (
-    *("stop_x", "stop_y", "stop_z", "state", "is_lane_in_map", "provenance"),
-    *StoredLights.texts.values(),
-)
+_COLUMNS = ("stop_x", "stop_y", "stop_z", "state", "is_lane_in_map", "provenance")
 
 
 def _lights(columns: Columns, first: int, last: int, steps: int) -> Lights:
     """Lights of one scenario."""
-    count, (ends, offsets, size) = last - first, StoredLights.measure(columns, first, last)
-    stored = StoredLights(count, (ends, 3 * count, offsets, count * steps, count, count, size), steps)
+    stored = StoredLights(columns, first, last, steps)
     states = codes_of_words(columns, "state", LightState)
     provenances = codes_of_words(columns, "provenance", Provenance)
-    described = columns.layout.places(_COLUMNS), columns.layout.are_lists, first, last, steps, states, provenances
+    described = columns.layout.places(_COLUMNS), first, last, steps, states, provenances
     if not unchecked(fill_lights)(columns.block, *described, stored.memory, stored.places):
         raise LakeError(
             "lights.state does not have one state per timestep: its file is damaged; `scenarionet check` lists the "

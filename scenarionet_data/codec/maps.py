@@ -93,10 +93,14 @@ def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
 
 
 class StoredFeatures(StoredPart):
-    """Map features in memory; see ``MapFeatures`` for the shapes."""
+    """Map features in memory; see ``MapFeatures`` for the shapes.
+
+    Args:
+        columns: Rows.
+        first, last: Those of the scenario.
+    """
 
     arrays: ClassVar = {
-        "text_ends": np.int64,
         "polyline": np.float32,
         "polygon": np.float32,
         "width": np.float32,
@@ -104,14 +108,19 @@ class StoredFeatures(StoredPart):
         "polyline_offsets": np.int32,
         "polygon_offsets": np.int32,
         "width_offsets": np.int32,
-        "text_offsets": np.int32,
         "feature_type": np.uint8,
         "is_intersection": np.int8,
-        "text": np.uint8,
     }
     texts: ClassVar = {"ids": "feature_id", "extras": "extras", **{name: name for name in ID_LISTS}}
     lists = ID_LISTS
     _points: ClassVar = {"polyline": 3, "polygon": 3, "width": 2}
+
+    def __init__(self, columns: Columns, first: int, last: int) -> None:
+        ends, place, count = columns.block.lists[1], columns.layout.place, last - first
+        firsts = place("x"), place("polygon_x"), place("width_left")
+        line, outline, width = [ends.item(axis, last) - ends.item(axis, first) for axis in firsts]
+        of_points = 3 * line, 3 * outline, 2 * width, count, count + 1, count + 1, count + 1
+        super().__init__(columns, first, last, (*of_points, count, count))
 
     def __getitem__(self, field: str) -> Any:
         found = super().__getitem__(field)
@@ -120,21 +129,15 @@ class StoredFeatures(StoredPart):
         return found
 
 
-_COLUMNS = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection", *StoredFeatures.texts.values())
+_COLUMNS = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection")
 
 
 def _features(columns: Columns, first: int, last: int) -> MapFeatures:
     """Features of one scenario."""
-    layout, lists, count = columns.layout, columns.block.lists[1], last - first
-    firsts = layout.place("x"), layout.place("polygon_x"), layout.place("width_left")
-    line, outline, width = [lists.item(place, last) - lists.item(place, first) for place in firsts]
-    ends, offsets, size = StoredFeatures.measure(columns, first, last)
-    of_points = 3 * line, 3 * outline, 2 * width, count, count + 1, count + 1, count + 1
-    stored = StoredFeatures(count, (ends, *of_points, offsets, count, count, size))
-    codes = codes_of_words(columns, "feature_type", MapFeatureType)
-    described = layout.places(_COLUMNS), layout.are_lists, first, last, codes
-    done = unchecked(fill_features)(columns.block, *described, stored.memory, stored.places)
-    _require(_COLUMNS[done], done == _COLUMNS.index("feature_id"))
+    stored = StoredFeatures(columns, first, last)
+    codes, places = codes_of_words(columns, "feature_type", MapFeatureType), columns.layout.places(_COLUMNS)
+    done = unchecked(fill_features)(columns.block, places, first, last, codes, stored.memory, stored.places)
+    _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
     return MapFeatures.read({}, stored)
 
 

@@ -14,21 +14,23 @@ from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Object
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.arrays.texts import Texts
-from scenarionet_data.codec.text_kernels import measure_texts
+from scenarionet_data.codec.text_kernels import copy_texts, measure_texts
 
 
 class StoredPart:
-    """Fields of a part with M rows, in memory of their own.
+    """Fields of a part with M rows, in memory of their own, in which its texts are already.
 
     Args:
-        length: M.
-        counts: Number of elements of each array.
+        columns: Rows.
+        first, last: Those of the part.
+        counts: Number of elements of each array but those of texts.
 
     Attributes:
-        arrays: dtype of each array by name, in order: the widest come first, so that all are aligned. ``text_ends``,
-            ``text_offsets`` and ``text`` are those of ``copy_texts``.
+        arrays: dtype of each array by name, in order: those of 4 bytes come first, so that all are aligned. Before them
+            are the ends of texts and the numbers of texts, behind them the texts, see ``copy_texts``.
         texts: Columns of texts by name of the field that they become.
         lists: Those of these fields that are lists of texts.
+        has_gaps: Whether elements that no kernel writes are 0.
         memory: uint8, filled by a kernel.
         places: Start of each array in it, and end of the last one.
     """
@@ -36,30 +38,31 @@ class StoredPart:
     arrays: ClassVar[Mapping[str, type[np.generic]]]
     texts: ClassVar[Mapping[str, str]]
     lists: ClassVar[Sequence[str]] = ()
+    has_gaps: ClassVar[bool] = False
+    _kinds: ClassVar[Mapping[str, type[np.generic]]]
     _widths: ClassVar[tuple[int, ...]]
     _numbers: ClassVar[Mapping[str, int]]
 
     def __init_subclass__(cls) -> None:
-        cls._widths = tuple(np.dtype(kind).itemsize for kind in cls.arrays.values())
-        cls._numbers = {name: number for number, name in enumerate(cls.arrays)}
+        cls._kinds = {"text_ends": np.int64, "text_offsets": np.int32, **cls.arrays, "text": np.uint8}
+        cls._widths = tuple(np.dtype(kind).itemsize for kind in cls._kinds.values())
+        cls._numbers = {name: number for number, name in enumerate(cls._kinds)}
 
-    def __init__(self, length: int, counts: Sequence[int]) -> None:
-        self._length = length
-        self.places = tuple(accumulate(map(mul, self._widths, counts), initial=0))
-        self.memory = np.zeros(self.places[-1], np.uint8)
-
-    @classmethod
-    def measure(cls, columns: Columns, first: int, last: int) -> tuple[int, int, int]:
-        """Number of elements of ``text_ends``, ``text_offsets`` and ``text`` for some rows."""
-        layout = columns.layout
-        places = layout.places(tuple(cls.texts.values()))
-        count, size = unchecked(measure_texts)(columns.block, places, layout.are_lists, first, last)
-        return count + len(cls.texts), len(cls.texts) * (last - first + 1), size
+    def __init__(self, columns: Columns, first: int, last: int, counts: Sequence[int]) -> None:
+        layout, self._length = columns.layout, last - first
+        described = columns.block, layout.places(tuple(self.texts.values())), layout.are_lists, first, last
+        num_texts, size = unchecked(measure_texts)(*described)
+        offsets = len(self.texts) * (self._length + 1)
+        of_texts = num_texts + len(self.texts), offsets
+        self.places = tuple(accumulate(map(mul, self._widths, (*of_texts, *counts, size)), initial=0))
+        total = (self.places[-1] + 7) // 8 * 8  # for kernels, which see it as an array of each width
+        self.memory = np.zeros(total, np.uint8) if self.has_gaps else np.empty(total, np.uint8)
+        unchecked(copy_texts)(*described, self.memory, (0, self.places[1], self.places[-2]))
 
     def array(self, name: str) -> Array:
         """An array, of one axis."""
         number = self._numbers[name]
-        return self.memory[self.places[number] : self.places[number + 1]].view(self.arrays[name])
+        return self.memory[self.places[number] : self.places[number + 1]].view(self._kinds[name])
 
     def __contains__(self, field: str) -> bool:
         return field in self._numbers or field in self.texts

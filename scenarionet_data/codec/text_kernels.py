@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from scenarionet_data.arrays.byte_views import as_int32, as_int64
 from scenarionet_data.arrays.columns import ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
@@ -25,26 +26,28 @@ def measure_texts(block: ColumnBlock, columns: Array, are_lists: Array, first: i
     return count, size
 
 
-@device_function
+@kernel(nogil=True, allocates=False)
 def copy_texts(
     block: ColumnBlock,
     columns: Array,
     are_lists: Array,
     first: int,
     last: int,
-    ends: Array,
-    offsets: Array,
-    text: Array,
+    memory: Array,
+    places: tuple[int, int, int],
 ) -> None:
     """Copy the texts of some rows, one column after the other; see :func:`measure_texts`.
 
     Args:
         block: Rows.
         columns, are_lists, first, last: As in :func:`measure_texts`.
-        ends: (n + number of texts,) int64, filled: start of the first text of each column, and ends of all.
-        offsets: (n * (M + 1),) int32, filled: number of texts before each row; a value that is null counts as none.
-        text: uint8 UTF-8, filled.
+        memory: uint8 memory of three arrays, which are filled: (n + number of texts,) int64 start of the first text of
+            each column, and ends of all; (n * (M + 1),) int32 number of texts before each row, where a value that is
+            null counts as none; and UTF-8.
+        places: Start of each of these.
     """
+    ends, offsets = as_int64(memory)[places[0] >> 3 :], as_int32(memory)[places[1] >> 2 :]
+    text = memory[places[2] :]
     at, size, row_at = 0, 0, 0
     for place in range(len(columns)):
         column = columns[place]

@@ -96,38 +96,37 @@ class StoredTracks(StoredPart):
     """Tracks in memory; see ``Tracks`` for the shapes.
 
     Args:
-        length: N.
-        counts: Number of elements of each array.
+        columns: Rows.
+        first, last: Those of the scenario.
         steps: T.
-        words: Words of source_type.
     """
 
     arrays: ClassVar = {
-        "text_ends": np.int64,
         "position": np.float32,
         "velocity": np.float32,
         "size": np.float32,
         "heading": np.float32,
         "source_type": np.int32,
-        "text_offsets": np.int32,
         "valid": np.bool_,
         "is_interpolated": np.bool_,
         "object_type": np.uint8,
         "is_size_assumed": np.bool_,
         "is_type_assumed": np.bool_,
         "is_velocity_estimated": np.bool_,
-        "text": np.uint8,
     }
     texts: ClassVar = {"ids": "track_id", "extras": "extras"}
+    has_gaps = True
     _over_time: ClassVar = {
         **dict.fromkeys(("position", "size"), (3,)),
         "velocity": (2,),
         **dict.fromkeys(("heading", "valid", "is_interpolated"), ()),
     }
 
-    def __init__(self, length: int, counts: Sequence[int], steps: int, words: tuple[str, ...]) -> None:
-        super().__init__(length, counts)
-        self._steps, self._words = steps, words
+    def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
+        count, cells = last - first, (last - first) * steps
+        over_time, of_objects = (3 * cells, 2 * cells, 3 * cells, cells), (count, count, count, count)
+        super().__init__(columns, first, last, (*over_time, count, cells, cells, *of_objects))
+        self._steps, self._words = steps, columns.words["source_type"]
 
     def __getitem__(self, field: str) -> Any:
         found = super().__getitem__(field)
@@ -144,38 +143,16 @@ _COLUMNS = (
     "is_type_assumed",
     "is_velocity_estimated",
     "source_type",
-    *StoredTracks.texts.values(),
 )
 
 
 def _tracks(columns: Columns, first: int, last: int, steps: int) -> Tracks:
     """Tracks of one scenario."""
-    count, cells, (ends, offsets, size) = (
-        last - first,
-        (last - first) * steps,
-        StoredTracks.measure(columns, first, last),
-    )
-    counts = (
-        ends,
-        3 * cells,
-        2 * cells,
-        3 * cells,
-        cells,
-        count,
-        offsets,
-        cells,
-        cells,
-        count,
-        count,
-        count,
-        count,
-        size,
-    )
-    stored = StoredTracks(count, counts, steps, columns.words["source_type"])
-    codes, layout = codes_of_words(columns, "object_type", ObjectType), columns.layout
-    described = layout.places(_COLUMNS), layout.are_lists, _LENGTHS, first, last, steps, codes
+    stored = StoredTracks(columns, first, last, steps)
+    codes = codes_of_words(columns, "object_type", ObjectType)
+    described = columns.layout.places(_COLUMNS), _LENGTHS, first, last, steps, codes
     done = unchecked(fill_tracks)(columns.block, *described, stored.memory, stored.places)
-    _require(_COLUMNS[done], done == _COLUMNS.index("track_id"))
+    _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
     return Tracks.read({}, stored)
 
 

@@ -102,7 +102,7 @@ def _decompress_most(data: Array, at: int, end: int, target: Array, first: int, 
     return at, to
 
 
-@device_function(forceinline=True)
+@device_function
 def _extended(data: Array, at: int, end: int, nibble: int) -> tuple[int, int]:
     """A length that continues in further bytes when its four bits are set."""
     length = nibble
