@@ -117,25 +117,28 @@ def fill_tracks(
         if not _are_as_long(block, columns[0], columns[place], others[place], first, last):
             return place
     numbers, integers = as_float32(memory), as_int32(memory)
-    position, velocity = numbers[places[2] >> 2 : places[3] >> 2], numbers[places[3] >> 2 : places[4] >> 2]
+    position, velocity = places[2] >> 2, places[3] >> 2
     size, heading = numbers[places[4] >> 2 : places[5] >> 2], numbers[places[5] >> 2 : places[6] >> 2]
-    valid, is_interpolated = memory[places[7] : places[8]], memory[places[8] : places[9]]
+    valid = memory[places[7] : places[8]]
     starts = block.words[block.firsts[columns[_START]] + first :]
     for row in range(last - first):
         count = np.int64(block.lists[0, columns[0], first + row])
         begin = row * steps + np.int64(starts[row])
         end = begin + count
-        _fill_flags(block, columns[9], first + row, True, valid[begin:end])
-        _fill_flags(block, columns[10], first + row, False, is_interpolated[begin:end])
+        for kind in range(2):
+            flags = memory[places[7 + kind] + begin : places[7 + kind] + end]
+            _fill_flags(block, columns[9 + kind], first + row, kind == 0, flags)
         start, headings = _element(block, columns[3], first + row), heading[begin:end]
         values = block.numbers[start : start + count]
         for k in range(len(values)):
             headings[k] = values[k]
-        if block.lists[0, columns[2], first + row] == count:
-            _join_points(block, columns[:3], first + row, count, position[3 * begin : 3 * end])
-        else:  # z stays 0
-            _join_pairs(block, columns[:2], first + row, count, position[3 * begin : 3 * end], 3)
-        _join_pairs(block, columns[4:6], first + row, count, velocity[2 * begin : 2 * end], 2)
+        has_z = block.lists[0, columns[2], first + row] == count
+        if has_z:
+            _join_points(block, columns[:3], first + row, count, numbers[position + 3 * begin : position + 3 * end])
+        for kind in range(1 if has_z else 0, 2):  # without heights, z stays 0
+            width, start = 3 - kind, position if kind == 0 else velocity
+            points = numbers[start + width * begin : start + width * end]
+            _join_pairs(block, columns[4 * kind : 4 * kind + 2], first + row, count, points, width)
         _fill_sizes(block, columns[6:9], first + row, valid[begin:end], size[3 * begin : 3 * end])
     _copy_codes(block, columns[12], first, codes, memory[places[9] : places[10]])
     for flag in range(3):
