@@ -138,8 +138,6 @@ class Columns:
         self, num_rows: int, layout: ColumnLayout, block: ColumnBlock, words: Mapping[str, tuple[str, ...]]
     ) -> None:
         self.num_rows, self.layout, self.block, self.words = num_rows, layout, block, words
-        self._firsts: list[int] = block.firsts.tolist()
-        self._counts: list[int] = block.counts.tolist()
 
     def values(self, name: str) -> Array:
         """Scalars of all rows, or elements of all lists.
@@ -158,7 +156,7 @@ class Columns:
     def texts(self, name: str) -> Texts:
         """(num_rows,) texts, or the elements of lists of texts."""
         place = self.layout.place(name)
-        first, count = self._firsts[place], self._counts[place]
+        first, count = self._span(place)
         ends = self.block.ends[first : first + count + 1]
         column = self.layout.columns[place]
         if not column.nullable or column.is_list:
@@ -167,15 +165,22 @@ class Columns:
 
     def strings(self, name: str) -> Object:
         """(num_rows,) str or None of a column of texts or of a dictionary."""
-        if name not in self.words:
-            return self.texts(name).strings()
-        strings: Object = _objects(self.words[name])[self.values(name)]
-        return strings
+        return chosen(self.words[name], self.values(name)) if name in self.words else self.texts(name).strings()
 
     def _values(self, place: int) -> Array:
-        first, count = self._firsts[place], self._counts[place]
+        first, count = self._span(place)
         stored = self.block.bits if self.layout.kinds[place] == BITS else self.block.words
         return stored[first : first + count].view(self.layout.dtypes[place])
+
+    def _span(self, place: int) -> tuple[int, int]:
+        """Place of a column's first value, and number of its values."""
+        return self.block.firsts.item(place), self.block.counts.item(place)
+
+
+def chosen(words: tuple[str, ...], indices: Int32) -> Object:
+    """Words of a dictionary, or None for -1, as an array."""
+    strings: Object = _objects(words)[indices]
+    return strings
 
 
 @lru_cache(256)

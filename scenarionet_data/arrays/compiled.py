@@ -155,20 +155,15 @@ class CompiledFunction(_CPUDispatcher):  # type: ignore[misc]
 
 
 class Kernel(CompiledFunction):
-    """A compiled function with a cache on disk."""
+    """A compiled function with a cache on disk.
+
+    Attributes:
+        only_entry: See :func:`unchecked`.
+    """
+
+    only_entry: Callable[..., Any]
 
     _is_cache_open = False
-
-    _only_entry: Callable[..., Any] | None = None
-
-    @property
-    def unchecked(self) -> Callable[..., Any]:
-        """The machine code for the only types it was called with, which takes those of its arguments for granted.
-
-        A call of it takes a third of the time with many arrays. Before the first call, and with several types, it is
-        the function itself.
-        """
-        return self._only_entry or self
 
     def compile(self, sig: Any) -> Any:
         """Compile for one signature, or read the cache."""
@@ -186,7 +181,7 @@ class Kernel(CompiledFunction):
                 self._cache.unlock()
         if len(self.overloads) > known:
             entries = [result.entry_point for result in self.overloads.values()]
-            self._only_entry = entries[0] if len(entries) == 1 else None
+            self.only_entry = entries[0] if len(entries) == 1 else self
             from_cache = sum(self._cache_hits.values()) > hits
             name = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
             seconds = time.process_time() - begin
@@ -195,8 +190,12 @@ class Kernel(CompiledFunction):
 
 
 def unchecked(function: Function) -> Function:
-    """Return a kernel as :attr:`Kernel.unchecked`, for calls whose arguments always have the same types."""
-    return function.unchecked if isinstance(function, Kernel) else function  # type: ignore[return-value]
+    """The machine code of a kernel for the only types it was called with, which takes those of arguments for granted.
+
+    A call of it takes a third of the time with many arrays. Before the first call, and with several types, it is the
+    function itself.
+    """
+    return getattr(function, "only_entry", function)
 
 
 def _load_array_functions() -> None:

@@ -31,10 +31,15 @@ class Memory:
         self._scratch = np.empty(0, np.uint8)
 
     def scratch(self, size: int) -> UInt8:
-        """Bytes of any values, which the next call returns again."""
+        """At least so many bytes of any values, which the next call returns again."""
         if len(self._scratch) < size:
             self._scratch = np.empty(size, np.uint8)
         return self._scratch
+
+    def bytes(self, size: int) -> UInt8:
+        """At least so many bytes of any values, for arrays."""
+        block = self._block(size) if size >= _SMALL else None
+        return np.empty(size, np.uint8) if block is None else block
 
     def empty(self, shape: int | Sequence[int], dtype: npt.DTypeLike) -> Array:
         """Array of any values."""
@@ -55,14 +60,16 @@ class Memory:
         return sum(size * len(blocks) for size, blocks in self._blocks.items())
 
     def _used_again(self, shape: Any, dtype: npt.DTypeLike) -> Array | None:
-        """Array in a block of the next power of two; None for small ones, and beyond the limit."""
+        """Array in a block; None for small ones, and beyond the limit."""
         size = np.dtype(dtype).itemsize * (shape if isinstance(shape, int) else math.prod(shape))
         if size < _SMALL:
             return None
-        block = self._block(1 << (size - 1).bit_length())
+        block = self._block(size)
         return None if block is None else np.ndarray(shape, dtype, block)
 
-    def _block(self, size: int) -> UInt8 | None:
+    def _block(self, wanted: int) -> UInt8 | None:
+        """Block of the next power of two that nothing refers to; None beyond the limit."""
+        size = 1 << (wanted - 1).bit_length()
         blocks = self._blocks.setdefault(size, [])
         for index, count in enumerate(_references(blocks)):
             if count == _UNUSED:

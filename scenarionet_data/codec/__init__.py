@@ -5,8 +5,9 @@ The columns of the rows are declared in ``schemas/*.toml``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -108,15 +109,9 @@ def decode_many(
         LakeError: Rows are inconsistent: a file is damaged.
     """
     steps = [row["num_timesteps"] for row in metadata]
-    parts = zip(
-        metadata,
-        decode_tracks(tracks, steps),
-        decode_lights(lights, steps),
-        _own_maps(metadata, maps),
-        shared_maps,
-        strict=True,
-    )
-    return [_scenario(row, objects, lamps, own if crop is None else crop) for row, objects, lamps, own, crop in parts]
+    objects, lamps = decode_tracks(tracks, steps), decode_lights(lights, steps)
+    parts = zip(metadata, objects, lamps, _maps(metadata, maps, shared_maps), strict=True)
+    return [_scenario(*each) for each in parts]
 
 
 def _rows(table: str, batch: pa.RecordBatch) -> ScenarioColumns:
@@ -136,49 +131,70 @@ def _scenario(
         "dt": row["dt"],
         "current_timestep": row["current_timestep"],
         "ego_id": row["ego_id"],
-        "origin": np.array([row["origin_x"], row["origin_y"], row["origin_z"]]),
+        "origin": np.array((row["origin_x"], row["origin_y"], row["origin_z"])),
         "has_z": row["has_z"],
-        "source": Source(
-            scenario_id=row["source_scenario_id"],
-            file=row["source_file"],
-            licence=row["licence"],
-            log=row["source_log"],
-            city=row["city"],
-            date=row["date"],
-            crs=row["crs"],
-        ),
         "tracks": tracks,
         "lights": lights,
         "map": features,
         "map_id": row["map_id"] if crop is not None else None,
         "map_crop": tuple(crop) if crop is not None else None,
-        "objects_of_interest": tuple(row["objects_of_interest"]),
-        "tracks_to_predict": tuple(zip(row["tracks_to_predict"], row["tracks_to_predict_difficulty"], strict=True)),
         "defects": (),
         "num_recorded_rows": None,
     }
-    return ScenarioDescription.read(values, _Extras(row["extras"]))
+    return ScenarioDescription.read(values, _Described(row))
 
 
-class _Extras:
-    """Extras of a scenario as JSON text, which is parsed when it is read."""
+class _Described:
+    """Fields of a scenario that take many Python objects, which are made when they are read.
 
-    def __init__(self, text: str | None) -> None:
-        self._text = text
+    Args:
+        row: Its metadata row.
+    """
+
+    def __init__(self, row: Mapping[str, Any]) -> None:
+        self._row = row
 
     def __contains__(self, field: str) -> bool:
-        return field == "extras"
+        return field in _MAKERS
 
-    def __getitem__(self, field: str) -> dict[str, Any]:
-        return from_json(self._text)
+    def __getitem__(self, field: str) -> Any:
+        return _MAKERS[field](self._row)
 
 
-def _own_maps(metadata: Sequence[Mapping[str, Any]], maps: ScenarioColumns | None) -> list[MapFeatures | None]:
-    """Maps of scenarios that have their own; None where the map is shared or missing."""
-    has_own = [row["map_id"] is not None and row["map_crop"] is None for row in metadata]
+def _source(row: Mapping[str, Any]) -> Source:
+    return Source(
+        scenario_id=row["source_scenario_id"],
+        file=row["source_file"],
+        licence=row["licence"],
+        log=row["source_log"],
+        city=row["city"],
+        date=row["date"],
+        crs=row["crs"],
+    )
+
+
+def _tracks_to_predict(row: Mapping[str, Any]) -> tuple[tuple[str, int], ...]:
+    return tuple(zip(row["tracks_to_predict"], row["tracks_to_predict_difficulty"], strict=True))
+
+
+_MAKERS: dict[str, Callable[[Mapping[str, Any]], Any]] = {
+    "source": _source,
+    "objects_of_interest": lambda row: tuple(row["objects_of_interest"]),
+    "tracks_to_predict": _tracks_to_predict,
+    "extras": lambda row: from_json(row["extras"]),
+}
+
+
+def _maps(
+    metadata: Sequence[Mapping[str, Any]], maps: ScenarioColumns | None, shared_maps: Sequence[MapFeatures | None]
+) -> list[MapFeatures | None]:
+    """Map of each scenario: its own, or the crop of its shared one; None without a map."""
     # A map without features has no rows.
-    found = decode_maps(maps) if maps else [MapFeatures.empty() for _ in metadata]
-    return [features if own else None for features, own in zip(found, has_own, strict=True)]
+    own = decode_maps(maps) if maps else [MapFeatures.empty() for _ in metadata]
+    return [
+        features if row["map_id"] is not None and row["map_crop"] is None else crop
+        for row, features, crop in zip(metadata, own, shared_maps, strict=True)
+    ]
 
 
 def _describe(scenario: ScenarioDescription) -> dict[str, Any]:
@@ -217,6 +233,11 @@ def _describe(scenario: ScenarioDescription) -> dict[str, Any]:
 
 def _timestamps(row: Mapping[str, Any]) -> Array:
     if row["timestamps"] is None:
-        regular: Array = np.arange(row["num_timesteps"]) * row["dt"]
-        return regular
+        return _regular(row["num_timesteps"], row["dt"]).copy()
     return np.array(row["timestamps"], dtype=np.float64)
+
+
+@lru_cache(64)
+def _regular(num_timesteps: int, dt: float) -> Array:
+    times: Array = np.arange(num_timesteps) * dt
+    return times

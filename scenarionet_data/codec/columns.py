@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, Obj
 from scenarionet_data.schema import tables
 
 
-@dataclass(frozen=True, eq=False)
-class ScenarioColumns:
+class ScenarioColumns(NamedTuple):
     """Rows of one table for some scenarios, concatenated.
 
     Attributes:
@@ -46,13 +45,21 @@ def codes(columns: Columns, name: str, vocabulary: type[IntEnum]) -> Array:
     Raises:
         LakeError: A word is not in the vocabulary.
     """
-    found: Array = _table(name, columns.words[name], vocabulary)[columns.values(name)]
+    found: Array = codes_of_words(columns, name, vocabulary)[columns.values(name)]
     return found
+
+
+def codes_of_words(columns: Columns, name: str, vocabulary: type[IntEnum]) -> Array:
+    """uint8 code of each word of a dictionary column, and 0 for null behind them.
+
+    Raises:
+        LakeError: A word is not in the vocabulary.
+    """
+    return _table(name, columns.words[name], vocabulary)
 
 
 @lru_cache(1024)
 def _table(name: str, words: tuple[str, ...], vocabulary: type[IntEnum]) -> Array:
-    """(words,) uint8 code of each word of a dictionary."""
     known = _CODES[vocabulary]
     unknown = [word for word in words if word not in known]
     if unknown:
@@ -60,7 +67,7 @@ def _table(name: str, words: tuple[str, ...], vocabulary: type[IntEnum]) -> Arra
             f"{name} is {unknown[0]!r}, which is no {vocabulary.__name__}: a file is damaged; `scenarionet fsck "
             "--deep` names it; restore it from a copy of the lake, or convert its recordings again"
         )
-    return np.array([known[word] for word in words], np.uint8)
+    return np.array([*(known[word] for word in words), 0], np.uint8)
 
 
 _CODES: dict[type[IntEnum], dict[str, int]] = {

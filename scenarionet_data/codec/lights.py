@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
 
+from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.codec.arrow import batch, names_of, string_array
-from scenarionet_data.codec.columns import ScenarioColumns, codes
-from scenarionet_data.codec.kernels import fill_stop_points, have_steps
+from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
+from scenarionet_data.codec.kernels import LightArrays, fill_lights
 from scenarionet_data.codec.texts import RowTexts
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Lights
 from scenarionet_data.scenario.vocabulary import LightState, Provenance
 from scenarionet_data.schema import tables
 
+_COLUMNS = ("stop_x", "stop_y", "stop_z", "state", "is_lane_in_map", "provenance")
 _TEXTS = {"ids": "light_id", "lane_ids": "lane_id"}
 
 
@@ -56,32 +59,31 @@ def decode_lights(rows: ScenarioColumns | None, steps: Sequence[int]) -> list[Li
         LakeError: The number of states differs from the number of timesteps: the file is damaged.
     """
     if rows is None:
-        return [Lights.empty(num_steps) for num_steps in steps]
-    columns, bounds = rows.columns, rows.bounds
-    place, block = columns.layout.place("state"), columns.block
-    if not unchecked(have_steps)(block, place, np.array(bounds), np.array(steps)):
+        return [_no_lights(num_steps) for num_steps in steps]
+    columns, bounds = rows.columns, pairwise(rows.bounds)
+    return [_lights(columns, first, last, count) for (first, last), count in zip(bounds, steps, strict=True)]
+
+
+@lru_cache(64)
+def _no_lights(steps: int) -> Lights:
+    return Lights.empty(steps)
+
+
+def _lights(columns: Columns, first: int, last: int, steps: int) -> Lights:
+    """Lights of one scenario, in memory of their own."""
+    count, texts = last - first, RowTexts(columns, _TEXTS, first, last)
+    out = LightArrays(
+        np.empty((count, 3), np.float32),
+        np.empty((count, steps), np.uint8),
+        np.empty(count, np.bool_),
+        np.empty(count, np.uint8),
+    )
+    states = codes_of_words(columns, "state", LightState)
+    provenances = codes_of_words(columns, "provenance", Provenance)
+    places = columns.layout.places(_COLUMNS)
+    if not unchecked(fill_lights)(columns.block, places, first, states, provenances, out, texts.arrays):
         raise LakeError(
             "lights.state does not have one state per timestep: its file is damaged; `scenarionet check` lists the "
             "affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
         )
-    stops = np.empty((columns.num_rows, 3), np.float32)
-    firsts = block.firsts[columns.layout.places(("stop_x", "stop_y", "stop_z"))]
-    unchecked(fill_stop_points)(block.numbers, firsts, stops)
-    kept = {
-        "stop_point": stops,
-        "is_lane_in_map": columns.values("is_lane_in_map"),
-        "provenance": codes(columns, "provenance", Provenance),
-    }
-    state = codes(columns, "state", LightState)
-    ends = block.lists[1, place].tolist()
-    # Copies, so that one scenario of a batch does not keep the others in memory.
-    return [
-        Lights.read(
-            {
-                "state": state[ends[first] : ends[last]].reshape(-1, num_steps).copy(),
-                **{name: values[first:last].copy() for name, values in kept.items()},
-            },
-            RowTexts(columns, _TEXTS, first, last),
-        )
-        for (first, last), num_steps in zip(pairwise(bounds), steps, strict=True)
-    ]
+    return Lights.read(out._asdict(), texts)

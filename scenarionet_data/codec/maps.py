@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -14,20 +13,20 @@ from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
-from scenarionet_data.codec.columns import ScenarioColumns, codes
-from scenarionet_data.codec.kernels import OR_NONE, FeaturePoints, check_lengths, fill_lines, find_bounds
+from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
+from scenarionet_data.codec.kernels import OR_NONE, FeatureArrays, check_lengths, fill_features, find_bounds
 from scenarionet_data.codec.texts import RowTexts
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
-_LINES = ("x", "y", "z", "polygon_x", "polygon_y", "polygon_z", "width_left", "width_right")
 _FIRST_AXES = {
     **dict.fromkeys(("x", "y", "z"), "x"),
     **dict.fromkeys(("polygon_x", "polygon_y", "polygon_z"), "polygon_x"),
     **dict.fromkeys(("width_left", "width_right"), "width_left"),
 }
 """Columns of coordinates, and those with as many elements."""
+_COLUMNS = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection")
 _TEXTS = {"ids": "feature_id", "extras": "extras", **{name: name for name in ID_LISTS}}
 
 
@@ -92,41 +91,37 @@ def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
     Raises:
         LakeError: Lists of coordinates differ in length: the file is damaged.
     """
-    columns = rows.columns
-    check_points(columns, _LINES)
-    kept = {
-        "feature_type": codes(columns, "feature_type", MapFeatureType),
-        "speed_limit": columns.values("speed_limit"),
-        "is_intersection": columns.values("is_intersection"),
-    }
-    return [_features(columns, kept, first, last) for first, last in pairwise(rows.bounds)]
+    return [_features(rows.columns, first, last) for first, last in pairwise(rows.bounds)]
 
 
-def _features(columns: Columns, kept: Mapping[str, Array], first: int, last: int) -> MapFeatures:
-    """Features of one scenario; copies, so that it does not keep the others of a batch in memory."""
-    lines = _lines(columns, first, last)
-    fields: dict[str, Any] = {name: values[first:last].copy() for name, values in kept.items()}
-    fields["polyline"] = Ragged(lines.line_offsets, lines.line)
-    fields["polygon"] = Ragged(lines.outline_offsets, lines.outline)
-    fields["width"] = Ragged(lines.width_offsets, lines.width)
-    return MapFeatures.read(fields, RowTexts(columns, _TEXTS, first, last))
-
-
-def _lines(columns: Columns, first: int, last: int) -> FeaturePoints:
-    """Points and widths of one scenario's features."""
-    layout, ends, size = columns.layout, columns.block.lists[1], last - first + 1
+def _features(columns: Columns, first: int, last: int) -> MapFeatures:
+    """Features of one scenario, in memory of their own."""
+    layout, ends, size = columns.layout, columns.block.lists[1], last - first
     firsts = (layout.place("x"), layout.place("polygon_x"), layout.place("width_left"))
     counts = [ends.item(place, last) - ends.item(place, first) for place in firsts]
-    out = FeaturePoints(
-        np.empty(size, np.int32),
+    out = FeatureArrays(
+        np.empty(size + 1, np.int32),
         np.empty((counts[0], 3), np.float32),
-        np.empty(size, np.int32),
+        np.empty(size + 1, np.int32),
         np.empty((counts[1], 3), np.float32),
-        np.empty(size, np.int32),
+        np.empty(size + 1, np.int32),
         np.empty((counts[2], 2), np.float32),
+        np.empty(size, np.float32),
+        np.empty(size, np.uint8),
+        np.empty(size, np.int8),
     )
-    unchecked(fill_lines)(columns.block, layout.places(_LINES), first, out)
-    return out
+    texts, codes = RowTexts(columns, _TEXTS, first, last), codes_of_words(columns, "feature_type", MapFeatureType)
+    done = unchecked(fill_features)(columns.block, layout.places(_COLUMNS), first, codes, out, texts.arrays)
+    _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
+    fields: dict[str, Any] = {
+        "feature_type": out.feature_type,
+        "polyline": Ragged(out.line_offsets, out.line),
+        "polygon": Ragged(out.outline_offsets, out.outline),
+        "speed_limit": out.speed_limit,
+        "width": Ragged(out.width_offsets, out.width),
+        "is_intersection": out.is_intersection,
+    }
+    return MapFeatures.read(fields, texts)
 
 
 def check_points(columns: Columns, names: tuple[str, ...]) -> None:

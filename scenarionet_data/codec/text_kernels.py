@@ -2,9 +2,31 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from scenarionet_data.arrays.columns import ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
+
+
+class TextArrays(NamedTuple):
+    """Texts in n columns of some rows, one column after the other.
+
+    Attributes:
+        columns: (n,) int64 the columns.
+        are_lists: (C,) bool whether each column of the table holds lists.
+        firsts: (n,) int64 place in ``ends`` of the start of each column.
+        offsets: (n, M + 1) int32 number of texts before each row; a value that is null counts as none.
+        ends: (n + number of texts,) int64 start of the first text of each column, and ends of all.
+        text: uint8 UTF-8.
+    """
+
+    columns: Array
+    are_lists: Array
+    firsts: Array
+    offsets: Array
+    ends: Array
+    text: Array
 
 
 @kernel(nogil=True, allocates=False)
@@ -13,8 +35,7 @@ def measure_texts(block: ColumnBlock, columns: Array, are_lists: Array, first: i
 
     Args:
         block: Rows.
-        columns: (n,) int64 columns of texts.
-        are_lists: (C,) bool whether each column holds lists.
+        columns, are_lists: See ``TextArrays``.
         first, last: The rows.
     """
     count, size = 0, 0
@@ -25,39 +46,21 @@ def measure_texts(block: ColumnBlock, columns: Array, are_lists: Array, first: i
     return count, size
 
 
-@kernel(nogil=True, allocates=False)
-def copy_texts(
-    block: ColumnBlock,
-    columns: Array,
-    are_lists: Array,
-    first: int,
-    firsts: Array,
-    offsets: Array,
-    ends: Array,
-    text: Array,
-) -> None:
-    """Copy the texts of a scenario, one column after the other; see :func:`measure_texts`.
-
-    Args:
-        block: Rows.
-        columns, are_lists: As in :func:`measure_texts`.
-        first: First row.
-        firsts: (n,) int64, filled: place in ``ends`` of the start of each column.
-        offsets: (n, M + 1) int32, filled: number of texts before each row; a value that is null counts as none.
-        ends: (n + number of texts,) int64, filled: start of the first text of each column, and ends of all.
-        text: uint8, filled.
-    """
-    at, size = 0, 0
-    for place in range(len(columns)):
-        begin, end = _texts(block, columns[place], are_lists[columns[place]], first, first + offsets.shape[1] - 1)
-        firsts[place], offsets[place, 0] = at, 0
-        for row in range(offsets.shape[1] - 1):
-            offsets[place, row + 1] = offsets[place, row] + block.lists[0, columns[place], first + row]
+@device_function
+def copy_texts(block: ColumnBlock, first: int, out: TextArrays) -> None:
+    """Copy texts from a row on; there must be room for what :func:`measure_texts` found."""
+    at, size, last = 0, 0, first + out.offsets.shape[1] - 1
+    for place in range(len(out.columns)):
+        column, offsets = out.columns[place], out.offsets[place]
+        begin, end = _texts(block, column, out.are_lists[column], first, last)
+        out.firsts[place], offsets[0] = at, 0
+        for row in range(last - first):
+            offsets[row + 1] = offsets[row] + block.lists[0, column, first + row]
         start = block.ends[begin]
         for k in range(begin, end + 1):
-            ends[at + k - begin] = block.ends[k] - start + size
+            out.ends[at + k - begin] = block.ends[k] - start + size
         source = block.text[start : block.ends[end]]
-        target = text[size : size + len(source)]
+        target = out.text[size : size + len(source)]
         for k in range(len(source)):
             target[k] = source[k]
         at, size = at + end - begin + 1, size + len(source)

@@ -13,16 +13,16 @@ from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.packed_columns import offsets_of
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
-from scenarionet_data.codec.columns import ScenarioColumns, codes
+from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.kernels import (
     EQUAL,
     OR_NEVER,
     OR_NONE,
     OR_ONE,
-    Grids,
+    TrackArrays,
     check_lengths,
     check_spans,
-    fill_grids,
+    fill_tracks,
 )
 from scenarionet_data.codec.texts import RowTexts
 from scenarionet_data.errors import LakeError
@@ -38,7 +38,16 @@ _OTHER_LENGTHS = {
 }
 """Columns of lists, and lengths that theirs may have besides that of the span."""
 _TEXTS = {"ids": "track_id", "extras": "extras"}
-_OVER_TIME = tuple(_OTHER_LENGTHS)
+_LENGTHS = np.array(list(_OTHER_LENGTHS.values()))
+_COLUMNS = (
+    *_OTHER_LENGTHS,
+    "start",
+    "object_type",
+    "is_size_assumed",
+    "is_type_assumed",
+    "is_velocity_estimated",
+    "source_type",
+)
 
 
 def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBatch:
@@ -89,18 +98,34 @@ def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
     Raises:
         LakeError: Lists do not match their spans, or spans exceed the scenario: the file is damaged.
     """
-    check_lists(rows, steps, _OVER_TIME)
-    columns = rows.columns
-    kept = {name: columns.values(name) for name in ("is_size_assumed", "is_type_assumed", "is_velocity_estimated")}
-    kept |= {"object_type": codes(columns, "object_type", ObjectType), "source_type": columns.strings("source_type")}
-    # Copies, so that one scenario of a batch does not keep the others in memory.
-    found = []
-    for (first, last), num_steps in zip(pairwise(rows.bounds), steps, strict=True):
-        fields = {name: values[first:last].copy() for name, values in kept.items()}
-        grids = _grids(columns, first, last, num_steps)
-        fields.update(zip(Grids._fields, grids, strict=True))
-        found.append(Tracks.read(fields, RowTexts(columns, _TEXTS, first, last)))
-    return found
+    columns, bounds = rows.columns, pairwise(rows.bounds)
+    return [_tracks(columns, first, last, count) for (first, last), count in zip(bounds, steps, strict=True)]
+
+
+def _tracks(columns: Columns, first: int, last: int, steps: int) -> Tracks:
+    """Tracks of one scenario, in memory of their own."""
+    count = last - first
+    out = TrackArrays(
+        np.zeros((count, steps, 3), np.float32),
+        np.zeros((count, steps), np.float32),
+        np.zeros((count, steps, 2), np.float32),
+        np.zeros((count, steps, 3), np.float32),
+        np.zeros((count, steps), np.bool_),
+        np.zeros((count, steps), np.bool_),
+        np.empty(count, np.uint8),
+        np.empty(count, np.bool_),
+        np.empty(count, np.bool_),
+        np.empty(count, np.bool_),
+        np.empty(count, np.int32),
+    )
+    fields = out._asdict()
+    words = {"source_type": (columns.words["source_type"], fields.pop("source_type"))}
+    texts = RowTexts(columns, _TEXTS, first, last, words)
+    codes = codes_of_words(columns, "object_type", ObjectType)
+    places = columns.layout.places(_COLUMNS)
+    done = unchecked(fill_tracks)(columns.block, places, _LENGTHS, first, codes, out, texts.arrays)
+    _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
+    return Tracks.read(fields, texts)
 
 
 def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, ...]) -> None:
@@ -120,22 +145,6 @@ def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, .
     others, likes = np.array([_OTHER_LENGTHS[name] for name in names]), layout.places(("x",) * len(names))
     differs = unchecked(check_lengths)(block, likes, layout.places(names), others, bounds)
     _require(names[differs] if differs < len(names) else "", differs == len(names))
-
-
-def _grids(columns: Columns, first: int, last: int, steps: int) -> Grids:
-    """Arrays over time of one scenario's tracks."""
-    shape = (last - first, steps)
-    out = Grids(
-        np.zeros((*shape, 3), np.float32),
-        np.zeros(shape, np.float32),
-        np.zeros((*shape, 2), np.float32),
-        np.zeros((*shape, 3), np.float32),
-        np.zeros(shape, np.bool_),
-        np.zeros(shape, np.bool_),
-    )
-    places = columns.layout.places(("start", *_OVER_TIME))
-    unchecked(fill_grids)(columns.block, places, first, out)
-    return out
 
 
 def _spans(valid: Array) -> tuple[Array, Array]:

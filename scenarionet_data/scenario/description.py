@@ -84,8 +84,9 @@ class ScenarioDescription(ScenarioPart):
     map: MapFeatures | None
     map_id: str | None = None
     map_crop: tuple[float, float, float, float] | None = None
-    objects_of_interest: tuple[str, ...] = ()
-    tracks_to_predict: tuple[tuple[str, int], ...] = ()
+    # Fields that are made when they are read have no default that Python finds in the class instead.
+    objects_of_interest: tuple[str, ...] = field(default_factory=tuple)
+    tracks_to_predict: tuple[tuple[str, int], ...] = field(default_factory=tuple)
     extras: Mapping[str, Any] = field(default_factory=dict)
     defects: tuple[Defect, ...] = field(default=(), compare=False)
     num_recorded_rows: int | None = field(default=None, compare=False)

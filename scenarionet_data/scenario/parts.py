@@ -73,7 +73,8 @@ class ScenarioPart:
     def read(cls, values: Mapping[str, Any], unread: Unread) -> Self:
         """An instance whose fields are all in ``values`` or ``unread``."""
         part = object.__new__(cls)
-        part.__dict__.update(values, _unread=unread)
+        part.__dict__.update(values)
+        part.__dict__["_unread"] = unread
         return part
 
 

@@ -67,6 +67,9 @@ DESCRIPTION_COLUMNS = (
 
 _BULKY = 4096  # bytes
 
+_LOADED = ("tracks", "lights", "maps")
+"""Tables that scenarios are loaded from, one row group at a time."""
+
 _REMEDY = "convert the recordings again with replace=True, or use the version of this software that wrote the lake"
 
 _SCALARS = {
@@ -174,8 +177,9 @@ class Table:
         """
         numbers = [column for column in self.columns if column.is_list and _is_number(column.element)]
         texts = [column for column in self.columns if column.element == "json"]
-        # Numbers in zstd would be a tenth smaller, and take three times as long to load.
-        bulky = [c.path for c in texts if sample is None or sample.column(c.name).nbytes >= _BULKY]
+        is_large = [sample is None or sample.column(column.name).nbytes >= _BULKY for column in texts]
+        # In zstd, scenarios would be a tenth smaller, and take three times as long to load.
+        bulky = [c.path for c, large in zip(texts, is_large, strict=True) if large and self.name not in _LOADED]
         return {
             "compression": {c.path: "zstd" if c.path in bulky else "lz4" for c in self.columns},
             "compression_level": dict.fromkeys(bulky, 2) or None,

@@ -287,7 +287,7 @@ def _bird_view(lake: Path, names: dict[str, str]) -> Iterator[Figure]:
             lambda s=simulation, o=out: sensor.observe(s.batch, s.state, s.agents, rng, o), lambda: None, 20
         )
         shape = "x".join(map(str, sensor.shape))
-        yield Figure(f"sim: bird's view {shape}, {name}", 1 / seconds, "pictures/s", ">= 400")
+        yield Figure(f"sim: bird's view {shape}, {name}", 1 / seconds, "pictures/s", ">= 1000")
 
 
 def _memory(lake: Path) -> Iterator[Figure]:

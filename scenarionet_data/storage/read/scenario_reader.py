@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import accumulate
 from typing import Any
 
 from scenarionet_data.arrays.columns import ColumnLayout, Columns
@@ -70,7 +69,13 @@ class ScenarioReader:
         if self._remote is None:  # the operating system reads mapped files ahead
             return
         cached = {address for starts, _ in self._cached.values() for address in starts}
-        addresses = [address for row in metadata for table in wanted if (address := _address(table, row))]
+        places = [_ADDRESS[table] for table in wanted]
+        addresses = [
+            RowGroupAddress(table, row[file], row[row_group])
+            for row in metadata
+            for table, (file, row_group, _, _) in zip(wanted, places, strict=True)
+            if row[file]
+        ]
         with snapshots.reading_from(self._files, self._snapshot):
             self._remote.prefetch(address for address in addresses if address not in cached)
 
@@ -90,47 +95,59 @@ class ScenarioReader:
             return {table: self._read_table(table, metadata) for table in wanted}
 
     def _read_table(self, table: str, metadata: Sequence[Mapping[str, Any]]) -> ScenarioColumns | None:
-        _, _, first_row, num_rows = _ADDRESS[table]
-        wanted = [(address, row[first_row], row[num_rows]) for row in metadata if (address := _address(table, row))]
-        if not wanted:
-            return None
-        addresses = dict.fromkeys([address for address, _, _ in wanted])
-        starts, columns = self._cached.get(table, ({}, None))
-        if columns is None or not addresses.keys() <= starts.keys():
-            starts, columns = self._read_row_groups(table, list(addresses))
+        file, row_group, first_row, num_rows = _ADDRESS[table]
         places = []
-        for address, first, count in wanted:
+        for row in metadata:
+            if row[file]:
+                places.append((RowGroupAddress(table, row[file], row[row_group]), row[first_row], row[num_rows]))
+        if not places:
+            return None
+        starts, columns = self._row_groups_of(table, places)
+        spans, are_adjacent, end = [], True, starts[places[0][0]] + places[0][1]
+        for address, first, count in places:
             start = starts[address] + first
             if first < 0 or count < 0 or start + count > columns.num_rows:
                 raise LakeError("a file has fewer rows than its metadata; `scenarionet fsck` names it and the remedy")
-            places.append((start, count))
-        if [first for first, _ in places] != list(starts.values()) or sum(places[-1]) != columns.num_rows:
-            self._cached[table] = starts, columns  # shared row groups: scenarios read next are often in them
-        begin = places[0][0]
-        if [sum(place) for place in places[:-1]] != [first for first, _ in places[1:]]:
-            columns, begin = pick(columns, places), 0
-        return ScenarioColumns(columns, list(accumulate([row[num_rows] or 0 for row in metadata], initial=begin)))
+            are_adjacent &= start == end
+            spans.append((start, count))
+            end = start + count
+        begin = spans[0][0]
+        if not are_adjacent:
+            columns, begin = pick(columns, spans), 0
+        bounds = [begin]
+        for row in metadata:
+            bounds.append(bounds[-1] + (row[num_rows] or 0))
+        return ScenarioColumns(columns, bounds)
 
-    def _read_row_groups(
-        self, table: str, addresses: list[RowGroupAddress]
-    ) -> tuple[dict[RowGroupAddress, int], Columns]:
-        """Rows of row groups, concatenated, and the first row of each."""
+    def _row_groups_of(
+        self, table: str, places: Sequence[tuple[RowGroupAddress, int, int]]
+    ) -> tuple[Mapping[RowGroupAddress, int], Columns]:
+        """Row groups of scenarios, concatenated, and the first row of each.
+
+        Args:
+            table: The table.
+            places: Row group, first row in it, and number of rows of each scenario.
+        """
+        addresses = list(dict.fromkeys([address for address, _, _ in places]))
+        cached = self._cached.get(table)
+        if cached and all(address in cached[0] for address in addresses):
+            return cached
         groups = self._row_groups.get(addresses)
         try:
             columns = self._readers[table].read(groups)
         except UnreadableFile as error:
             with reading(error.url):
                 raise
-        return dict(zip(addresses, accumulate([group.num_rows for group in groups], initial=0), strict=False)), columns
+        starts, row = {}, 0
+        for address, group in zip(addresses, groups, strict=True):
+            starts[address] = row
+            row += group.num_rows
+        if row != sum([count for _, _, count in places]):  # scenarios read next are often in the same row groups
+            self._cached[table] = starts, columns
+        return starts, columns
 
 
 def _layout(table: str, with_ids: bool, columns: Mapping[str, Collection[str]] | None) -> ColumnLayout:
     wanted = {column.name for column in LAYOUTS[table].columns} if columns is None else columns[table]
     ids = {"scenario_id"} if with_ids else set()
     return ColumnLayout(column for column in tables.load(table).columns if column.name in {*wanted, *ids})
-
-
-def _address(table: str, row: Mapping[str, Any]) -> RowGroupAddress | None:
-    """Row group of a scenario in one table; None if it has no rows there."""
-    file, row_group, *_ = _ADDRESS[table]
-    return RowGroupAddress(table, row[file], row[row_group]) if row[file] else None

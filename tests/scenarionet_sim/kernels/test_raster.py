@@ -8,21 +8,22 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_sim.kernels.raster import draw_polygons, draw_segments
+from scenarionet_data.arrays.geometry import box_corners
+from scenarionet_sim.kernels.raster import Crossings, draw_boxes, draw_polygons, draw_segments
 
 IDENTITY = np.array([1.0, 0, 0, 0, 1.0, 0])
 STYLE = np.tile(np.array([0, 9], np.int16), (256, 1))  # channel 0, value 9
 HEIGHT, WIDTH = 40, 50
 
 
-def filled(outline, turns=None):
+def filled(outline):
     """Return the image of one polygon."""
     picture = np.zeros((1, HEIGHT, WIDTH), np.uint8)
-    turns = np.zeros((HEIGHT, WIDTH + 3), np.int16) if turns is None else turns
+    crossings = Crossings.none(HEIGHT, WIDTH)
     points = np.asarray(outline, np.float32)
     offsets, one = np.array([0, len(points)], np.int32), np.ones(1, np.uint8)
-    draw_polygons(points, offsets, one, one.astype(bool), STYLE, IDENTITY, picture, turns)
-    assert not turns.any(), "scratch memory must be restored"
+    draw_polygons(points, offsets, one, one.astype(bool), STYLE, IDENTITY, picture, crossings)
+    assert not crossings.rows[:, 0].any() and not crossings.turns.any(), "scratch memory must be restored"
     return picture[0]
 
 
@@ -57,6 +58,28 @@ def test_adjacent_polygons_cover_each_pixel_once():
 @pytest.mark.parametrize("outline", [[[3, 3]], [[3, 3], [9, 9]], [[3, 3], [9, 3], [20, 3]], []])
 def test_polygon_without_area_covers_nothing(outline):
     assert not filled(np.reshape(outline, (-1, 2))).any()
+
+
+def test_outlines_that_cross_rows_often():
+    """A comb: most rows are crossed ten times."""
+    slots = [[[x, 5], [x, 30], [x + 3, 30], [x + 3, 5]] for x in (4, 14, 24, 34)]
+    outline = [[2.1, 35], *[point for slot in slots for point in slot], [45, 5], [45, 35]]
+    centres = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    expected = shapely.contains_xy(shapely.Polygon(outline), *centres)
+    np.testing.assert_array_equal(filled(outline) == 9, expected)
+
+
+def test_box_covers_the_pixels_whose_centres_it_contains():
+    motion, size = (
+        np.array([[20.3, 15.2, 0.0, 0.7], [5.0, 5.0, 0.0, 0.0]]),
+        np.array([[12.0, 5.0, 2.0], [4.0, 4.0, 1.0]]),
+    )
+    picture = np.zeros((1, HEIGHT, WIDTH), np.uint8)
+    drawn = np.array([True, False])
+    draw_boxes(motion, size, np.zeros(2, np.uint8), drawn, STYLE, IDENTITY, picture, Crossings.none(HEIGHT, WIDTH))
+    box = shapely.Polygon(box_corners(motion[0, :2], motion[0, 3], size[0, 0], size[0, 1]))
+    centres = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    np.testing.assert_array_equal(picture[0] == 9, shapely.contains_xy(box, *centres))
 
 
 @given(st.integers(0, 10**6), st.sampled_from([5, 40, 400]))

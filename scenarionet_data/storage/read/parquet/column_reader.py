@@ -22,14 +22,10 @@ from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.storage.read.parquet import page_kernels as pages
-from scenarionet_data.storage.read.parquet import value_kernels as values
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, StoredGroup, UnreadableFile
-from scenarionet_data.storage.read.parquet.row_group_kernels import (
-    is_compiled,
-    read_row_group,
-    reserve,
-)
+from scenarionet_data.storage.read.parquet.reservation import Reservation
+from scenarionet_data.storage.read.parquet.row_group_kernels import is_compiled, read_row_group
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
 COMPILE_AFTER = 64
@@ -52,13 +48,11 @@ class ColumnReader:
 
     def __init__(self, layout: ColumnLayout, memory: Memory | None = None, compile_after: int = COMPILE_AFTER) -> None:
         self._layout = layout
-        self._plan = np.zeros((len(layout.columns), values.NUM_COLUMN_FIELDS), np.int64)
-        self._plan[:, values.SHAPE] = [pages.LIST * c.is_list + pages.NULLABLE * c.nullable for c in layout.columns]
-        self._plan[:, values.KIND] = layout.kinds
         self._dictionaries = [(c.name, place) for place, c in enumerate(layout.columns) if c.element == "dictionary"]
         self._zstd = zstandard.ZstdDecompressor()
         self._left_to_arrow = compile_after
         self._memory = memory or Memory()
+        self._levels = np.empty((4, 0), np.uint8)
 
     def footer(self, url: str, metadata: pq.FileMetaData, *, has_checksums: bool = False) -> Footer:
         """Locate the columns in a file.
@@ -71,7 +65,7 @@ class ColumnReader:
         Raises:
             UnreadableFile: A required column is missing.
         """
-        return Footer(url, metadata, self._layout.columns, has_checksums)
+        return Footer(url, metadata, self._layout, has_checksums)
 
     def read(self, groups: Sequence[RowGroup]) -> Columns:
         """Rows of some row groups, concatenated.
@@ -94,15 +88,16 @@ class ColumnReader:
     def _read(self, groups: Sequence[RowGroup]) -> Columns | None:
         """Read with the kernels; None if there is something that they do not know."""
         stored = [group.footer.stored(group.number) for group in groups]
-        if not all(each.can_decode for each in stored):
-            return None
-        largest, size = max([each.largest for each in stored]), max([each.scratch for each in stored])
-        scratch = self._memory.scratch(size + 4 * largest)
-        levels, scratch = scratch[size : size + 4 * largest].reshape(4, largest), scratch[:size]
-        plan, out = self._reserved(stored)
-        count, row, words = len(plan), 0, dict[str, tuple[str, ...]]()
+        for each in stored:
+            if not each.can_decode:
+                return None
+        scratch, levels = self._scratch(stored)
+        reserved = groups[0].footer.reserve(groups[0].number) if len(groups) == 1 else self._reserved(stored)
+        plan, out = reserved.columns.copy(), reserved.block(self._memory)
+        count, row = len(plan), 0
+        words: dict[str, tuple[str, ...]] = {}
         for group, (chunks, num_rows, *_) in zip(groups, stored, strict=True):
-            found, before = np.zeros((count, pages.NUM_PAGE_FIELDS), np.int64), out.counts.copy()
+            found = np.zeros((count, pages.NUM_PAGE_FIELDS), np.int64)
             arguments = group.content, group.base, chunks, scratch, levels, found, plan, row, num_rows, out
             done = unchecked(read_row_group)(*arguments, False)
             if done > count:
@@ -112,31 +107,23 @@ class ColumnReader:
                 return None
             if done < count:
                 raise self._damaged(done)
-            self._add_words(found, before, out, words)
+            self._add_words(found, num_rows, out, words)
             row += num_rows
         return Columns(row, self._layout, out, words)
 
-    def _reserved(self, stored: Sequence[StoredGroup]) -> tuple[Array, ColumnBlock]:
-        """The columns with places for their values, and memory for these."""
-        chunks = stored[0].chunks if len(stored) == 1 else np.sum([each.chunks for each in stored], axis=0)
-        num_rows = sum([each.num_rows for each in stored])
-        plan, (firsts, counts) = self._plan.copy(), np.zeros((2, len(self._plan)), np.int64)
-        num_words, num_bits, num_ends, size = unchecked(reserve)(chunks, num_rows, plan, firsts)
-        ends = 8 * num_ends  # the widest values first, so that all are aligned
-        lists = ends + 4 * 2 * len(plan) * (num_rows + 1)
-        words = lists + 4 * num_words
-        bits = words + num_bits
-        whole = self._memory.empty(bits + size, np.uint8)
-        return plan, ColumnBlock(
-            whole[ends:lists].view(np.int32).reshape(2, len(plan), num_rows + 1),
-            firsts,
-            counts,
-            whole[lists:words].view(np.uint32),
-            whole[lists:words].view(np.float32),
-            whole[words:bits].view(np.int8),
-            whole[:ends].view(np.int64),
-            whole[bits:],
-        )
+    def _scratch(self, stored: Sequence[StoredGroup]) -> tuple[Array, Array]:
+        """Memory for pages, and for the levels of one of each shape."""
+        largest, size = 0, 0
+        for group in stored:
+            largest, size = max(largest, group.largest), max(size, group.scratch)
+        if largest > self._levels.shape[1]:
+            self._levels = np.empty((4, largest), np.uint8)
+        return self._memory.scratch(size), self._levels
+
+    def _reserved(self, stored: Sequence[StoredGroup]) -> Reservation:
+        """Places in memory of the values of several row groups."""
+        chunks = np.sum([each.chunks for each in stored], axis=0)
+        return Reservation.of(self._layout, chunks, sum([each.num_rows for each in stored]))
 
     def _decompress(self, group: RowGroup, found: Array, scratch: Array) -> None:
         """Decompress the pages in zstd to their places."""
@@ -156,14 +143,16 @@ class ColumnReader:
             return False
         return True
 
-    def _add_words(self, found: Array, before: Array, out: ColumnBlock, words: dict[str, tuple[str, ...]]) -> None:
+    def _add_words(self, found: Array, num_rows: int, out: ColumnBlock, words: dict[str, tuple[str, ...]]) -> None:
         """Add the dictionaries of a row group's pages; its indices become those in all words."""
-        firsts, sizes = found[:, pages.WORDS_PLACE].tolist(), found[:, pages.WORDS_SIZE].tolist()
         for name, place in self._dictionaries:
-            added = _words(out.text[firsts[place] : firsts[place] + sizes[place]].tobytes())
+            first, size = found.item(place, pages.WORDS_PLACE), found.item(place, pages.WORDS_SIZE)
+            added = _words(out.text[first : first + size].tobytes())
             known = words.setdefault(name, added)
             if known != added:
-                start, end = out.firsts[place] + before[place], out.firsts[place] + out.counts[place]
+                end = out.firsts.item(place) + out.counts.item(place)
+                is_list = self._layout.are_lists[place]
+                start = end - (found.item(place, pages.COUNT) if is_list else num_rows)
                 indices = out.words[start:end].view(np.int32)
                 indices[indices >= 0] += len(known)
                 words[name] = known + added

@@ -1,7 +1,7 @@
 """Compiled CRC-32 (IEEE 802.3, as in gzip), which Parquet stores in page headers.
 
-Blocks of 16 bytes are folded by carry-less multiplication where the processor has it (7 GB/s), the rest goes through 16
-tables of 256 words (1.3 GB/s): V. Gopal et al., "Fast CRC Computation for Generic Polynomials Using PCLMULQDQ
+Blocks of 16 bytes are folded by carry-less multiplication where the processor has it (20 GB/s), the rest goes through
+16 tables of 256 words (1.3 GB/s): V. Gopal et al., "Fast CRC Computation for Generic Polynomials Using PCLMULQDQ
 Instruction", Intel 2009; M. Kounavis and F. Berry, "A Systematic Approach to Building High Performance Software-based
 CRC Generators", ISCC 2005.
 """
@@ -54,37 +54,54 @@ def _power(exponent: int) -> np.uint64:
 
 
 _TABLES = _tables()
-_POWER_LOW, _POWER_HIGH = _power(128 + 32), _power(128 - 32)
+_OVER_ONE, _OVER_FOUR = ((_power(bits + 32), _power(bits - 32)) for bits in (128, 512))
+"""Powers that move the lower and the upper half of a block over one block, and over four."""
 
 
 @_intrinsic
 def _fold(_context: Any, data: Any, at: Any, stop: Any, first: Any) -> Any:
-    """Two doubles whose remainder is that of the blocks from ``at`` on that end by ``stop``.
+    """Two doubles whose remainder is that of the blocks from ``at`` on that end by ``stop``, at least four.
 
-    A block moves over the next one by the carry-less products of its halves with two powers of x.
+    A block moves over others by the carry-less products of its halves with two powers of x. Four of them move at once
+    over the next four, as the processor multiplies several while it waits for the first product.
     """
     pair, byte, index = ir.VectorType(ir.IntType(64), 2), ir.IntType(8), ir.IntType(64)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         multiply = builder.module.declare_intrinsic("llvm.x86.pclmulqdq", (), ir.FunctionType(pair, [pair, pair, byte]))
-        powers = ir.Constant(pair, [int(_POWER_LOW), int(_POWER_HIGH)])
         array, begin, end, seed = arguments
+
+        def size(count: int) -> Any:
+            return ir.Constant(index, 16 * count)
 
         def block(position: Any) -> Any:
             return builder.load(pointer_to(context, builder, signature.args[0], array, position, pair), align=1)
 
+        def moved(folded: Any, powers: tuple[np.uint64, np.uint64], added: Any) -> Any:
+            factors = ir.Constant(pair, list(map(int, powers)))
+            products = [builder.call(multiply, [folded, factors, ir.Constant(byte, halves)]) for halves in (0, 0x11)]
+            return builder.xor(builder.xor(*products), added)
+
         start = builder.insert_element(ir.Constant(pair, [0, 0]), seed, ir.Constant(ir.IntType(32), 0))
-        folded = _cgutils.alloca_once_value(builder, builder.xor(block(begin), start))
-        size = ir.Constant(index, 16)
+        blocks = [block(builder.add(begin, size(place))) for place in range(4)]
+        lanes = [_cgutils.alloca_once_value(builder, each) for each in [builder.xor(blocks[0], start), *blocks[1:]]]
+        last = _cgutils.alloca_once_value(builder, builder.add(begin, size(4)))
         with _cgutils.for_range_slice(
-            builder, builder.add(begin, size), builder.sub(end, ir.Constant(index, 15)), size, index
+            builder, builder.load(last), builder.sub(end, ir.Constant(index, 63)), size(4), index
         ) as (position, _):
-            products = [
-                builder.call(multiply, [builder.load(folded), powers, ir.Constant(byte, halves)])
-                for halves in (0, 0x11)
-            ]
-            builder.store(builder.xor(builder.xor(*products), block(position)), folded)
-        halves = [builder.extract_element(builder.load(folded), ir.Constant(ir.IntType(32), k)) for k in (0, 1)]
+            for place, lane in enumerate(lanes):
+                added = block(builder.add(position, size(place)))
+                builder.store(moved(builder.load(lane), _OVER_FOUR, added), lane)
+            builder.store(builder.add(position, size(4)), last)
+        folded = builder.load(lanes[0])
+        for lane in lanes[1:]:
+            folded = moved(folded, _OVER_ONE, builder.load(lane))
+        whole = _cgutils.alloca_once_value(builder, folded)
+        with _cgutils.for_range_slice(
+            builder, builder.load(last), builder.sub(end, ir.Constant(index, 15)), size(1), index
+        ) as (position, _):
+            builder.store(moved(builder.load(whole), _OVER_ONE, block(position)), whole)
+        halves = [builder.extract_element(builder.load(whole), ir.Constant(ir.IntType(32), k)) for k in (0, 1)]
         return context.make_tuple(builder, signature.return_type, halves)
 
     return _types.UniTuple(_types.uint64, 2)(data, at, stop, first), generate
@@ -94,7 +111,7 @@ def _fold(_context: Any, data: Any, at: Any, stop: Any, first: Any) -> Any:
 def crc32(data: Array, start: int, end: int) -> Any:
     """CRC-32 of ``data[start:end]`` as int64; bounds must be within the data."""
     at, stop, remainder = _Double(start), _Double(end), _ONES
-    if _CAN_MULTIPLY and end - start >= 32:
+    if _CAN_MULTIPLY and end - start >= 64:
         low, high = _fold(data, at, stop, _Double(remainder))
         remainder = _through_tables(low, high)
         at = stop - (stop - at) % _BLOCK

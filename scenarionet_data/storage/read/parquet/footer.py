@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.arrays.columns import ColumnType
+from scenarionet_data.arrays.columns import ColumnLayout, ColumnType
 from scenarionet_data.arrays.dtypes import Array, Int64
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
+from scenarionet_data.storage.read.parquet.reservation import Reservation
 
 _CODECS = {"LZ4": kernels.LZ4, "ZSTD": kernels.ZSTD}
 _PLAIN = 1 << kernels.PLAIN
@@ -97,16 +96,15 @@ class Footer:
     Args:
         url: The file, for errors.
         metadata: Its footer.
-        columns: The columns to read; nullable ones may be missing.
+        layout: The columns to read; nullable ones may be missing.
         has_checksums: Whether every page has a checksum.
 
     Raises:
         UnreadableFile: A required column is missing.
     """
 
-    def __init__(
-        self, url: str, metadata: pq.FileMetaData, columns: Sequence[ColumnType], has_checksums: bool = False
-    ) -> None:
+    def __init__(self, url: str, metadata: pq.FileMetaData, layout: ColumnLayout, has_checksums: bool = False) -> None:
+        columns = layout.columns
         self.url = url
         self.metadata = metadata
         self.has_checksums = has_checksums
@@ -124,7 +122,9 @@ class Footer:
         self.names = [column.name for column in columns]
         self._columns = [(positions.get(c.path), _known_encodings(c), c.element in _PACKED) for c in columns]
         self._encodings = self._read_encodings()
+        self._layout = layout
         self._stored: dict[int, StoredGroup] = {}
+        self._reserved: dict[int, Reservation] = {}
 
     def _read_encodings(self) -> list[int]:
         """Encoding of each column's data pages, which a writer chooses for a file."""
@@ -158,6 +158,13 @@ class Footer:
             self._stored[number] = StoredGroup.of(chunks, group.num_rows)
         return self._stored[number]
 
+    def reserve(self, number: int) -> Reservation:
+        """Places in memory of a row group's values."""
+        if number not in self._reserved:
+            stored = self.stored(number)
+            self._reserved[number] = Reservation.of(self._layout, stored.chunks, stored.num_rows)
+        return self._reserved[number]
+
 
 def _holds(stored: pq.ColumnSchema, column: ColumnType) -> bool:
     """Whether a stored column has the type of a declared one."""
@@ -190,8 +197,7 @@ def _chunk(
     return start, data, end, chunk.num_values, codec, size, encoding, can_decode, has_checksums, room
 
 
-@dataclass(frozen=True, eq=False)
-class RowGroup:
+class RowGroup(NamedTuple):
     """A row group with its bytes.
 
     Attributes:

@@ -6,16 +6,13 @@ decompressed between two calls. The kernels release the interpreter lock, so tha
 
 from __future__ import annotations
 
-from scenarionet_data.arrays.columns import BITS, INDICES, TEXTS, ColumnBlock
+from scenarionet_data.arrays.columns import ColumnBlock
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.page_kernels import (
     CHUNK_END,
-    CHUNK_ROOM,
-    CHUNK_SIZE,
     DAMAGED,
     END,
-    LIST,
     NUM_WORDS,
     START,
     STORED_END,
@@ -27,10 +24,7 @@ from scenarionet_data.storage.read.parquet.page_kernels import (
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 from scenarionet_data.storage.read.parquet.value_kernels import (
     FIRST_BYTE,
-    KIND,
     LAST_BYTE,
-    ROOM,
-    SHAPE,
     count_words,
     decode_page,
     fill_nulls,
@@ -40,40 +34,6 @@ from scenarionet_data.storage.read.parquet.value_kernels import (
 def is_compiled() -> bool:
     """Whether this process has compiled the kernels or loaded them from the cache."""
     return bool(getattr(read_row_group, "signatures", True))
-
-
-@kernel(nogil=True, allocates=False)
-def reserve(chunks: Array, num_rows: int, columns: Array, firsts: Array) -> tuple[int, int, int, int]:
-    """Reserve places for values.
-
-    Args:
-        chunks: (C, NUM_CHUNK_FIELDS) int64 sum over the row groups.
-        num_rows: Rows of them all.
-        columns: (C, NUM_COLUMN_FIELDS) int64; fills ROOM, FIRST_BYTE and LAST_BYTE.
-        firsts: (C,) int64, filled; see ``ColumnBlock``.
-
-    Returns:
-        Number of words, bits, ends of texts, and bytes of texts.
-    """
-    words, bits, ends, size = 0, 0, 0, 0
-    for column in range(len(columns)):
-        kind = columns[column, KIND]
-        count = chunks[column, CHUNK_ROOM] if columns[column, SHAPE] & LIST else num_rows
-        columns[column, ROOM] = count
-        columns[column, FIRST_BYTE] = size
-        if kind in (TEXTS, INDICES):
-            size += chunks[column, CHUNK_SIZE]
-        columns[column, LAST_BYTE] = size
-        if kind == TEXTS:
-            firsts[column] = ends
-            ends += count + 1
-        elif kind == BITS:
-            firsts[column] = bits
-            bits += count
-        else:
-            firsts[column] = words
-            words += count
-    return words, bits, ends, size
 
 
 @kernel(nogil=True, allocates=False)
@@ -101,7 +61,7 @@ def read_row_group(
         scratch: uint8 memory for decompressed pages, see ``Footer.size``.
         levels: (4, m) uint8 memory for the levels of a page.
         pages: (C, NUM_PAGE_FIELDS) int64 zeros, filled.
-        columns: (C, NUM_COLUMN_FIELDS) int64, see :func:`reserve`.
+        columns: (C, NUM_COLUMN_FIELDS) int64, see ``Reservation``.
         row: First row of the row group.
         num_rows: Its number of rows.
         out: Filled.

@@ -23,7 +23,7 @@ def test_is_that_of_zlib(content, start):
     assert crc32(np.frombuffer(content, np.uint8), start, len(content)) == zlib.crc32(content[start:])
 
 
-@pytest.mark.parametrize("size", [15, 16, 31, 32, 33, 47, 48, 4096, 100_003])
+@pytest.mark.parametrize("size", [15, 16, 31, 63, 64, 65, 79, 80, 127, 128, 129, 191, 192, 4096, 100_003])
 def test_blocks_and_rest(size):
     content = np.random.default_rng(size).integers(256, size=size).astype(np.uint8)
     assert crc32(content, 0, size) == zlib.crc32(content)
