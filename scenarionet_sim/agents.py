@@ -7,7 +7,7 @@ import numpy as np
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8, UInt32
 from scenarionet_sim.kernels.episodes import list_agents, place_among
-from scenarionet_sim.kernels.step import DrivenArrays
+from scenarionet_sim.kernels.step_arrays import DrivenArrays
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 

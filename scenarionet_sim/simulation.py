@@ -24,10 +24,10 @@ from scenarionet_sim.kernels.step import (
     MOVE,
     OBSERVE,
     ONLY_BEGUN,
-    StepArrays,
     step_reactive_worlds,
     step_worlds,
 )
+from scenarionet_sim.kernels.step_arrays import StepArrays
 from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External, Policy, Replay

@@ -16,6 +16,8 @@ from scenarionet_sim.kernels.cameras.frames import draw_frames
 from scenarionet_sim.kernels.cameras.layout import (
     BAND,
     BANDS,
+    LANES,
+    NUM_INSTANCE,
     NUM_LIGHTS,
     NUM_POSE,
     NUM_SHADES,
@@ -47,6 +49,9 @@ _NO_PICTURES = Pictures(*(np.empty((0, 0, *_TAILS[name]), dtype) for name, (_, d
 MAX_TRIANGLES = 200_000
 _MAX_VERTICES = 2_000
 _MAX_INSTANCES = 2_000
+
+_FIXTURES = 512
+"""Fixtures that are measured at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,16 +142,18 @@ def _scratch(width: int) -> FrameMemory:
             colors=np.zeros((MAX_TRIANGLES, 12), np.float32),
             labels=np.empty((MAX_TRIANGLES, 3), np.int32),
             bounds=np.empty((MAX_TRIANGLES, 4), np.int32),
-            instances=np.empty((_MAX_INSTANCES, 4), np.int32),
+            instances=np.empty((_MAX_INSTANCES, NUM_INSTANCE), np.int32),
             shadows=np.empty((_MAX_INSTANCES, 12)),
+            places=np.zeros((2, BAND), np.int32),
             near=np.empty(BAND * columns, np.float32),
             seen=np.empty(BAND * columns, np.int32),
-            shades=np.zeros((NUM_SHADES, TILE), np.float32),
+            shades=np.zeros((NUM_SHADES, TILE + LANES), np.float32),
             cells=np.zeros(TILE, np.int32),
             texels=np.zeros((3, TILE), np.int32),
             box=np.zeros(7),
-            is_near=np.empty(_MAX_INSTANCES, np.int32),
-            sky=np.zeros((2, columns // SKY_STEP + 2, 4), np.float32),
+            radii=np.empty(_FIXTURES, np.float32),
+            has_shadow=np.empty(_FIXTURES, np.int32),
+            sky=np.zeros((2, 4, columns // SKY_STEP + 2), np.float32),
         )
     return found
 

@@ -5,29 +5,26 @@ A world's step reads and writes rows of that world only, so threads can share wo
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-import numpy.typing as npt
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.boxes import write_boxes
 from scenarionet_sim.kernels.idm import Law, drive_along_paths
 from scenarionet_sim.kernels.minmax import larger
 from scenarionet_sim.kernels.motion import FOLLOW_PATH, move_objects
-from scenarionet_sim.kernels.observation import Scratch, Sensing, observe
+from scenarionet_sim.kernels.observation import Scratch, observe
 from scenarionet_sim.kernels.overlap import touch
 from scenarionet_sim.kernels.paths import PathRows, locate
 from scenarionet_sim.kernels.scoring import StepResult, score
 from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, take
+from scenarionet_sim.kernels.step_arrays import DrivenArrays, StepArrays
 from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
     NUM_OBJECTS,
     OBJECTS,
-    Lines,
     Recorded,
     StateArrays,
 )
@@ -35,72 +32,6 @@ from scenarionet_sim.kernels.structures import (
 MOVE, DRIVE, LOCATE, SCORE, OBSERVE, ONLY_BEGUN = (1 << bit for bit in range(6))
 """Phases of a step, in order: traffic moves; agents drive by their actions; they are located and their contacts found;
 scored; observed. ``ONLY_BEGUN``: in worlds that have just begun an episode alone."""
-
-
-class Traffic(NamedTuple):
-    """Policies of P numbers.
-
-    Attributes:
-        driver: (W, N) policy of each object, or ``UNDRIVEN``.
-        movement: (P,) see ``kernels.motion.REPLAY``.
-        law: (W, P, 8) numbers of a ``Law``.
-        colors: (K,) ``LightColor`` by ``LightState``.
-    """
-
-    driver: UInt8
-    movement: UInt8
-    law: Float64
-    colors: UInt8
-
-
-class DrivenArrays(NamedTuple):
-    """Agents of W worlds in the order of their worlds and rows.
-
-    Attributes:
-        rows: (A, 2) world and row.
-        first: (W + 1,) first agent of each world.
-        actions: (A, 2) steering and throttle.
-        route, route_before: (W, N, 2) location on their paths, see ``State``; after the step, and before it.
-        contacts, contacts_before: (A, N) objects that they touch.
-        hits: (A,) types of those objects, as bits.
-    """
-
-    rows: Int32
-    first: Int32
-    actions: Float64
-    route: Float64
-    route_before: Float64
-    contacts: Bool
-    contacts_before: Bool
-    hits: npt.NDArray[np.uint32]
-
-
-class StepArrays(NamedTuple):
-    """What a step reads and writes.
-
-    Attributes:
-        has_begun: (W,) worlds that have just begun an episode: they do not move in this step.
-        recorded, lines: Worlds.
-        now, then: Current and next state.
-        traffic: Policies.
-        agents: Agents and their contacts.
-        vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
-        task: (12,) see ``task.task_parameters``.
-        result: Scores.
-        sensing: Sensors.
-    """
-
-    has_begun: Bool
-    recorded: Recorded
-    lines: Lines
-    now: StateArrays
-    then: StateArrays
-    traffic: Traffic
-    agents: DrivenArrays
-    vehicles: Float64
-    task: Float64
-    result: StepResult
-    sensing: Sensing
 
 
 @kernel(nogil=True, allocates=False)

@@ -50,7 +50,7 @@ class Policy:
 
     @property
     def movement(self) -> int:
-        """How the compiled step moves its objects: a constant of ``kernels.step``."""
+        """How the compiled step moves its objects: a constant of ``kernels.motion``."""
         return UNCOMPILED
 
     @property

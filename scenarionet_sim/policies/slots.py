@@ -11,7 +11,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.kernels.episodes import UNDRIVEN
 from scenarionet_sim.kernels.motion import FOLLOW_PATH, UNCOMPILED
-from scenarionet_sim.kernels.step import Traffic
+from scenarionet_sim.kernels.step_arrays import Traffic
 from scenarionet_sim.policies.base import Policy, is_compiled
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.worlds.state import State

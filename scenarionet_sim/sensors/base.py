@@ -29,10 +29,10 @@ OBJECT_TYPES = 256
 
 
 class CompiledSensor(NamedTuple):
-    """A sensor as the compiled step takes it, see ``kernels.step.Sensing``.
+    """A sensor as the compiled step takes it, see ``kernels.observation.Sensing``.
 
     Attributes:
-        kind: A constant of ``kernels.step``, such as ``LIDAR``.
+        kind: A constant of ``kernels.observation``, such as ``LIDAR``.
         scale: Up to eight numbers.
         parts: Number of rays or points.
         types: (256,) visible types.

@@ -54,8 +54,8 @@ def bound(count, num_places, items, triangles):
 @kernel(divides_by_zero=True)
 def light(count, size, shots, look, sky):
     for thread in range(count):
-        row = thread // sky.shape[2]
-        light_sky(row // sky.shape[1], row % sky.shape[1], thread % sky.shape[2], size, shots, look, sky)
+        row = thread // sky.shape[3]
+        light_sky(row // sky.shape[1], row % sky.shape[1], thread % sky.shape[3], size, shots, look, sky)
 
 
 @kernel(divides_by_zero=True)

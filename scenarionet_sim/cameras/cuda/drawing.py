@@ -113,7 +113,8 @@ def _draw(
     launch(kernels.place_vertices, lanes, places, is_colored, shots, meshes, look, items, triangles)
     launch(kernels.set_up, lanes, places, size, is_colored, num_objects, shots, meshes, look, items, triangles)
     launch(kernels.bound, num_frames * places, places, items, triangles)
-    sky = memory.buffer("sky", (num_frames if is_colored else 0, *_sky_nodes(size), 4), np.float32)
+    rows, columns = _sky_nodes(size)
+    sky = memory.buffer("sky", (num_frames if is_colored else 0, rows, 4, columns), np.float32)
     launch(kernels.light, sky.size // 4, size, shots, look, sky)
     launch(
         kernels.draw, num_frames * size[0] * size[1], size, options, shots, solids.motion, ground, look, items,

@@ -99,7 +99,7 @@ def light(count: int, size: tuple[int, int], shots: Shots, look: Look, sky: Floa
     """One thread for each node of the sky of every frame."""
     thread = cuda.grid(1)
     if thread < count:
-        num_nodes = sky.shape[2]
+        num_nodes = sky.shape[3]
         row = thread // num_nodes
         light_sky(row // sky.shape[1], row % sky.shape[1], thread % num_nodes, size, shots, look, sky)
 

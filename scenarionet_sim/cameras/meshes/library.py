@@ -57,6 +57,7 @@ def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
         at.CONIFER_FAR: (things.far_conifer(), (4.0, 4.0, 9.0)),
         at.CONIFER_TINY: (things.tiny_conifer(), (4.0, 4.0, 9.0)),
         at.POLE_FAR: (things.far_pole(), (0.2, 0.2, 6.0)),
+        at.SPECK: ([things.open_box(at.BODY)], (1.0, 1.0, 1.0)),
     }
 
 
@@ -68,13 +69,21 @@ _COARSER = {
     at.LIGHT_HEAD: (at.LIGHT_FAR, 24), at.POLE: (at.POLE_FAR, 60), at.BUILDING: (at.WALLS, 6),
     at.TREE: (at.TREE_MIDDLE, 70), at.TREE_MIDDLE: (at.TREE_FAR, 36), at.TREE_FAR: (at.TREE_TINY, 6),
     at.TREE_TINY: (at.TREE_DOT, 3), at.CONIFER: (at.CONIFER_MIDDLE, 70), at.CONIFER_MIDDLE: (at.CONIFER_FAR, 36),
-    at.CONIFER_FAR: (at.CONIFER_TINY, 6),
+    at.CONIFER_FAR: (at.CONIFER_TINY, 6), at.BLOCK: (at.SPECK, 3),
 }  # fmt: skip
 """The next coarser mesh of each, and the radius on the screen [pixels] below which it is drawn instead."""
 
 
 _ONE_SIDED = (at.TREE_FAR, at.TREE_TINY, at.TREE_DOT, at.CONIFER_FAR, at.CONIFER_TINY, at.POLE_FAR)
 """Meshes that have only the side that faces the camera."""
+
+
+_OUTLINES = {
+    at.TREE_TINY: (0.32, 1.0, 0.41, 0.0, -0.75, 0.0), at.TREE_DOT: (0.32, 1.0, 0.41, 0.0, -0.75, 0.0),
+    at.CONIFER_TINY: (0.12, 1.0, 0.19, 1.0, 0.0, 0.0), at.POLE_FAR: (0.0, 1.0, 0.42, 0.0, 0.0, 0.0),
+    at.SPECK: (0.0, 1.0, 0.5, 0.0, 0.0, 0.5),
+}  # fmt: skip
+"""See ``Meshes.outlines``."""
 
 
 _GLOSSY = (at.BODY, at.GLASS, at.METAL)
@@ -88,6 +97,9 @@ def library() -> Meshes:
     ranges = np.zeros((len(sources), 8), np.int32)
     wheels: Float32 = np.zeros((len(sources), 4, 5), np.float32)
     vertices, parts, corners, materials = [], [], [], []
+    outlines: Float32 = np.zeros((len(sources), at.NUM_OUTLINE), np.float32)
+    for mesh, outline in _OUTLINES.items():
+        outlines[mesh] = outline
     num_vertices = num_triangles = 0
     for mesh, (shapes, size) in sorted(sources.items()):
         points, triangles, material, part = joined(shapes)
@@ -114,5 +126,5 @@ def library() -> Meshes:
     return Meshes(
         ranges, np.ascontiguousarray(np.concatenate(vertices).astype(np.float32).T), np.concatenate(parts),
         np.concatenate(corners).astype(np.int32), np.concatenate(materials), wheels,
-        np.array([*colors, *PAINTS], np.float32),
+        np.array([*colors, *PAINTS], np.float32), outlines,
     )  # fmt: skip

@@ -89,10 +89,8 @@ def draw_frames(
             carry_sky(frame == shown and band == above + 1, scratch.sky)
             shown, above = frame, band
             num_pixels = (bottom - top) * width
-            num_tiles = (num_pixels + TILE - 1) // TILE
-            tile = (num_pixels + num_tiles - 1) // num_tiles
-            for start in range(0, num_pixels, tile):
-                num, place = smaller(tile, num_pixels - start), top * width + start
+            for start in range(0, num_pixels, TILE):
+                num, place = smaller(TILE, num_pixels - start), top * width + start
                 near, seen = scratch.near[start : start + num], scratch.seen[start : start + num]
                 kinds = look_along(place, num, slot, pose, lens, rays, width, reach, ground, near, seen, scratch.shades)
                 label_pixels(

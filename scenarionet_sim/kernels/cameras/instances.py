@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_sim.kernels.cameras.fixtures import measure_fixtures
 from scenarionet_sim.kernels.cameras.ground import height_at
 from scenarionet_sim.kernels.cameras.layout import (
     BARRIER,
@@ -18,15 +17,10 @@ from scenarionet_sim.kernels.cameras.layout import (
     CAR_CLASS,
     CONE,
     CONE_CLASS,
-    CX,
-    CY,
     CYCLIST,
     DECK,
-    DOWN,
     EYE,
     FENCE,
-    FORWARD,
-    FX,
     FY,
     HIDDEN,
     INSIDE,
@@ -40,7 +34,6 @@ from scenarionet_sim.kernels.cameras.layout import (
     PERSON,
     PINHOLE,
     RIDER,
-    RIGHT,
     SHADOW,
     SUN,
     TAIL_LAMP,
@@ -53,15 +46,12 @@ from scenarionet_sim.kernels.cameras.layout import (
     Solids,
 )
 from scenarionet_sim.kernels.cameras.placement import add_instance, is_beside_picture, screen_radius
-from scenarionet_sim.kernels.cameras.shadows import SHADOW_REACH, add_shadow
+from scenarionet_sim.kernels.cameras.shadows import LEAST_SHADOW, SHADOW_REACH, add_shadow
 from scenarionet_sim.kernels.log import HEADING, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.structures import LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS
 
 NUM_PAINTS = 16
-LEAST_SHADOW = 0.35
-"""Height on the screen [pixels] below which shadows are not drawn."""
-
 LEAST, LEAST_FIXED = 0.4, 0.9
 """Radius below which objects and fixtures are not drawn."""
 
@@ -121,7 +111,7 @@ def lamp_of(solids: Solids, slot: int, lamp: int) -> int:
     return LAMP_GREEN if color == 1 else (LAMP_YELLOW if color == 2 else (LAMP_RED if color == 3 else -1))
 
 
-@device_function(divides_by_zero=True, in_lanes=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids, ground: Ground, box: Float64) -> bool:
     """Write x, y, z, heading, length, width, height of an object or fixture; return whether it may be in reach.
 
@@ -163,7 +153,7 @@ def casts_shadow(
     return not is_beside_picture(x, y, z, radius, pose, lens, width, height)
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def appearance_of(
     item: int, slot: int, own: int, own_view: int, are_boxes: bool, is_colored: bool, solids: Solids, box: Float64
 ) -> tuple[int, int, int, int, float, float]:
@@ -191,32 +181,6 @@ def appearance_of(
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _list_near(
-    count: int, first: int, pose: Float64, lens: Float64, width: float, height: float, reach: float,
-    shadow_reach: float, fixed: Float32, is_near: Int32,
-) -> None:  # fmt: skip
-    """Write whether a pinhole may see fixtures or their shadows, which are up to ``shadow_reach`` heights long."""
-    side, rise = larger(lens[CX], width - lens[CX]), larger(lens[CY], height - lens[CY])
-    per_side, per_rise = math.sqrt(lens[FX] * lens[FX] + side * side), math.sqrt(lens[FY] * lens[FY] + rise * rise)
-    for k in range(count):
-        length, wide, tall = fixed[first + k, 4] * 1.0, fixed[first + k, 5] * 1.0, fixed[first + k, 6] * 1.0
-        radius = 0.55 * (length + wide) + tall * (1.0 + shadow_reach) + 1.0
-        wx, wy, wz = (
-            fixed[first + k, 0] - pose[EYE],
-            fixed[first + k, 1] - pose[EYE + 1],
-            fixed[first + k, 2] - pose[EYE + 2],
-        )
-        x = pose[RIGHT] * wx + pose[RIGHT + 1] * wy + pose[RIGHT + 2] * wz
-        y = pose[DOWN] * wx + pose[DOWN + 1] * wy + pose[DOWN + 2] * wz
-        z = pose[FORWARD] * wx + pose[FORWARD + 1] * wy + pose[FORWARD + 2] * wz
-        is_beside = (abs(x) * lens[FX] - z * side > radius * per_side) | (
-            abs(y) * lens[FY] - z * rise > radius * per_rise
-        )
-        is_far = wx * wx + wy * wy + wz * wz > (reach + radius) * (reach + radius)
-        is_near[k] = np.int32(0) if is_beside | is_far | (z < -radius) else np.int32(1)
-
-
-@device_function(divides_by_zero=True, in_lanes=True)
 def add_solids(
     slot: int, own: int, own_view: int, pose: Float64, lens: Float64, rings: Float64, width: int,
     height: int, reach: float, are_boxes: bool, is_colored: bool, has_normals: bool, solids: Solids, ground: Ground,
@@ -225,27 +189,29 @@ def add_solids(
     """Add all objects and fixtures of a world in view; return the numbers of instances and of shadows."""
     count, num_triangles, num_shadows = 0, 0, 0
     has_shadows = is_colored and light[SHADOW] > 0.0 and lens[KIND] == PINHOLE
-    rows = solids.motion.shape[1]
-    num_fixed = int(solids.fixed_range[slot, 1] - solids.fixed_range[slot, 0])
-    shadow_reach = 1.0 / larger(light[SUN + 2], 0.2) if has_shadows else 0.0
-    is_near, has_view = scratch.is_near, lens[KIND] == PINHOLE
-    if has_view:
-        _list_near(
-            smaller(num_fixed, len(is_near)), int(solids.fixed_range[slot, 0]), pose, lens, width * 1.0, height * 1.0,
-            reach, shadow_reach, solids.fixed, is_near,
-        )  # fmt: skip
-    for item in range(rows + num_fixed):
-        if has_view and rows <= item < rows + len(is_near) and is_near[item - rows] == 0:
+    rows, first = solids.motion.shape[1], int(solids.fixed_range[slot, 0])
+    num_items = rows + int(solids.fixed_range[slot, 1]) - first
+    radii, shadows, begin = scratch.radii, scratch.has_shadow, rows
+    for item in range(num_items):
+        is_object = item < rows
+        if not is_object and (item - begin) % len(radii) == 0:
+            begin = item
+            measure_fixtures(
+                smaller(num_items - begin, len(radii)), first + begin - rows, lens[KIND] == PINHOLE, pose, lens,
+                width * 1.0, height * 1.0, reach, light, solids.fixed, radii, shadows,
+            )  # fmt: skip
+        if not is_object and radii[item - begin] < LEAST_FIXED and not (has_shadows and shadows[item - begin] > 0):
             continue
         if not write_box(item, slot, pose, reach, solids, ground, box):
             continue
-        is_object = item < rows
-        if has_shadows and casts_shadow(is_object, box, pose, lens, width, height, light):
+        if is_object:
+            radius = screen_radius(box, pose, lens, width, height, reach)
+            has_shadow = has_shadows and casts_shadow(True, box, pose, lens, width, height, light)
+        else:
+            radius, has_shadow = radii[item - begin] * 1.0, has_shadows and shadows[item - begin] > 0
+        if has_shadow:
             num_shadows = add_shadow(box, pose, lens, width, height, light, scratch.shadows, num_shadows)
-        if item == own and own_view == HIDDEN:
-            continue
-        radius = screen_radius(box, pose, lens, width, height, reach)
-        if radius < (LEAST if is_object else LEAST_FIXED):
+        if radius < (LEAST if is_object else LEAST_FIXED) or (item == own and own_view == HIDDEN):
             continue
         mesh, semantic, paint, glow, spin, steer = appearance_of(
             item, slot, own, own_view, are_boxes, is_colored, solids, box

@@ -39,8 +39,8 @@ x, y, direction x, y, length and half the width."""
 (
     BOX, CAR, VAN, TRUCK, BUS, PEDESTRIAN, CYCLIST, CONE, BARRIER, LIGHT_HEAD, POLE, TREE, CONIFER, BUILDING, SIGN,
     DECK, CAR_FAR, TRUCK_FAR, PERSON_FAR, BLOCK, WALLS, LIGHT_FAR, CAR_MIDDLE, VAN_MIDDLE, TREE_MIDDLE,
-    TREE_FAR, TREE_TINY, TREE_DOT, CONIFER_MIDDLE, CONIFER_FAR, CONIFER_TINY, POLE_FAR,
-) = range(32)  # fmt: skip
+    TREE_FAR, TREE_TINY, TREE_DOT, CONIFER_MIDDLE, CONIFER_FAR, CONIFER_TINY, POLE_FAR, SPECK,
+) = range(33)  # fmt: skip
 """Meshes; those for small pictures are the last."""
 
 (
@@ -48,14 +48,18 @@ x, y, direction x, y, length and half the width."""
 ) = range(8)  # fmt: skip
 """Columns of ``Meshes.ranges``."""
 
+LOW, HIGH, WIDE, SLOPE, BEND, DEEP, NUM_OUTLINE = range(7)
+"""Columns of ``Meshes.outlines``, and their number."""
+
 (
     SKY, ROADWAY, LANE_PAINT, CROSSING, PAVEMENT, TERRAIN, BUILDING_CLASS, VEGETATION, POLE_CLASS, TRAFFIC_LIGHT,
     CAR_CLASS, TRUCK_CLASS, BUS_CLASS, PERSON, RIDER, CONE_CLASS, FENCE, OBJECT_CLASS, SIGN_CLASS, OWN_VEHICLE,
 ) = range(20)  # fmt: skip
 """Classes of the semantic channel, see ``cameras.classes``."""
 
-TRI_FIRST, TRI_END, TOP, BOTTOM = range(4)
-"""Columns of an instance in view: its triangles, and its first and end row on the screen."""
+TRI_FIRST, TRI_END, TOP, BOTTOM, IS_OUTLINE, NUM_INSTANCE = range(6)
+"""Columns of an instance in view: its triangles, its first and end row on the screen, and whether it is drawn as an
+outline; and their number."""
 
 INSTANCE_ROW, SEMANTIC, MATERIAL = range(3)
 """Columns of ``FrameMemory.labels``: row in the state or -1, class, material."""
@@ -95,8 +99,11 @@ BAND = 8
 BANDS = 2
 """Bands that a thread draws one after another."""
 
+LANES = 32
+"""Loops compute so many pixels at a time, and the rest one by one."""
+
 TILE = 384
-"""Most pixels of a band drawn at a time: their values stay in the processor's cache."""
+"""Most pixels of a band drawn at a time, a multiple of ``LANES``: their values stay in the processor's cache."""
 
 SKY_STEP = 8
 """The sky is computed at every eighth row and column, and interpolated between."""
@@ -167,6 +174,9 @@ class Meshes(NamedTuple):
         material: (T,) material.
         wheels: (M, 4, 5) centre of each wheel and its radii in x and z, in the unit box's measures.
         colors: (P, 3) linear RGB of materials, then of the paint of instances.
+        outlines: (M, NUM_OUTLINE) outline that stands for the mesh in a pinhole's picture: its lowest and highest place
+            in the unit box, half its width in the middle, the slope and bend of the width from there to the foot, and
+            how far it is before the middle of the box; no width where there is none.
     """
 
     ranges: Int32
@@ -176,6 +186,7 @@ class Meshes(NamedTuple):
     material: UInt8
     wheels: Float32
     colors: Float32
+    outlines: Float32
 
 
 class Look(NamedTuple):
@@ -212,20 +223,21 @@ class FrameMemory(NamedTuple):
         edges: (T, 12) of other lenses than pinholes: three edge functions and the inverse depth, each over the
             direction of a ray.
         spans: (T, 12) of a pinhole: column at row 0 and slope of each edge, 1 where it is a left edge; inverse depth at
-            the first pixel, and its steps along a row and a column.
+            the first pixel, and its steps along a row and a column. Of outlines: see ``outlines.add_outline``.
         colors: (T, 12) linear RGB at column and row 0, each with its steps along a row and a column; and the normal.
         labels: (T, 3), see above.
         bounds: (T, 4) on the screen: left, top, right end, bottom end.
-        instances: (I, 4), see above.
+        instances: (I, NUM_INSTANCE), see above.
         shadows: (I, 12) x, y, cos, sin, half length, half width, sweep x, y in its frame, and its screen bounds.
+        places: (2, BAND) first columns and ends of a triangle in the rows of a band.
         near: (BAND * columns,) inverse depth of the nearest triangle.
         seen: (BAND * columns,) the nearest triangle or -1.
-        shades: (NUM_SHADES, TILE) values of the pixels of a tile, see above.
+        shades: (NUM_SHADES, TILE + LANES) values of the pixels of a tile, see above.
         cells: (TILE,) cells of the ground.
         texels: (3, TILE) texels of its noise in the first row; levels of colour.
         box: (7,) of an object.
-        is_near: (I,) 1 for fixtures that may be in view.
-        sky: (2, columns / SKY_STEP + 2, 4) light of the sky above and below a band, and 1 where it is known.
+        radii, has_shadow: (F,) radii of fixtures on the screen [pixels], and 1 where they have shadows in view.
+        sky: (2, 4, columns / SKY_STEP + 2) light of the sky at the nodes above and below a band, see ``sky``.
     """
 
     vertices: Float64
@@ -237,13 +249,15 @@ class FrameMemory(NamedTuple):
     bounds: Int32
     instances: Int32
     shadows: Float64
+    places: Int32
     near: Float32
     seen: Int32
     shades: Float32
     cells: Int32
     texels: Int32
     box: Float64
-    is_near: Int32
+    radii: Float32
+    has_shadow: Int32
     sky: Float32
 
 

@@ -148,7 +148,7 @@ def color_triangle(
         corners: Vertices.
         colors: See ``FrameMemory``.
     """
-    color = meshes.colors[NUM_MATERIALS + paint if material in (BODY, FACADE) else material]
+    color = meshes.colors[color_of(material, paint)]
     strength = strength_of(material, glow, light)
     a, b, c = corners
     columns, rows = vertices[COLUMN], vertices[ROW]
@@ -165,6 +165,12 @@ def color_triangle(
             along, down = (to_b * vy - to_c * uy) * per_area, (to_c * ux - to_b * vx) * per_area
             start -= along * (columns[a] - 0.5) + down * (rows[a] - 0.5)
         colors[3 * channel], colors[3 * channel + 1], colors[3 * channel + 2] = start, along, down
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def color_of(material: int, paint: int) -> int:
+    """Return the row of ``Meshes.colors`` of a material of an instance."""
+    return NUM_MATERIALS + paint if material in (BODY, FACADE) else material
 
 
 @device_function(divides_by_zero=True)

@@ -294,7 +294,7 @@ def wet_color(
     light: Float64, grain: UInt8, x: float, y: float, dz: float, red: float, green: float, blue: float
 ) -> tuple[float, float, float]:
     """Return the light of a wet road, which mirrors the sky, in a direction of view (unit vector)."""
-    wet = light[WET] * (0.55 + 0.9 * (smooth_noise(grain, 1.3 * x, 1.3 * y) - 0.35))
+    wet = light[WET] * (0.55 + 0.9 * (smooth_noise(grain[1], 1.3 * x, 1.3 * y) - 0.35))
     wet = smaller(larger(wet, 0.0), 1.0)
     rest = 1.0 - smaller(-dz, 1.0)
     share = wet * (0.03 + 0.75 * rest * rest * rest * rest * rest)

@@ -22,6 +22,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     INSTANCE_ROW,
     IS_GLOSSY,
     IS_ONE_SIDED,
+    IS_OUTLINE,
     KIND,
     MATERIAL,
     PINHOLE,
@@ -33,10 +34,12 @@ from scenarionet_sim.kernels.cameras.layout import (
     TRIANGLE_END,
     TRIANGLE_FIRST,
     VERTEX_FIRST,
+    WIDE,
     FrameMemory,
     Meshes,
 )
-from scenarionet_sim.kernels.cameras.lighting import color_triangle, light_vertices
+from scenarionet_sim.kernels.cameras.lighting import color_of, color_triangle, light_vertices
+from scenarionet_sim.kernels.cameras.outlines import add_outline, color_outline, ends_of, is_upright
 from scenarionet_sim.kernels.cameras.triangles import add_triangle
 from scenarionet_sim.kernels.cameras.vertices import place_vertices
 from scenarionet_sim.kernels.minmax import larger, smaller
@@ -147,7 +150,7 @@ def add_mesh(
     return num_triangles
 
 
-@device_function(divides_by_zero=True, in_lanes=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def add_instance(
     meshes: Meshes, mesh: int, paint: int, glow: int, row: int, semantic: int, box: Float64, spin: float,
     steer: float, pose: Float64, lens: Float64, rings: Float64, width: int, height: int, radius: float,
@@ -158,6 +161,19 @@ def add_instance(
     if num_instances >= len(scratch.instances):
         return count
     mesh, cos, sin = mesh_for(meshes, mesh, radius, box, pose)
+    if may_be_outline(meshes, mesh, lens) and num_triangles < len(scratch.labels):
+        outline = meshes.outlines[mesh]
+        ends = ends_of(outline, box, pose, lens)
+        if is_upright(ends):
+            bounds, labels = scratch.bounds[num_triangles], scratch.labels[num_triangles]
+            spans, colors = scratch.spans[num_triangles], scratch.colors[num_triangles]
+            if not add_outline(outline, ends, (cos, sin), box, pose, lens, width, height, spans, bounds):
+                return count
+            material = int(meshes.material[meshes.ranges[mesh, TRIANGLE_FIRST]])
+            labels[INSTANCE_ROW], labels[SEMANTIC], labels[MATERIAL] = row, semantic, material
+            color_outline(meshes.colors[color_of(material, paint)], box, pose, light, colors)
+            list_instance(num_triangles, num_triangles + 1, int(bounds[1]), int(bounds[3]), 1, scratch, num_instances)
+            return num_triangles + 1, num_instances + 1
     num_vertices = place_vertices(meshes, mesh, box, (cos, sin), spin, steer, pose, lens, scratch.vertices)
     if is_colored:
         light_vertices(light, num_vertices, meshes.ranges[mesh, IS_GLOSSY] > 0, scratch.vertices, scratch.lights)
@@ -170,6 +186,21 @@ def add_instance(
     top, bottom = height, 0
     for t in range(num_triangles, after):
         top, bottom = smaller(top, int(scratch.bounds[t, 1])), larger(bottom, int(scratch.bounds[t, 3]))
-    instance = scratch.instances[num_instances]
-    instance[TRI_FIRST], instance[TRI_END], instance[TOP], instance[BOTTOM] = num_triangles, after, top, bottom
+    list_instance(num_triangles, after, top, bottom, 0, scratch, num_instances)
     return after, num_instances + 1
+
+
+@device_function(forceinline=True, in_lanes=True)
+def list_instance(
+    first: int, end: int, top: int, bottom: int, is_outline: int, scratch: FrameMemory, place: int
+) -> None:
+    """Write the row of an instance in view."""
+    instance = scratch.instances[place]
+    instance[TRI_FIRST], instance[TRI_END], instance[TOP], instance[BOTTOM] = first, end, top, bottom
+    instance[IS_OUTLINE] = is_outline
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def may_be_outline(meshes: Meshes, mesh: int, lens: Float64) -> bool:
+    """Whether an outline stands for a mesh."""
+    return bool(lens[KIND] == PINHOLE and meshes.outlines[mesh, WIDE] > 0.0)

@@ -22,6 +22,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     GROUND_X,
     GROUND_Y,
     KIND,
+    LANES,
     NOTHING,
     ON_GROUND,
     PINHOLE,
@@ -41,7 +42,7 @@ _GROUND, _SKY, _TRIANGLE = np.int32(SEES_GROUND), np.int32(SEES_SKY), np.int32(S
 _ON_GROUND, _NOTHING = np.int32(ON_GROUND), np.int32(NOTHING)
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def look_along(
     first: int, count: int, slot: int, pose: Float64, lens: Float64, rays: Float64, width: int, reach: float,
     ground: Ground, near: Float32, seen: Int32, shades: Float32,
@@ -85,7 +86,7 @@ def aim_rays(
     row: int, start: int, first: int, end: int, pose: Float64, lens: Float64, rays: Float64, inverse: float,
     shades: Float32,
 ) -> None:  # fmt: skip
-    """Write rays of a tile, of pixels of a row from column ``start`` on.
+    """Write rays of a tile, of pixels of a row from column ``start`` on; those after ``end`` are written next.
 
     Args:
         row, start: The first pixel.
@@ -98,8 +99,9 @@ def aim_rays(
     xs, ys, zs, squares, distances = shades[RAY_X], shades[RAY_Y], shades[RAY_Z], shades[FAR], shades[DISTANCE]
     if lens[KIND] == PINHOLE:
         v, step = (row + 0.5 - lens[CY]) / lens[FY], 1.0 / lens[FX]
+        stop = smaller(first + (end - first + LANES - 1) // LANES * LANES, len(xs))
         _aim_straight(
-            first, end, (start - first + 0.5 - lens[CX]) * step, step, v, pose, inverse, xs, ys, zs, squares, distances
+            first, stop, (start - first + 0.5 - lens[CX]) * step, step, v, pose, inverse, xs, ys, zs, squares, distances
         )
     else:
         _aim_by_table(first, end, start - first, pose, rays[row], inverse, xs, ys, zs, squares, distances)

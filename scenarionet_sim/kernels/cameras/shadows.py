@@ -23,6 +23,9 @@ from scenarionet_sim.kernels.minmax import larger, smaller
 SHADOW_REACH = 120.0
 """Shadows farther than this are not seen [m]."""
 
+LEAST_SHADOW = 0.35
+"""Height on the screen [pixels] below which shadows are not drawn."""
+
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def add_shadow(

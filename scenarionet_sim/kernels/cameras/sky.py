@@ -32,7 +32,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     SUNLIGHT,
     ZENITH,
 )
-from scenarionet_sim.kernels.cameras.singles import single
+from scenarionet_sim.kernels.cameras.singles import rounded_down, single
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 _NOTHING = np.int32(NOTHING)
@@ -40,17 +40,22 @@ _NOTHING = np.int32(NOTHING)
 GRAIN_SIZE = 512
 """Side of the tables of noise [texels]; a power of two."""
 
+IS_LIT = 3
+"""Row of the sky's nodes that says in its first column whether they are lit."""
 
-@device_function(forceinline=True, divides_by_zero=True)
+_BITS, _LAST, _ONE = np.int32(GRAIN_SIZE.bit_length() - 1), np.int32(GRAIN_SIZE - 1), np.int32(1)
+
+
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def smooth_noise(grain: UInt8, x: float, y: float) -> float:
     """Return coarse noise in [0, 1] at a place [texels], interpolated."""
-    column, row = math.floor(x), math.floor(y)
-    u, v = x - column, y - row
-    i, j = int(column) & (GRAIN_SIZE - 1), int(row) & (GRAIN_SIZE - 1)
-    k, m = (i + 1) & (GRAIN_SIZE - 1), (j + 1) & (GRAIN_SIZE - 1)
-    above = grain[1, j * GRAIN_SIZE + i] * (1.0 - u) + grain[1, j * GRAIN_SIZE + k] * u
-    below = grain[1, m * GRAIN_SIZE + i] * (1.0 - u) + grain[1, m * GRAIN_SIZE + k] * u
-    return float(above * (1.0 - v) + below * v) * (1.0 / 255.0)
+    column, row = rounded_down(x), rounded_down(y)
+    u, v = single(x - column), single(y - row)
+    i, j = np.int32(column) & _LAST, np.int32(row) & _LAST
+    k, above, below = (i + _ONE) & _LAST, j << _BITS, ((j + _ONE) & _LAST) << _BITS
+    first = grain[np.uint32(above | i)] * (1.0 - u) + grain[np.uint32(above | k)] * u
+    last = grain[np.uint32(below | i)] * (1.0 - u) + grain[np.uint32(below | k)] * u
+    return float(first * (1.0 - v) + last * v) * (1.0 / 255.0)
 
 
 @device_function(forceinline=True, divides_by_zero=True)
@@ -63,35 +68,6 @@ def sky_gradient(light: Float64, z: float) -> tuple[float, float, float]:
         light[HORIZON + 1] + (light[ZENITH + 1] - light[HORIZON + 1]) * share,
         light[HORIZON + 2] + (light[ZENITH + 2] - light[HORIZON + 2]) * share,
     )
-
-
-@device_function(forceinline=True, divides_by_zero=True)
-def sky_color(light: Float64, grain: UInt8, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the linear RGB of the sky with sun and clouds in a direction (unit vector)."""
-    red, green, blue = sky_gradient(light, z)
-    toward = larger(x * light[SUN] + y * light[SUN + 1] + z * light[SUN + 2], 0.0)
-    glow = toward * toward
-    glow *= glow
-    wide = 0.10 * glow
-    glow *= glow
-    glow *= glow
-    glow *= glow
-    shine = wide + 0.25 * glow * glow + (3.0 if toward > 0.99985 else 0.0)
-    red, green, blue = (
-        red + shine * light[SUNLIGHT],
-        green + shine * light[SUNLIGHT + 1],
-        blue + shine * light[SUNLIGHT + 2],
-    )
-    if z > 0.02 and light[CLOUD] > 0.0:
-        scale = 26.0 / (z + 0.12)
-        u, v = x * scale + light[SHIFT], y * scale + 0.7 * light[SHIFT]
-        thick = 0.62 * smooth_noise(grain, u, v) + 0.38 * smooth_noise(grain, 2.7 * u + 90.0, 2.7 * v + 31.0)
-        cover = smaller(larger((thick - 1.0 + light[CLOUD]) * 3.2, 0.0), 1.0) * smaller((z - 0.02) * 7.0, 1.0)
-        bright = 0.75 + 0.5 * (1.0 - thick)
-        red += cover * (bright * (0.8 * light[SKYLIGHT] + 0.22 * light[SUNLIGHT]) - red)
-        green += cover * (bright * (0.8 * light[SKYLIGHT + 1] + 0.22 * light[SUNLIGHT + 1]) - green)
-        blue += cover * (bright * (0.8 * light[SKYLIGHT + 2] + 0.22 * light[SUNLIGHT + 2]) - blue)
-    return red, green, blue
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -109,16 +85,15 @@ def color_sky(
         end = smaller(first + (node + 1) * SKY_STEP - column, stop)
         if _is_sky_seen(first, end, seen):
             for side in range(2):
-                for place in (node, node + 1):
-                    if nodes[side, place, 3] == 0.0:
-                        nodes[side, place, 3] = 1.0
-                        light_node(
-                            smaller(top + side * BAND, size[0] - 1), smaller(place * SKY_STEP, size[1] - 1), pose,
-                            lens, rays, light, grain, nodes[side, place],
-                        )  # fmt: skip
+                if nodes[side, IS_LIT, 0] == 0.0:
+                    light_nodes(
+                        smaller(top + side * BAND, size[0] - 1), 0, nodes.shape[2], size[1], pose, lens, rays, light,
+                        grain, nodes[side],
+                    )  # fmt: skip
+                    nodes[side, IS_LIT, 0] = 1.0
             _blend_nodes(
-                first, end, share, column - node * SKY_STEP - first, nodes[0, node], nodes[0, node + 1], nodes[1, node],
-                nodes[1, node + 1], seen, shades[RED], shades[GREEN], shades[BLUE],
+                first, end, share, column - node * SKY_STEP - first, node, nodes[0], nodes[1], seen, shades[RED],
+                shades[GREEN], shades[BLUE],
             )  # fmt: skip
         first = end
 
@@ -133,15 +108,17 @@ def _is_sky_seen(first: int, end: int, seen: Int32) -> bool:
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _blend_nodes(
-    first: int, end: int, share: float, shift: int, above: Float32, above_right: Float32, below: Float32,
-    below_right: Float32, seen: Int32, red: Float32, green: Float32, blue: Float32,
+    first: int, end: int, share: float, shift: int, node: int, above: Float32, below: Float32, seen: Int32,
+    red: Float32, green: Float32, blue: Float32,
 ) -> None:  # fmt: skip
     """Write the light between four nodes where the sky is seen; pixel k is ``k + shift`` right of the left ones."""
-    r, g = above[0] + share * (below[0] - above[0]), above[1] + share * (below[1] - above[1])
-    b = above[2] + share * (below[2] - above[2])
-    step_r = (above_right[0] + share * (below_right[0] - above_right[0]) - r) * (1.0 / 8.0)
-    step_g = (above_right[1] + share * (below_right[1] - above_right[1]) - g) * (1.0 / 8.0)
-    step_b = (above_right[2] + share * (below_right[2] - above_right[2]) - b) * (1.0 / 8.0)
+    r, g = above[0, node] + share * (below[0, node] - above[0, node]), above[1, node]
+    g += share * (below[1, node] - g)
+    b = above[2, node] + share * (below[2, node] - above[2, node])
+    to_r, to_g, to_b = above[0, node + 1], above[1, node + 1], above[2, node + 1]
+    step_r = (to_r + share * (below[0, node + 1] - to_r) - r) * (1.0 / 8.0)
+    step_g = (to_g + share * (below[1, node + 1] - to_g) - g) * (1.0 / 8.0)
+    step_b = (to_b + share * (below[2, node + 1] - to_b) - b) * (1.0 / 8.0)
     for k in range(first, end):
         at, is_sky = single(k + shift), seen[k] == _NOTHING
         red[k] = r + step_r * at if is_sky else red[k]
@@ -152,22 +129,77 @@ def _blend_nodes(
 @device_function(forceinline=True, in_lanes=True)
 def carry_sky(is_below: bool, nodes: Float32) -> None:
     """Forget the light at the nodes of the band before, except for those at the top of a band right below it."""
-    for node in range(nodes.shape[1]):
+    if is_below:
         for channel in range(4):
-            nodes[0, node, channel] = nodes[1, node, channel] if is_below else 0.0
-        nodes[1, node, 3] = 0.0
+            for node in range(nodes.shape[2]):
+                nodes[0, channel, node] = nodes[1, channel, node]
+    else:
+        nodes[0, IS_LIT, 0] = 0.0
+    nodes[1, IS_LIT, 0] = 0.0
 
 
 @device_function(divides_by_zero=True)
-def light_node(
-    row: int, column: int, pose: Float64, lens: Float64, rays: Float64, light: Float64, grain: UInt8, node: Float32
+def light_nodes(
+    row: int, first: int, end: int, width: int, pose: Float64, lens: Float64, rays: Float64, light: Float64,
+    grain: UInt8, nodes: Float32,
+) -> None:  # fmt: skip
+    """Write the light of the sky along the rays of nodes of a row of pixels.
+
+    Args:
+        row: Of the picture.
+        first, end: Nodes.
+        width: Of the picture.
+        pose, lens, rays, light, grain: Camera and light.
+        nodes: (4, N) output.
+    """
+    y, step = (row + 0.5 - lens[CY]) / lens[FY], 1.0 / lens[FX]
+    for k in range(first, end):
+        column = smaller(k * SKY_STEP, width - 1)
+        if lens[KIND] == PINHOLE:
+            nodes[0, k], nodes[1, k], nodes[2, k] = (column + 0.5 - lens[CX]) * step, y, 1.0
+        else:
+            nodes[0, k], nodes[1, k], nodes[2, k] = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
+    _light_along(first, end, pose, light, grain[1], nodes[0], nodes[1], nodes[2])
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _light_along(
+    first: int, end: int, pose: Float64, light: Float64, grain: UInt8, red: Float32, green: Float32, blue: Float32
 ) -> None:
-    """Write the light of the sky along the ray of a pixel."""
-    x, y, z = (column + 0.5 - lens[CX]) / lens[FX], (row + 0.5 - lens[CY]) / lens[FY], 1.0
-    if lens[KIND] != PINHOLE:
-        x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
-    scale = 1.0 / math.sqrt(x * x + y * y + z * z)
-    east = (x * pose[RIGHT] + y * pose[DOWN] + z * pose[FORWARD]) * scale
-    north = (x * pose[RIGHT + 1] + y * pose[DOWN + 1] + z * pose[FORWARD + 1]) * scale
-    up = (x * pose[RIGHT + 2] + y * pose[DOWN + 2] + z * pose[FORWARD + 2]) * scale
-    node[0], node[1], node[2] = sky_color(light, grain, east, north, up)
+    """Replace directions right, below and ahead of the camera by the linear RGB of the sky with sun and clouds."""
+    sun_x, sun_y, sun_z = single(light[SUN]), single(light[SUN + 1]), single(light[SUN + 2])
+    sun_r, sun_g, sun_b = single(light[SUNLIGHT]), single(light[SUNLIGHT + 1]), single(light[SUNLIGHT + 2])
+    sky_r, sky_g, sky_b = single(light[SKYLIGHT]), single(light[SKYLIGHT + 1]), single(light[SKYLIGHT + 2])
+    low_r, low_g, low_b = single(light[HORIZON]), single(light[HORIZON + 1]), single(light[HORIZON + 2])
+    high_r, high_g, high_b = single(light[ZENITH]), single(light[ZENITH + 1]), single(light[ZENITH + 2])
+    rx, ry, rz = single(pose[RIGHT]), single(pose[RIGHT + 1]), single(pose[RIGHT + 2])
+    dx, dy, dz = single(pose[DOWN]), single(pose[DOWN + 1]), single(pose[DOWN + 2])
+    fx, fy, fz = single(pose[FORWARD]), single(pose[FORWARD + 1]), single(pose[FORWARD + 2])
+    clouds, shift = single(light[CLOUD]), single(light[SHIFT])
+    for k in range(first, end):
+        right, down, ahead = red[k], green[k], blue[k]
+        per = 1.0 / math.sqrt(right * right + down * down + ahead * ahead)
+        x = (right * rx + down * dx + ahead * fx) * per
+        y = (right * ry + down * dy + ahead * fy) * per
+        z = (right * rz + down * dz + ahead * fz) * per
+        root = math.sqrt(larger(z, 0.0))
+        share = root * (1.6 - 0.6 * root)  # as ``sky_gradient``
+        toward = larger(x * sun_x + y * sun_y + z * sun_z, 0.0)
+        glow = toward * toward
+        glow *= glow
+        wide = 0.10 * glow
+        glow *= glow
+        glow *= glow
+        glow *= glow
+        shine = wide + 0.25 * glow * glow + (3.0 if toward > 0.99985 else 0.0)
+        scale = 26.0 / (larger(z, 0.0) + 0.12)
+        u, v = x * scale + shift, y * scale + 0.7 * shift
+        thick = 0.62 * smooth_noise(grain, u, v) + 0.38 * smooth_noise(grain, 2.7 * u + 90.0, 2.7 * v + 31.0)
+        cover = smaller(larger((thick - 1.0 + clouds) * 3.2, 0.0), 1.0) * smaller(larger((z - 0.02) * 7.0, 0.0), 1.0)
+        cover = cover if clouds > 0.0 else 0.0
+        sky, sun = (0.75 + 0.5 * (1.0 - thick)) * 0.8, (0.75 + 0.5 * (1.0 - thick)) * 0.22
+        r, g = low_r + (high_r - low_r) * share + shine * sun_r, low_g + (high_g - low_g) * share + shine * sun_g
+        b = low_b + (high_b - low_b) * share + shine * sun_b
+        red[k] = r + cover * (sky * sky_r + sun * sun_r - r)
+        green[k] = g + cover * (sky * sky_g + sun * sun_g - g)
+        blue[k] = b + cover * (sky * sky_b + sun * sun_b - b)

@@ -14,6 +14,7 @@ of one pixel. The steps of a call, each over all frames:
 from __future__ import annotations
 
 from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.dtypes import Int32
 from scenarionet_sim.kernels.cameras.instances import (
     LEAST,
     LEAST_FIXED,
@@ -39,8 +40,9 @@ from scenarionet_sim.kernels.cameras.layout import (
     Meshes,
     Solids,
 )
-from scenarionet_sim.kernels.cameras.lighting import color_triangle, light_vertices
-from scenarionet_sim.kernels.cameras.placement import SMALL, mesh_for, screen_radius, write_normal
+from scenarionet_sim.kernels.cameras.lighting import color_of, color_triangle, light_vertices
+from scenarionet_sim.kernels.cameras.outlines import add_outline, color_outline, ends_of, is_upright
+from scenarionet_sim.kernels.cameras.placement import SMALL, may_be_outline, mesh_for, screen_radius, write_normal
 from scenarionet_sim.kernels.cameras.shadows import add_shadow
 from scenarionet_sim.kernels.cameras.thread_layout import (
     BOTTOM,
@@ -50,6 +52,7 @@ from scenarionet_sim.kernels.cameras.thread_layout import (
     FIRST_VERTEX,
     GLOW,
     HAS_SHADOW,
+    IS_OUTLINE,
     IS_SMALL,
     ITEM_CLASS,
     LEFT,
@@ -106,7 +109,9 @@ def find_item(
     )
     kind[MESH], box[COS], box[SIN] = mesh_for(meshes, mesh, radius, box, pose)
     kind[ITEM_CLASS], kind[PAINT], kind[GLOW] = semantic, paint, glow
-    kind[IS_SMALL] = 1 if radius < SMALL else 0
+    kind[IS_SMALL], kind[IS_OUTLINE] = 1 if radius < SMALL else 0, 0
+    if may_be_outline(meshes, kind[MESH], shots.lens):
+        kind[IS_OUTLINE] = 1 if is_upright(ends_of(meshes.outlines[kind[MESH]], box, pose, shots.lens)) else 0
     box[SPIN], box[STEER] = spin, steer
 
 
@@ -139,6 +144,8 @@ def place_part(
 ) -> None:  # fmt: skip
     """Write every ``num_parts``-th vertex of an instance from number ``part`` on, and the light on it."""
     item = items.drawn[frame, place]
+    if items.kinds[frame, item, IS_OUTLINE]:
+        return
     box, mesh = items.boxes[frame, item], int(items.kinds[frame, item, MESH])
     turn, ranges = (box[COS], box[SIN]), meshes.ranges[mesh]
     first = triangles.first[frame, 1] + items.instances[frame, place, FIRST_VERTEX]
@@ -172,6 +179,13 @@ def set_up_part(
     kind = items.kinds[frame, item]
     ranges, is_flat = meshes.ranges[kind[MESH]], kind[IS_SMALL] == 1
     first, begin = triangles.first[frame, 0] + instance[FIRST], triangles.first[frame, 1] + instance[FIRST_VERTEX]
+    if kind[IS_OUTLINE]:
+        if part == 0:
+            set_up_outline(frame, item, first, size, num_objects, shots, meshes, look, items, triangles)
+        for number in range(part, ranges[TRIANGLE_END] - ranges[TRIANGLE_FIRST], num_parts):
+            if number > 0:
+                empty_bounds(triangles.bounds[first + number])
+        return
     lowest, end = ranges[VERTEX_FIRST], begin + ranges[VERTEX_END] - ranges[VERTEX_FIRST]
     vertices, lights = triangles.vertices[:, begin:end], triangles.lights[:, begin:end]
     for number in range(part, ranges[TRIANGLE_END] - ranges[TRIANGLE_FIRST], num_parts):
@@ -183,7 +197,7 @@ def set_up_part(
             triangles.spans[triangle], bounds,
         )  # fmt: skip
         if found == 0:
-            bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, 0, 0
+            empty_bounds(bounds)
             continue
         labels, colors, material = triangles.labels[triangle], triangles.colors[triangle], meshes.material[source]
         labels[INSTANCE_ROW] = item if item < num_objects else -1
@@ -194,6 +208,32 @@ def set_up_part(
                 meshes, material, kind[PAINT], kind[GLOW], is_flat or found == 1, look.lights[frame], vertices, lights,
                 (a, b, c), colors,
             )  # fmt: skip
+
+
+@device_function(divides_by_zero=True)
+def set_up_outline(
+    frame: int, item: int, triangle: int, size: tuple[int, int], num_objects: int, shots: Shots, meshes: Meshes,
+    look: Look, items: Items, triangles: Triangles,
+) -> None:  # fmt: skip
+    """Write the outline that stands for an item as its first triangle."""
+    kind, box, pose, lens = items.kinds[frame, item], items.boxes[frame, item], shots.poses[frame], shots.lens
+    outline, bounds, labels = meshes.outlines[kind[MESH]], triangles.bounds[triangle], triangles.labels[triangle]
+    ends, turn, spans = ends_of(outline, box, pose, lens), (box[COS], box[SIN]), triangles.spans[triangle]
+    if not add_outline(outline, ends, turn, box, pose, lens, size[1], size[0], spans, bounds):
+        empty_bounds(bounds)
+        return
+    material = int(meshes.material[meshes.ranges[kind[MESH], TRIANGLE_FIRST]])
+    labels[INSTANCE_ROW] = item if item < num_objects else -1
+    labels[SEMANTIC], labels[MATERIAL] = kind[ITEM_CLASS], material
+    color_outline(
+        meshes.colors[color_of(material, kind[PAINT])], box, pose, look.lights[frame], triangles.colors[triangle]
+    )
+
+
+@device_function
+def empty_bounds(bounds: Int32) -> None:
+    """Write the bounds of a triangle that is not in view."""
+    bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, 0, 0
 
 
 @device_function(divides_by_zero=True)

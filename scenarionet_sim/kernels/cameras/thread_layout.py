@@ -9,9 +9,9 @@ from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 SPIN, STEER, COS, SIN, NUM_BOX = 7, 8, 9, 10, 11
 """Columns of ``Items.boxes`` behind x, y, z, heading, length, width, height; and their number."""
 
-MESH, ITEM_CLASS, PAINT, GLOW, HAS_SHADOW, IS_SMALL, NUM_ITEM = range(7)
-"""Columns of ``Items.kinds``: mesh to draw or -1, class, paint, shining material or -1, whether there is a shadow, and
-whether triangles have one colour; and their number."""
+MESH, ITEM_CLASS, PAINT, GLOW, HAS_SHADOW, IS_SMALL, IS_OUTLINE, NUM_ITEM = range(8)
+"""Columns of ``Items.kinds``: mesh to draw or -1, class, paint, shining material or -1, whether there is a shadow,
+whether triangles have one colour, and whether an outline stands for all of them; and their number."""
 
 FIRST, END, FIRST_VERTEX, LEFT, TOP, RIGHT, BOTTOM, NUM_INSTANCE = range(8)
 """Columns of ``Items.instances``: triangles and first vertex, counted from those of the frame, bounds on the screen

@@ -10,20 +10,21 @@ from scenarionet_sim.kernels.cameras.layout import (
     BAND,
     KIND,
     PINHOLE,
-    SKY_STEP,
     FrameMemory,
     Ground,
     Look,
     Pictures,
 )
+from scenarionet_sim.kernels.cameras.outlines import span_of_outline
 from scenarionet_sim.kernels.cameras.rows import look_along
 from scenarionet_sim.kernels.cameras.shading import expose
 from scenarionet_sim.kernels.cameras.singles import single
-from scenarionet_sim.kernels.cameras.sky import light_node
+from scenarionet_sim.kernels.cameras.sky import IS_LIT, light_nodes
 from scenarionet_sim.kernels.cameras.thread_layout import (
     BOTTOM,
     END,
     FIRST,
+    IS_OUTLINE,
     LEFT,
     NUM_INSTANCES,
     NUM_SHADOWS,
@@ -43,13 +44,12 @@ from scenarionet_sim.kernels.minmax import smaller
 def light_sky(
     frame: int, node_row: int, node: int, size: tuple[int, int], shots: Shots, look: Look, sky: Float32
 ) -> None:
-    """Write the light of the sky at a node (4,) of ``sky`` (B, bands + 1, nodes, 4)."""
-    row, column = smaller(node_row * BAND, size[0] - 1), smaller(node * SKY_STEP, size[1] - 1)
-    light_node(
-        row, column, shots.poses[frame], shots.lens, shots.rays, look.lights[frame], look.grain,
-        sky[frame, node_row, node],
+    """Write the light of the sky at a node of ``sky`` (B, bands + 1, 4, nodes)."""
+    light_nodes(
+        smaller(node_row * BAND, size[0] - 1), node, node + 1, size[1], shots.poses[frame], shots.lens, shots.rays,
+        look.lights[frame], look.grain, sky[frame, node_row],
     )  # fmt: skip
-    sky[frame, node_row, node, 3] = 1.0
+    sky[frame, node_row, IS_LIT, node] = 1.0
 
 
 @device_function(divides_by_zero=True)
@@ -63,6 +63,7 @@ def trace_pixel(
         instance = items.instances[frame, place]
         if not (instance[TOP] <= row < instance[BOTTOM] and instance[LEFT] <= column < instance[RIGHT]):
             continue
+        is_outline = items.kinds[frame, items.drawn[frame, place], IS_OUTLINE]
         for triangle in range(first + instance[FIRST], first + instance[END]):
             bounds = triangles.bounds[triangle]
             if not (bounds[1] <= row < bounds[3] and bounds[0] <= column < bounds[2]):
@@ -70,7 +71,7 @@ def trace_pixel(
             inverse = -1.0
             if is_pinhole:
                 spans = triangles.spans[triangle]
-                left, right = span_of(bounds, spans, row)
+                left, right = span_of_outline(bounds, spans, row) if is_outline else span_of(bounds, spans, row)
                 if left <= column < right:
                     inverse = spans[9] + spans[11] * row + spans[10] * left + spans[10] * (column - left)
             else:
@@ -110,8 +111,9 @@ def draw_pixel(
     if is_colored:
         scratch = FrameMemory(
             triangles.vertices, triangles.lights, triangles.edges, triangles.spans, triangles.colors, triangles.labels,
-            triangles.bounds, items.instances[frame], items.shadows[frame], memory.near, seen, memory.shades,
-            memory.cells, memory.texels, items.boxes[frame, 0], items.drawn[frame], sky[frame, band : band + 2],
+            triangles.bounds, items.instances[frame], items.shadows[frame], memory.texels, memory.near, seen,
+            memory.shades, memory.cells, memory.texels, items.boxes[frame, 0], memory.near, items.drawn[frame],
+            sky[frame, band : band + 2],
         )  # fmt: skip
         num_shadows = items.counts[frame, NUM_SHADOWS]
         color_tile(number, slot, pose, size, lens, rays, num_shadows, kinds, ground, light, look.grain, seen, scratch)

@@ -15,12 +15,14 @@ import numpy as np
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.kernels.cameras.layout import (
+    BAND,
     BOTTOM,
     COLUMN,
     CX,
     CY,
     FX,
     FY,
+    IS_OUTLINE,
     KIND,
     PINHOLE,
     RINGS,
@@ -31,6 +33,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     VIEW,
     FrameMemory,
 )
+from scenarionet_sim.kernels.cameras.outlines import span_of_outline
 from scenarionet_sim.kernels.cameras.singles import single
 from scenarionet_sim.kernels.cameras.vertices import NEAREST, STEEP
 from scenarionet_sim.kernels.minmax import larger, smaller
@@ -39,7 +42,7 @@ RayFunction = tuple[float, float, float]
 """A function of the direction of a ray (right, down, ahead): its factors."""
 
 SHORT = 8
-"""Longest span of a triangle in a row [pixels] that is not worth setting up a computation of several at once."""
+"""Longest span of a triangle in a row [pixels] that the processor covers at once."""
 
 WIDE = 0.35
 """Angle [rad] under which a triangle's edges are bent too much by a lens to be bounded by its corners."""
@@ -154,12 +157,12 @@ def add_triangle(
     return 2 if is_placed else 1
 
 
-@device_function(divides_by_zero=True, in_lanes=True)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def trace_band(
     top: int, end: int, num_instances: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory
 ) -> None:
     """Find the nearest triangle along the ray of every pixel of a band of rows."""
-    near, seen, bounds, instances = scratch.near, scratch.seen, scratch.bounds, scratch.instances
+    near, seen, instances, places = scratch.near, scratch.seen, scratch.instances, scratch.places
     for k in range((end - top) * width):
         near[k] = 0.0
     for k in range((end - top) * width):
@@ -168,16 +171,36 @@ def trace_band(
     for place in range(num_instances):
         if instances[place, TOP] >= end or instances[place, BOTTOM] <= top:
             continue
+        is_outline = instances[place, IS_OUTLINE] > 0
         for triangle in range(instances[place, TRI_FIRST], instances[place, TRI_END]):
-            first, last = larger(int(bounds[triangle, 1]), top), smaller(int(bounds[triangle, 3]), end)
+            bounds, spans = scratch.bounds[triangle], scratch.spans[triangle]
+            first, last = larger(int(bounds[1]), top), smaller(int(bounds[3]), end)
+            if first >= last:
+                continue
+            if is_pinhole:
+                _list_spans(top, is_outline, bounds, spans, places[0], places[1])
             for row in range(first, last):
-                if is_pinhole:
-                    _scan(triangle, row, (row - top) * width, bounds[triangle], scratch.spans[triangle], near, seen)
-                else:
-                    _test(
-                        triangle, row, (row - top) * width, lens, rays, width, scratch.edges[triangle],
-                        bounds[triangle], near, seen,
-                    )  # fmt: skip
+                start = (row - top) * width
+                if not is_pinhole:
+                    _test(triangle, row, start, lens, rays, width, scratch.edges[triangle], bounds, near, seen)
+                elif places[0, row - top] < places[1, row - top]:
+                    left, right = int(places[0, row - top]), int(places[1, row - top])
+                    inverse = spans[9] + spans[11] * row + spans[10] * left
+                    _cover(triangle, start + left, start + right, single(inverse), single(spans[10]), near, seen)
+
+
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+def _list_spans(top: int, is_outline: bool, bounds: Int32, spans: Float64, lefts: Int32, rights: Int32) -> None:
+    """Write the first columns and the ends of a triangle in all rows of a band."""
+    first, last = bounds[0] * 1.0, bounds[2] * 1.0
+    if is_outline:
+        for k in range(BAND):
+            left, right = span_of_outline(bounds, spans, top + k)
+            lefts[k], rights[k] = smaller(left, last), larger(right, first)
+    else:
+        for k in range(BAND):
+            left, right = span_of(bounds, spans, top + k)
+            lefts[k], rights[k] = smaller(left, last), larger(right, first)
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
@@ -204,31 +227,19 @@ def inverse_distance(edges: Float64, x: float, y: float, z: float) -> float:
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
-def _scan(triangle: int, row: int, start: int, bounds: Int32, spans: Float64, near: Float32, seen: Int32) -> None:
-    """Cover the span of a triangle in a row of a pinhole's picture, whose first pixel is number ``start``."""
-    left, right = span_of(bounds, spans, row)
-    if left >= right:
-        return
-    step = spans[10] + 0.0
-    inverse = spans[9] + spans[11] * row + step * left
-    first, end, number = start + int(left), start + int(right), np.int32(triangle)
-    if end - first > SHORT:
-        _cover(triangle, inverse, step, near[first:end], seen[first:end])
-        return
-    for k in range(end - first):
-        here, before = single(inverse + step * k), near[first + k]
-        seen[first + k] = number if here > before else seen[first + k]
-        near[first + k] = larger(before, here)
-
-
-@device_function(divides_by_zero=True, in_lanes=True)
-def _cover(triangle: int, inverse: float, step: float, near: Float32, seen: Int32) -> None:
-    """Cover pixels of a row where a triangle is nearest."""
-    number = np.int32(triangle)
-    for k in range(len(near)):
-        here, before = single(inverse + step * k), near[k]
-        seen[k] = number if here > before else seen[k]
-        near[k] = larger(before, here)
+def _cover(triangle: int, first: int, end: int, inverse: float, step: float, near: Float32, seen: Int32) -> None:
+    """Cover pixels of a row where a triangle is nearest; ``inverse`` is its inverse depth at the first one."""
+    number, count = np.int32(triangle), np.int32(end - first)
+    if count <= SHORT:
+        for k in range(count):
+            here, before = inverse + step * single(k), near[first + k]
+            seen[first + k] = number if here > before else seen[first + k]
+            near[first + k] = larger(before, here)
+    else:
+        for k in range(count):
+            here, before = inverse + step * single(k), near[first + k]
+            seen[first + k] = number if here > before else seen[first + k]
+            near[first + k] = larger(before, here)
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)

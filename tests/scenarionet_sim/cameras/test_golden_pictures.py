@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from scenarionet_sim.cameras import drawing
+from scenarionet_sim.cameras.classes import SemanticClass
+from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.weather import DAY, DUSK, RAIN
 from scenarionet_sim.sensors import Camera
 from tests.fixtures.drives import Other, make_drive
-from tests.fixtures.simulations import simulate
+from tests.fixtures.simulations import generated, simulate
 
 FOLDER = Path(__file__).parent / "pictures"
 CAMERAS = {
@@ -50,6 +53,22 @@ def test_pictures_look_like_the_stored_ones(name):
     assert similarity(found, stored) >= 0.99
     assert np.abs(found.astype(int) - stored).mean() < 1.0
     assert similarity(found, np.roll(stored, 2, axis=1)) < 0.99
+
+
+@pytest.mark.long
+def test_outlines_cover_the_pixels_of_their_meshes(monkeypatch):
+    street = simulate(generated(7))
+    camera, agents = Camera(84, 84, channels=("rgb", "depth", "semantic")), street.agents[:1]
+    outlines = camera.frames(street.batch, street.state, agents)
+    meshes = library()
+    without = meshes._replace(outlines=np.zeros_like(meshes.outlines))
+    monkeypatch.setattr(drawing, "library", lambda: without)
+    whole = camera.frames(street.batch, street.state, agents)
+    is_same = outlines["semantic"] == whole["semantic"]
+    assert 0.99 < is_same.mean() < 1.0
+    assert similarity(outlines["rgb"][0], whole["rgb"][0]) >= 0.99
+    is_tree = is_same & (whole["semantic"] == SemanticClass.VEGETATION)
+    assert (np.abs(outlines["depth"] / whole["depth"] - 1.0)[is_tree] < 0.05).mean() > 0.95
 
 
 if __name__ == "__main__":
