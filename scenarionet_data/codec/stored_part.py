@@ -42,15 +42,17 @@ class StoredPart:
     _kinds: ClassVar[Mapping[str, type[np.generic]]]
     _widths: ClassVar[tuple[int, ...]]
     _numbers: ClassVar[Mapping[str, int]]
+    _columns: ClassVar[tuple[str, ...]]
 
     def __init_subclass__(cls) -> None:
         cls._kinds = {"text_ends": np.int64, "text_offsets": np.int32, **cls.arrays, "text": np.uint8}
         cls._widths = tuple(np.dtype(kind).itemsize for kind in cls._kinds.values())
         cls._numbers = {name: number for number, name in enumerate(cls._kinds)}
+        cls._columns = tuple(cls.texts.values())
 
     def __init__(self, columns: Columns, first: int, last: int, counts: Sequence[int]) -> None:
         layout, self._length = columns.layout, last - first
-        described = columns.block, layout.places(tuple(self.texts.values())), layout.are_lists, first, last
+        described = columns.block, layout.places(self._columns), layout.are_lists, first, last
         num_texts, size = unchecked(measure_texts)(*described)
         offsets = len(self.texts) * (self._length + 1)
         of_texts = num_texts + len(self.texts), offsets
