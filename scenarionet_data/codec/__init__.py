@@ -151,9 +151,6 @@ class _Described:
     def __init__(self, row: Mapping[str, Any]) -> None:
         self._row = row
 
-    def __contains__(self, field: str) -> bool:
-        return field in _MAKERS
-
     def __getitem__(self, field: str) -> Any:
         return _MAKERS[field](self._row)
 
