@@ -34,7 +34,7 @@ from scenarionet_sim.kernels.minmax import smaller
 from scenarionet_sim.kernels.sharing import take
 
 
-@kernel(allocates=False, nogil=True, divides_by_zero=True)
+@kernel(allocates=False, nogil=True, divides_by_zero=True, is_wide=True)
 def draw_frames(
     own: int,
     ranges: Int64,
