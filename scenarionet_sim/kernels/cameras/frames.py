@@ -107,7 +107,7 @@ def draw_frames(
                         seen, scratch,
                     )  # fmt: skip
                     expose(
-                        place, size, kinds, look.lights[frame], look.tone, seen, scratch.texels, scratch.shades,
+                        place, size, look.lights[frame], look.tone, seen, scratch.texels, scratch.shades,
                         pictures.rgb[frame, place : place + num],
                     )  # fmt: skip
         part = take(ranges, own)
