@@ -133,8 +133,9 @@ def color_triangles(
         red, green = color[0] + color[1] * column + color[2] * line, color[3] + color[4] * column + color[5] * line
         blue = color[6] + color[7] * column + color[8] * line
         if stop == begin + 1 and not is_wall:
-            reds[begin], greens[begin], blues[begin] = red, green, blue
-            begin = stop
+            begin += _grade_few(
+                begin, end, triangle, seen, red, color[1], green, color[4], blue, color[7], reds, greens, blues
+            )
             continue
         _grade(begin, stop, red, color[1], green, color[4], blue, color[7], reds, greens, blues)
         if is_wall:
@@ -156,6 +157,23 @@ def _grade(
     for k in range(first, end):
         at = single(k - first)
         reds[k], greens[k], blues[k] = red + red_step * at, green + green_step * at, blue + blue_step * at
+
+
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+def _grade_few(
+    first: int, end: int, triangle: int, seen: Int32, red: float, red_step: float, green: float, green_step: float,
+    blue: float, blue_step: float, reds: Float32, greens: Float32, blues: Float32,
+) -> int:  # fmt: skip
+    """Write light that is linear along a row in at most ``LONG`` pixels that see a triangle; return how many."""
+    count = np.int32(LONG)
+    for lane in range(smaller(end - first, LONG)):
+        k, at = first + lane, single(lane)
+        is_same = seen[k] == triangle
+        reds[k] = red + red_step * at if is_same else reds[k]
+        greens[k] = green + green_step * at if is_same else greens[k]
+        blues[k] = blue + blue_step * at if is_same else blues[k]
+        count = smaller(count, np.int32(LONG) if is_same else np.int32(lane))
+    return smaller(int(count), end - first)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
