@@ -127,10 +127,12 @@ class ScenarioLoader(Sequence[ScenarioDescription]):
                 yield from decode(group)
 
     def _metadata(self, indices: Sequence[int]) -> list[Metadata]:
-        outside = [index for index in indices if not -len(self) <= index < len(self)]
-        if outside:
-            raise IndexError(f"scenario {outside[0]} of {len(self)}")
-        return [self._rows[index % len(self)] for index in indices]
+        size, rows = len(self), []
+        for index in indices:
+            if not -size <= index < size:
+                raise IndexError(f"scenario {index} of {size}")
+            rows.append(self._rows[index % size])
+        return rows
 
     def _scenarios(self, metadata: Sequence[Metadata]) -> list[ScenarioDescription]:
         if self._is_sealed:

@@ -6,14 +6,14 @@ differ in length, which is checked before they are read.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from scenarionet_data.arrays.byte_views import as_float32, as_int32
 from scenarionet_data.arrays.columns import ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.codec.text_kernels import TextArrays, copy_texts
 
 EQUAL, OR_ONE, OR_NONE, OR_NEVER = range(4)
 """Lengths that a list may have: that of its span; or 1; or 0; or 0 if those of its scenario all have it."""
@@ -83,25 +83,17 @@ def _are_as_long(block: ColumnBlock, like: int, column: int, other: int, first: 
     return True
 
 
-class TrackArrays(NamedTuple):
-    """Fields of ``Tracks``; those over time are zeros until they are filled."""
-
-    position: Array  # (N, T, 3) float32
-    heading: Array  # (N, T) float32
-    velocity: Array  # (N, T, 2) float32
-    size: Array  # (N, T, 3) float32
-    valid: Array  # (N, T) bool
-    is_interpolated: Array  # (N, T) bool
-    object_type: Array  # (N,) uint8
-    is_size_assumed: Array  # (N,) bool
-    is_type_assumed: Array  # (N,) bool
-    is_velocity_estimated: Array  # (N,) bool
-    source_type: Array  # (N,) int32 numbers of words, or -1
-
-
 @kernel(nogil=True, allocates=False)
 def fill_tracks(
-    block: ColumnBlock, columns: Array, others: Array, first: int, codes: Array, out: TrackArrays, texts: TextArrays
+    block: ColumnBlock,
+    columns: Array,
+    others: Array,
+    first: int,
+    last: int,
+    steps: int,
+    codes: Array,
+    memory: Array,
+    places: tuple[int, ...],
 ) -> int:
     """Scatter the lists of a scenario's objects to their timesteps, and copy what they have one of.
 
@@ -110,53 +102,51 @@ def fill_tracks(
         columns: (17,) int64 columns x, y, z, heading, vx, vy, length, width, height, valid, is_interpolated, start,
             object_type, is_size_assumed, is_type_assumed, is_velocity_estimated, source_type.
         others: (11,) int64 lengths that the lists may have besides that of x, see :func:`check_lengths`.
-        first: Row of the scenario's first object.
+        first, last: Rows of the scenario.
+        steps: Its number of timesteps.
         codes: uint8 code of each word of object_type.
-        out: Filled.
-        texts: Filled.
+        memory: uint8 zeros, filled.
+        places: Those of the arrays of ``StoredTracks``.
 
     Returns:
         Place in ``columns`` of the first that does not match the spans of the scenario, or their number.
     """
-    last, steps = first + out.heading.shape[0], out.heading.shape[1]
     if not _are_inside(block, columns[_START], columns[0], first, last, steps):
         return _START
     for place in range(len(others)):
         if not _are_as_long(block, columns[0], columns[place], others[place], first, last):
             return place
-    cells = len(out.heading) * steps
-    heading, valid, is_interpolated = (
-        out.heading.reshape(cells),
-        out.valid.reshape(cells),
-        out.is_interpolated.reshape(cells),
-    )
-    position, size = out.position.reshape(3 * cells), out.size.reshape(3 * cells)
-    velocity = out.velocity.reshape(2 * cells)
+    numbers, integers = as_float32(memory), as_int32(memory)
+    position, velocity = places[2] >> 2, places[3] >> 2
+    size, heading = numbers[places[4] >> 2 : places[5] >> 2], numbers[places[5] >> 2 : places[6] >> 2]
+    valid = memory[places[7] : places[8]]
     starts = block.words[block.firsts[columns[_START]] + first :]
-    for row in range(len(out.heading)):
+    for row in range(last - first):
         count = np.int64(block.lists[0, columns[0], first + row])
         begin = row * steps + np.int64(starts[row])
         end = begin + count
-        _fill_flags(block, columns[9], first + row, True, valid[begin:end])
-        _fill_flags(block, columns[10], first + row, False, is_interpolated[begin:end])
+        for kind in range(2):
+            flags = memory[places[7 + kind] + begin : places[7 + kind] + end]
+            _fill_flags(block, columns[9 + kind], first + row, kind == 0, flags)
         start, headings = _element(block, columns[3], first + row), heading[begin:end]
         values = block.numbers[start : start + count]
         for k in range(len(values)):
             headings[k] = values[k]
-        if block.lists[0, columns[2], first + row] == count:
-            _join_points(block, columns[:3], first + row, count, position[3 * begin : 3 * end])
-        else:  # z stays 0
-            _join_pairs(block, columns[:2], first + row, count, position[3 * begin : 3 * end], 3)
-        _join_pairs(block, columns[4:6], first + row, count, velocity[2 * begin : 2 * end], 2)
+        has_z = block.lists[0, columns[2], first + row] == count
+        if has_z:
+            _join_points(block, columns[:3], first + row, count, numbers[position + 3 * begin : position + 3 * end])
+        for kind in range(1 if has_z else 0, 2):  # without heights, z stays 0
+            width, start = 3 - kind, position if kind == 0 else velocity
+            points = numbers[start + width * begin : start + width * end]
+            _join_pairs(block, columns[4 * kind : 4 * kind + 2], first + row, count, points, width)
         _fill_sizes(block, columns[6:9], first + row, valid[begin:end], size[3 * begin : 3 * end])
-    _copy_codes(block, columns[12], first, codes, out.object_type)
-    _copy_flags(block, columns[13], first, out.is_size_assumed)
-    _copy_flags(block, columns[14], first, out.is_type_assumed)
-    _copy_flags(block, columns[15], first, out.is_velocity_estimated)
+    _copy_codes(block, columns[12], first, codes, memory[places[9] : places[10]])
+    for flag in range(3):
+        _copy_flags(block, columns[13 + flag], first, memory[places[10 + flag] : places[11 + flag]])
+    source_type = integers[places[6] >> 2 : places[7] >> 2]
     words = block.words[block.firsts[columns[16]] + first :]
-    for row in range(len(out.source_type)):
-        out.source_type[row] = words[row]
-    copy_texts(block, first, texts)
+    for row in range(len(source_type)):
+        source_type[row] = words[row]
     return len(columns)
 
 
@@ -232,72 +222,56 @@ def _copy_flags(block: ColumnBlock, column: int, first: int, out: Array) -> None
         out[k] = bits[k] != 0
 
 
-class LightArrays(NamedTuple):
-    """Fields of ``Lights``."""
-
-    stop_point: Array  # (L, 3) float32
-    state: Array  # (L, T) uint8
-    is_lane_in_map: Array  # (L,) bool
-    provenance: Array  # (L,) uint8
-
-
 @kernel(nogil=True, allocates=False)
 def fill_lights(
     block: ColumnBlock,
     columns: Array,
     first: int,
+    last: int,
+    steps: int,
     states: Array,
     provenances: Array,
-    out: LightArrays,
-    texts: TextArrays,
+    memory: Array,
+    places: tuple[int, ...],
 ) -> bool:
     """Fill a scenario's lights.
 
     Args:
         block: Rows of lights.
         columns: (6,) int64 columns stop_x, stop_y, stop_z, state, is_lane_in_map, provenance.
-        first: First row.
+        first, last: Rows of the scenario.
+        steps: Its number of timesteps.
         states, provenances: uint8 code of each word of these columns.
-        out: Filled; known stop points without a height have z = 0, like all other coordinates.
-        texts: Filled.
+        memory: uint8, filled; known stop points without a height have z = 0, like all other coordinates.
+        places: Those of the arrays of ``StoredLights``.
 
     Returns:
         Whether there is one state per timestep.
     """
-    count, steps = out.state.shape
-    for row in range(first, first + count):
+    for row in range(first, last):
         if block.lists[0, columns[3], row] != steps:
             return False
-    points = out.stop_point
-    for row in range(count):
+    points = as_float32(memory)[places[2] >> 2 : places[3] >> 2]
+    for row in range(last - first):
         for axis in range(3):
-            points[row, axis] = block.numbers[block.firsts[columns[axis]] + first + row]
-        if np.isnan(points[row, 2]) and not np.isnan(points[row, 0]):
-            points[row, 2] = 0
-    _copy_codes(block, columns[3], block.lists[1, columns[3], first], states, out.state.reshape(count * steps))
-    _copy_flags(block, columns[4], first, out.is_lane_in_map)
-    _copy_codes(block, columns[5], first, provenances, out.provenance)
-    copy_texts(block, first, texts)
+            points[3 * row + axis] = block.numbers[block.firsts[columns[axis]] + first + row]
+        if np.isnan(points[3 * row + 2]) and not np.isnan(points[3 * row]):
+            points[3 * row + 2] = 0
+    _copy_codes(block, columns[3], block.lists[1, columns[3], first], states, memory[places[3] : places[4]])
+    _copy_flags(block, columns[4], first, memory[places[4] : places[5]])
+    _copy_codes(block, columns[5], first, provenances, memory[places[5] : places[6]])
     return True
-
-
-class FeatureArrays(NamedTuple):
-    """Fields of ``MapFeatures``; offsets and points are those of ``Ragged``."""
-
-    line_offsets: Array  # (M + 1,) int32
-    line: Array  # (P, 3) float32
-    outline_offsets: Array  # (M + 1,) int32
-    outline: Array  # (Q, 3) float32
-    width_offsets: Array  # (M + 1,) int32
-    width: Array  # (K, 2) float32
-    speed_limit: Array  # (M,) float32
-    feature_type: Array  # (M,) uint8
-    is_intersection: Array  # (M,) int8
 
 
 @kernel(nogil=True, allocates=False)
 def fill_features(
-    block: ColumnBlock, columns: Array, first: int, codes: Array, out: FeatureArrays, texts: TextArrays
+    block: ColumnBlock,
+    columns: Array,
+    first: int,
+    last: int,
+    codes: Array,
+    memory: Array,
+    places: tuple[int, ...],
 ) -> int:
     """Fill a scenario's map features: lists of points from lists of their coordinates; without these, they are 0.
 
@@ -305,48 +279,52 @@ def fill_features(
         block: Rows of maps.
         columns: (11,) int64 columns x, y, z, polygon_x, polygon_y, polygon_z, width_left, width_right, speed_limit,
             feature_type, is_intersection.
-        first: First row.
+        first, last: Rows of the scenario.
         codes: uint8 code of each word of feature_type.
-        out: Filled.
-        texts: Filled.
+        memory: uint8, filled.
+        places: Those of the arrays of ``StoredFeatures``.
 
     Returns:
         Place in ``columns`` of the first whose lists do not match its polylines, or their number.
     """
-    count = len(out.speed_limit)
     for place in range(8):
-        if not _are_as_long(block, columns[place - place % 3], columns[place], OR_NONE, first, first + count):
+        if not _are_as_long(block, columns[place - place % 3], columns[place], OR_NONE, first, last):
             return place
-    _fill_points(block, columns[:3], first, out.line_offsets, out.line)
-    _fill_points(block, columns[3:6], first, out.outline_offsets, out.outline)
-    _fill_points(block, columns[6:8], first, out.width_offsets, out.width)
+    numbers, integers = as_float32(memory), as_int32(memory)
+    for kind in range(3):
+        offsets = integers[places[6 + kind] >> 2 : places[7 + kind] >> 2]
+        points = numbers[places[2 + kind] >> 2 : places[3 + kind] >> 2]
+        _fill_points(block, columns[3 * kind : min(3 * kind + 3, 8)], first, offsets, points)
+    speed_limit, is_intersection = numbers[places[5] >> 2 : places[6] >> 2], memory[places[10] : places[11]]
     limits, bits = block.firsts[columns[8]] + first, block.firsts[columns[10]] + first
-    for row in range(count):
-        out.speed_limit[row] = block.numbers[limits + row]
-        out.is_intersection[row] = block.bits[bits + row]
-    _copy_codes(block, columns[9], first, codes, out.feature_type)
-    copy_texts(block, first, texts)
+    for row in range(last - first):
+        speed_limit[row] = block.numbers[limits + row]
+        is_intersection[row] = block.bits[bits + row]
+    _copy_codes(block, columns[9], first, codes, memory[places[9] : places[10]])
     return len(columns)
 
 
 @device_function
 def _fill_points(block: ColumnBlock, columns: Array, first: int, offsets: Array, points: Array) -> None:
-    ends = block.lists[1, columns[0]]
+    """Fill offsets as of ``Ragged`` and points, (2 or 3 * number of points,)."""
+    width, ends = len(columns), block.lists[1, columns[0]]
     for row in range(len(offsets)):
         offsets[row] = ends[first + row] - ends[first]
-    is_full = len(columns) == 3
-    for axis in range(len(columns)):
+    is_full = width == 3
+    for axis in range(width):
         found = block.lists[1, columns[axis], first + len(offsets) - 1] - block.lists[1, columns[axis], first]
-        is_full &= found == len(points)
+        is_full &= width * found == len(points)
     if is_full:
-        _join_points(block, columns, first, len(points), points.reshape(3 * len(points)))
+        _join_points(block, columns, first, len(points) // 3, points)
         return
-    for axis in range(len(columns)):
+    for axis in range(width):
         for row in range(len(offsets) - 1):
-            target, start = points[offsets[row] : offsets[row + 1]], _element(block, columns[axis], first + row)
-            has_values = block.lists[0, columns[axis], first + row] > 0
-            for k in range(len(target)):
-                target[k, axis] = block.numbers[start + k] if has_values else 0
+            start, has_values = (
+                _element(block, columns[axis], first + row),
+                block.lists[0, columns[axis], first + row] > 0,
+            )
+            for k in range(offsets[row + 1] - offsets[row]):
+                points[width * (offsets[row] + k) + axis] = block.numbers[start + k] if has_values else 0
 
 
 @kernel(nogil=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
+from typing import Any, ClassVar
 
 import numpy as np
 import pyarrow as pa
@@ -13,15 +14,12 @@ from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.codec.arrow import batch, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
-from scenarionet_data.codec.kernels import LightArrays, fill_lights
-from scenarionet_data.codec.texts import RowTexts
+from scenarionet_data.codec.kernels import fill_lights
+from scenarionet_data.codec.stored_part import StoredPart
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Lights
 from scenarionet_data.scenario.vocabulary import LightState, Provenance
 from scenarionet_data.schema import tables
-
-_COLUMNS = ("stop_x", "stop_y", "stop_z", "state", "is_lane_in_map", "provenance")
-_TEXTS = {"ids": "light_id", "lane_ids": "lane_id"}
 
 
 def encode_lights(scenario_id: str, lights: Lights, has_z: bool) -> pa.RecordBatch:
@@ -69,21 +67,45 @@ def _no_lights(steps: int) -> Lights:
     return Lights.empty(steps)
 
 
+class StoredLights(StoredPart):
+    """Lights in memory; see ``Lights`` for the shapes.
+
+    Args:
+        columns: Rows.
+        first, last: Those of the scenario.
+        steps: T.
+    """
+
+    arrays: ClassVar = {
+        "stop_point": np.float32,
+        "state": np.uint8,
+        "is_lane_in_map": np.bool_,
+        "provenance": np.uint8,
+    }
+    texts: ClassVar = {"ids": "light_id", "lane_ids": "lane_id"}
+
+    def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
+        count = last - first
+        super().__init__(columns, first, last, (3 * count, count * steps, count, count))
+        self._axes = {"stop_point": 3, "state": steps}
+
+    def __getitem__(self, field: str) -> Any:
+        found = super().__getitem__(field)
+        return found.reshape(self._length, self._axes[field]) if field in self._axes else found
+
+
+_COLUMNS = ("stop_x", "stop_y", "stop_z", "state", "is_lane_in_map", "provenance")
+
+
 def _lights(columns: Columns, first: int, last: int, steps: int) -> Lights:
-    """Lights of one scenario, in memory of their own."""
-    count, texts = last - first, RowTexts(columns, _TEXTS, first, last)
-    out = LightArrays(
-        np.empty((count, 3), np.float32),
-        np.empty((count, steps), np.uint8),
-        np.empty(count, np.bool_),
-        np.empty(count, np.uint8),
-    )
+    """Lights of one scenario."""
+    stored = StoredLights(columns, first, last, steps)
     states = codes_of_words(columns, "state", LightState)
     provenances = codes_of_words(columns, "provenance", Provenance)
-    places = columns.layout.places(_COLUMNS)
-    if not unchecked(fill_lights)(columns.block, places, first, states, provenances, out, texts.arrays):
+    described = columns.layout.places(_COLUMNS), first, last, steps, states, provenances
+    if not unchecked(fill_lights)(columns.block, *described, stored.memory, stored.places):
         raise LakeError(
             "lights.state does not have one state per timestep: its file is damaged; `scenarionet check` lists the "
             "affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
         )
-    return Lights.read(out._asdict(), texts)
+    return Lights.read({}, stored)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pyarrow as pa
@@ -14,8 +14,8 @@ from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
-from scenarionet_data.codec.kernels import OR_NONE, FeatureArrays, check_lengths, fill_features, find_bounds
-from scenarionet_data.codec.texts import RowTexts
+from scenarionet_data.codec.kernels import OR_NONE, check_lengths, fill_features, find_bounds
+from scenarionet_data.codec.stored_part import StoredPart
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -26,8 +26,6 @@ _FIRST_AXES = {
     **dict.fromkeys(("width_left", "width_right"), "width_left"),
 }
 """Columns of coordinates, and those with as many elements."""
-_COLUMNS = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection")
-_TEXTS = {"ids": "feature_id", "extras": "extras", **{name: name for name in ID_LISTS}}
 
 
 def encode_map(
@@ -94,34 +92,53 @@ def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
     return [_features(rows.columns, first, last) for first, last in pairwise(rows.bounds)]
 
 
-def _features(columns: Columns, first: int, last: int) -> MapFeatures:
-    """Features of one scenario, in memory of their own."""
-    layout, ends, size = columns.layout, columns.block.lists[1], last - first
-    firsts = (layout.place("x"), layout.place("polygon_x"), layout.place("width_left"))
-    counts = [ends.item(place, last) - ends.item(place, first) for place in firsts]
-    out = FeatureArrays(
-        np.empty(size + 1, np.int32),
-        np.empty((counts[0], 3), np.float32),
-        np.empty(size + 1, np.int32),
-        np.empty((counts[1], 3), np.float32),
-        np.empty(size + 1, np.int32),
-        np.empty((counts[2], 2), np.float32),
-        np.empty(size, np.float32),
-        np.empty(size, np.uint8),
-        np.empty(size, np.int8),
-    )
-    texts, codes = RowTexts(columns, _TEXTS, first, last), codes_of_words(columns, "feature_type", MapFeatureType)
-    done = unchecked(fill_features)(columns.block, layout.places(_COLUMNS), first, codes, out, texts.arrays)
-    _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
-    fields: dict[str, Any] = {
-        "feature_type": out.feature_type,
-        "polyline": Ragged(out.line_offsets, out.line),
-        "polygon": Ragged(out.outline_offsets, out.outline),
-        "speed_limit": out.speed_limit,
-        "width": Ragged(out.width_offsets, out.width),
-        "is_intersection": out.is_intersection,
+class StoredFeatures(StoredPart):
+    """Map features in memory; see ``MapFeatures`` for the shapes.
+
+    Args:
+        columns: Rows.
+        first, last: Those of the scenario.
+    """
+
+    arrays: ClassVar = {
+        "polyline": np.float32,
+        "polygon": np.float32,
+        "width": np.float32,
+        "speed_limit": np.float32,
+        "polyline_offsets": np.int32,
+        "polygon_offsets": np.int32,
+        "width_offsets": np.int32,
+        "feature_type": np.uint8,
+        "is_intersection": np.int8,
     }
-    return MapFeatures.read(fields, texts)
+    texts: ClassVar = {"ids": "feature_id", "extras": "extras", **{name: name for name in ID_LISTS}}
+    lists = ID_LISTS
+    _points: ClassVar = {"polyline": 3, "polygon": 3, "width": 2}
+
+    def __init__(self, columns: Columns, first: int, last: int) -> None:
+        ends, place, count = columns.block.lists[1], columns.layout.place, last - first
+        firsts = place("x"), place("polygon_x"), place("width_left")
+        line, outline, width = [ends.item(axis, last) - ends.item(axis, first) for axis in firsts]
+        of_points = 3 * line, 3 * outline, 2 * width, count, count + 1, count + 1, count + 1
+        super().__init__(columns, first, last, (*of_points, count, count))
+
+    def __getitem__(self, field: str) -> Any:
+        found = super().__getitem__(field)
+        if field in self._points:
+            return Ragged(self.array(f"{field}_offsets"), found.reshape(-1, self._points[field]))
+        return found
+
+
+_COLUMNS = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection")
+
+
+def _features(columns: Columns, first: int, last: int) -> MapFeatures:
+    """Features of one scenario."""
+    stored = StoredFeatures(columns, first, last)
+    codes, places = codes_of_words(columns, "feature_type", MapFeatureType), columns.layout.places(_COLUMNS)
+    done = unchecked(fill_features)(columns.block, places, first, last, codes, stored.memory, stored.places)
+    _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
+    return MapFeatures.read({}, stored)
 
 
 def check_points(columns: Columns, names: tuple[str, ...]) -> None:

@@ -2,31 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
+from scenarionet_data.arrays.byte_views import as_int32, as_int64
 from scenarionet_data.arrays.columns import ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
-
-
-class TextArrays(NamedTuple):
-    """Texts in n columns of some rows, one column after the other.
-
-    Attributes:
-        columns: (n,) int64 the columns.
-        are_lists: (C,) bool whether each column of the table holds lists.
-        firsts: (n,) int64 place in ``ends`` of the start of each column.
-        offsets: (n, M + 1) int32 number of texts before each row; a value that is null counts as none.
-        ends: (n + number of texts,) int64 start of the first text of each column, and ends of all.
-        text: uint8 UTF-8.
-    """
-
-    columns: Array
-    are_lists: Array
-    firsts: Array
-    offsets: Array
-    ends: Array
-    text: Array
 
 
 @kernel(nogil=True, allocates=False)
@@ -35,7 +14,8 @@ def measure_texts(block: ColumnBlock, columns: Array, are_lists: Array, first: i
 
     Args:
         block: Rows.
-        columns, are_lists: See ``TextArrays``.
+        columns: (n,) int64 the columns.
+        are_lists: (C,) bool whether each column of the table holds lists.
         first, last: The rows.
     """
     count, size = 0, 0
@@ -46,21 +26,42 @@ def measure_texts(block: ColumnBlock, columns: Array, are_lists: Array, first: i
     return count, size
 
 
-@device_function
-def copy_texts(block: ColumnBlock, first: int, out: TextArrays) -> None:
-    """Copy texts from a row on; there must be room for what :func:`measure_texts` found."""
-    at, size, last = 0, 0, first + out.offsets.shape[1] - 1
-    for place in range(len(out.columns)):
-        column, offsets = out.columns[place], out.offsets[place]
-        begin, end = _texts(block, column, out.are_lists[column], first, last)
-        out.firsts[place], offsets[0] = at, 0
-        for row in range(last - first):
-            offsets[row + 1] = offsets[row] + block.lists[0, column, first + row]
+@kernel(nogil=True, allocates=False)
+def copy_texts(
+    block: ColumnBlock,
+    columns: Array,
+    are_lists: Array,
+    first: int,
+    last: int,
+    memory: Array,
+    places: tuple[int, int, int],
+) -> None:
+    """Copy the texts of some rows, one column after the other; see :func:`measure_texts`.
+
+    Args:
+        block: Rows.
+        columns, are_lists, first, last: As in :func:`measure_texts`.
+        memory: uint8 memory of three arrays, which are filled: (n + number of texts,) int64 start of the first text of
+            each column, and ends of all; (n * (M + 1),) int32 number of texts before each row, where a value that is
+            null counts as none; and UTF-8.
+        places: Start of each of these.
+    """
+    ends, offsets = as_int64(memory)[places[0] >> 3 :], as_int32(memory)[places[1] >> 2 :]
+    text = memory[places[2] :]
+    at, size, row_at = 0, 0, 0
+    for place in range(len(columns)):
+        column = columns[place]
+        begin, end = _texts(block, column, are_lists[column], first, last)
+        offsets[row_at] = 0
+        for row in range(first, last):
+            offsets[row_at + 1] = offsets[row_at] + block.lists[0, column, row]
+            row_at += 1
+        row_at += 1
         start = block.ends[begin]
         for k in range(begin, end + 1):
-            out.ends[at + k - begin] = block.ends[k] - start + size
+            ends[at + k - begin] = block.ends[k] - start + size
         source = block.text[start : block.ends[end]]
-        target = out.text[size : size + len(source)]
+        target = text[size : size + len(source)]
         for k in range(len(source)):
             target[k] = source[k]
         at, size = at + end - begin + 1, size + len(source)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any, ClassVar
 
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data.arrays.columns import Columns
+from scenarionet_data.arrays.columns import Columns, chosen
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.packed_columns import offsets_of
@@ -19,12 +20,11 @@ from scenarionet_data.codec.kernels import (
     OR_NEVER,
     OR_NONE,
     OR_ONE,
-    TrackArrays,
     check_lengths,
     check_spans,
     fill_tracks,
 )
-from scenarionet_data.codec.texts import RowTexts
+from scenarionet_data.codec.stored_part import StoredPart
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -37,17 +37,7 @@ _OTHER_LENGTHS = {
     **dict.fromkeys(("valid", "is_interpolated"), OR_NONE),  # null when they are the same in the whole span
 }
 """Columns of lists, and lengths that theirs may have besides that of the span."""
-_TEXTS = {"ids": "track_id", "extras": "extras"}
 _LENGTHS = np.array(list(_OTHER_LENGTHS.values()))
-_COLUMNS = (
-    *_OTHER_LENGTHS,
-    "start",
-    "object_type",
-    "is_size_assumed",
-    "is_type_assumed",
-    "is_velocity_estimated",
-    "source_type",
-)
 
 
 def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBatch:
@@ -102,30 +92,68 @@ def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
     return [_tracks(columns, first, last, count) for (first, last), count in zip(bounds, steps, strict=True)]
 
 
+class StoredTracks(StoredPart):
+    """Tracks in memory; see ``Tracks`` for the shapes.
+
+    Args:
+        columns: Rows.
+        first, last: Those of the scenario.
+        steps: T.
+    """
+
+    arrays: ClassVar = {
+        "position": np.float32,
+        "velocity": np.float32,
+        "size": np.float32,
+        "heading": np.float32,
+        "source_type": np.int32,
+        "valid": np.bool_,
+        "is_interpolated": np.bool_,
+        "object_type": np.uint8,
+        "is_size_assumed": np.bool_,
+        "is_type_assumed": np.bool_,
+        "is_velocity_estimated": np.bool_,
+    }
+    texts: ClassVar = {"ids": "track_id", "extras": "extras"}
+    has_gaps = True
+    _over_time: ClassVar = {
+        **dict.fromkeys(("position", "size"), (3,)),
+        "velocity": (2,),
+        **dict.fromkeys(("heading", "valid", "is_interpolated"), ()),
+    }
+
+    def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
+        count, cells = last - first, (last - first) * steps
+        over_time, of_objects = (3 * cells, 2 * cells, 3 * cells, cells), (count, count, count, count)
+        super().__init__(columns, first, last, (*over_time, count, cells, cells, *of_objects))
+        self._steps, self._words = steps, columns.words["source_type"]
+
+    def __getitem__(self, field: str) -> Any:
+        found = super().__getitem__(field)
+        if field == "source_type":
+            return chosen(self._words, found)
+        return found.reshape(self._length, self._steps, *self._over_time[field]) if field in self._over_time else found
+
+
+_COLUMNS = (
+    *_OTHER_LENGTHS,
+    "start",
+    "object_type",
+    "is_size_assumed",
+    "is_type_assumed",
+    "is_velocity_estimated",
+    "source_type",
+)
+
+
 def _tracks(columns: Columns, first: int, last: int, steps: int) -> Tracks:
-    """Tracks of one scenario, in memory of their own."""
-    count = last - first
-    out = TrackArrays(
-        np.zeros((count, steps, 3), np.float32),
-        np.zeros((count, steps), np.float32),
-        np.zeros((count, steps, 2), np.float32),
-        np.zeros((count, steps, 3), np.float32),
-        np.zeros((count, steps), np.bool_),
-        np.zeros((count, steps), np.bool_),
-        np.empty(count, np.uint8),
-        np.empty(count, np.bool_),
-        np.empty(count, np.bool_),
-        np.empty(count, np.bool_),
-        np.empty(count, np.int32),
-    )
-    fields = out._asdict()
-    words = {"source_type": (columns.words["source_type"], fields.pop("source_type"))}
-    texts = RowTexts(columns, _TEXTS, first, last, words)
+    """Tracks of one scenario."""
+    stored = StoredTracks(columns, first, last, steps)
     codes = codes_of_words(columns, "object_type", ObjectType)
-    places = columns.layout.places(_COLUMNS)
-    done = unchecked(fill_tracks)(columns.block, places, _LENGTHS, first, codes, out, texts.arrays)
+    described = columns.layout.places(_COLUMNS), _LENGTHS, first, last, steps, codes
+    done = unchecked(fill_tracks)(columns.block, *described, stored.memory, stored.places)
     _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
-    return Tracks.read(fields, texts)
+    return Tracks.read({}, stored)
 
 
 def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, ...]) -> None:

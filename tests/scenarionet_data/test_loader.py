@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import gc
 import multiprocessing
 import pickle
@@ -19,6 +20,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, codec
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.schema import tables
@@ -275,12 +277,19 @@ def test_loaded_arrays_are_the_callers(lake):
 
 
 def test_a_scenario_of_a_batch_keeps_no_other_in_memory(lake):
-    for scenario in ScenarioLoader(lake).batch(range(COUNT)):
-        parts = [scenario.tracks, scenario.lights, *([scenario.map] if scenario.map else [])]
-        texts = [vars(vars(part)["_unread"]) for part in parts if len(part)]
-        values = [value for known in [*map(vars, parts), *texts] for value in known.values()]
-        arrays = [value for value in values if isinstance(value, np.ndarray)]
-        assert [array.base is None or array.base.nbytes <= array.nbytes for array in arrays] == [True] * len(arrays)
+    alone = ScenarioLoader(lake)
+    for seed, scenario in enumerate(ScenarioLoader(lake).batch(range(COUNT))):
+        for name in ("tracks", "lights", "map"):
+            part, same = getattr(scenario, name), getattr(alone[seed], name)
+            if part is None or not len(part):
+                continue
+            memory = vars(part)["_unread"].memory
+            assert memory.base is None
+            assert memory.nbytes == vars(same)["_unread"].memory.nbytes
+            fields = [getattr(part, field.name) for field in dataclasses.fields(part)]
+            arrays = [field.values if isinstance(field, Ragged) else field for field in fields]
+            assert all(array.dtype == object or array.base is memory for array in arrays)
+            assert all(array.flags.writeable and array.flags.aligned for array in arrays)
 
 
 def test_texts_are_made_when_they_are_read(lake):

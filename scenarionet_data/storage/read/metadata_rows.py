@@ -79,7 +79,7 @@ class MetadataRows(Sequence[dict[str, Any]]):
 
     def __getitem__(self, index: Any) -> Any:
         """Row of a scenario by column."""
-        row = int(self._rows[index])
+        row = self._rows.item(index)
         file = bisect_right(self._first_rows, row) - 1
         table = self._tables.get(file)
         if table is None:

@@ -71,8 +71,9 @@ def _trailing_zeros(_: Any, value: Any) -> Any:
 
 byte_at = _load(8, _types.int64)
 short_at = _load(16, _types.int64)
+word_at = _load(32, _types.int64)
 double_at = _load(64, _types.uint64)
-copy_8, copy_16 = _copy(8), _copy(16)
+copy_8, copy_16, copy_32 = _copy(8), _copy(16), _copy(32)
 store_8 = _intrinsic(_store)
 trailing_zeros = _intrinsic(_trailing_zeros)
 """Number of bits below the lowest one that is set, of a uint64 that is not 0."""

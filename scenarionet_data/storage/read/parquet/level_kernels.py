@@ -12,7 +12,7 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.storage.read.parquet.byte_kernels import double_at, trailing_zeros
+from scenarionet_data.storage.read.parquet.byte_kernels import double_at, trailing_zeros, word_at
 from scenarionet_data.storage.read.parquet.page_kernels import (
     COUNT,
     END,
@@ -21,7 +21,6 @@ from scenarionet_data.storage.read.parquet.page_kernels import (
     NULLABLE,
     START,
     VALUES,
-    uint32_at,
 )
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN, count_at
 
@@ -97,7 +96,7 @@ def _levels_end(data: Array, at: int, end: int) -> int:
     """End of levels that are preceded by their size."""
     if end - at < 4:
         return UNKNOWN
-    stop = at + 4 + uint32_at(data, at)
+    stop = at + 4 + word_at(data, at)
     return stop if stop <= end else UNKNOWN
 
 

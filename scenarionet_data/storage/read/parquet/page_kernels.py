@@ -12,10 +12,6 @@ a value and 0 for null.
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.crc_kernels import crc32
@@ -84,16 +80,3 @@ def load_page(data: Array, base: int, chunk: Array, page: Array, scratch: Array,
     elif not decompress(data, end - stored_size, end, scratch, at, at + size):
         return DAMAGED
     return at
-
-
-@device_function
-def uint32_at(data: Array, at: int) -> Any:
-    """Return the little-endian number of 4 bytes at a position."""
-    low = _byte(data, at) | _byte(data, at + 1) << 8
-    return low | _byte(data, at + 2) << 16 | _byte(data, at + 3) << 24
-
-
-@device_function
-def _byte(data: Array, at: int) -> Any:
-    """Read a byte as int64 (Numba promotes uint8 + int64 to float64)."""
-    return np.int64(data[at])

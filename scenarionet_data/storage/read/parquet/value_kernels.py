@@ -13,7 +13,7 @@ import numpy as np
 from scenarionet_data.arrays.columns import BITS, INDICES, TEXTS, WORDS, ColumnBlock
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.storage.read.parquet.byte_kernels import byte_at
+from scenarionet_data.storage.read.parquet.byte_kernels import byte_at, word_at
 from scenarionet_data.storage.read.parquet.level_kernels import keep_levels, read_levels, repeat_levels
 from scenarionet_data.storage.read.parquet.page_kernels import (
     BYTE_STREAM_SPLIT,
@@ -24,7 +24,6 @@ from scenarionet_data.storage.read.parquet.page_kernels import (
     NUM_WORDS,
     START,
     VALUES,
-    uint32_at,
 )
 from scenarionet_data.storage.read.parquet.text_kernels import copy_text
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN, count_at
@@ -142,7 +141,7 @@ def _read_words(data: Array, page: Array, values: Array) -> bool:
         _join(data[at:], count, values)
     else:
         for i in range(count):
-            values[i] = uint32_at(data, at + 4 * i)
+            values[i] = word_at(data, at + 4 * i)
     return True
 
 
@@ -186,7 +185,7 @@ def _read_indices(data: Array, page: Array, values: Array) -> bool:
             return False
         for place in range(stop - done):
             bit = place * width if is_packed else 0
-            index = uint32_at(data, at + (bit >> 3)) >> (bit & 7) & ((1 << width) - 1)
+            index = word_at(data, at + (bit >> 3)) >> (bit & 7) & ((1 << width) - 1)
             if index >= page[NUM_WORDS]:
                 return False
             values[done + place] = index
@@ -198,14 +197,14 @@ def _read_indices(data: Array, page: Array, values: Array) -> bool:
 @device_function
 def _read_texts(data: Array, page: Array, column: Array, ends: Array, text: Array) -> bool:
     """Decode texts behind those before; returns whether the page is consistent, and the texts are UTF-8."""
-    at, end, size = page[VALUES], page[END], column[FIRST_BYTE]
+    at, end, size, limit = page[VALUES], page[END], column[FIRST_BYTE], column[LAST_BYTE]
     ends[0] = size
-    if end - at > column[LAST_BYTE] - size:
+    if end - at > limit - size:
         return False
     for i in range(len(ends) - 1):
-        length = uint32_at(data, at) if at + 4 <= end else end
+        length = word_at(data, at) if at + 4 <= end else end
         at += 4
-        if length > end - at or not copy_text(data, at, length, text, size):
+        if length > end - at or not copy_text(data, at, length, text, size, limit):
             return False
         at, size = at + length, size + length
         ends[i + 1] = size
@@ -218,6 +217,6 @@ def count_words(data: Array) -> Any:
     """Number of words in a dictionary page; UNKNOWN if it is inconsistent."""
     at, count = 0, 0
     while at + 4 <= len(data):
-        size = uint32_at(data, at)
+        size = word_at(data, at)
         at, count = at + 4 + size, count + 1
     return count if at == len(data) else UNKNOWN

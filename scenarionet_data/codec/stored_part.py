@@ -1,0 +1,85 @@
+"""Parts of a loaded scenario: their arrays are in one piece of memory, and become fields when they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
+from operator import mul
+from typing import Any, ClassVar
+
+import numpy as np
+
+from scenarionet_data.arrays.columns import Columns
+from scenarionet_data.arrays.compiled import unchecked
+from scenarionet_data.arrays.dtypes import Array, Object
+from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_data.arrays.texts import Texts
+from scenarionet_data.codec.text_kernels import copy_texts, measure_texts
+
+
+class StoredPart:
+    """Fields of a part with M rows, in memory of their own, in which its texts are already.
+
+    Args:
+        columns: Rows.
+        first, last: Those of the part.
+        counts: Number of elements of each array but those of texts.
+
+    Attributes:
+        arrays: dtype of each array by name, in order: those of 4 bytes come first, so that all are aligned. Before them
+            are the ends of texts and the numbers of texts, behind them the texts, see ``copy_texts``.
+        texts: Columns of texts by name of the field that they become.
+        lists: Those of these fields that are lists of texts.
+        has_gaps: Whether elements that no kernel writes are 0.
+        memory: uint8, filled by a kernel.
+        places: Start of each array in it, and end of the last one.
+    """
+
+    arrays: ClassVar[Mapping[str, type[np.generic]]]
+    texts: ClassVar[Mapping[str, str]]
+    lists: ClassVar[Sequence[str]] = ()
+    has_gaps: ClassVar[bool] = False
+    _kinds: ClassVar[Mapping[str, type[np.generic]]]
+    _widths: ClassVar[tuple[int, ...]]
+    _numbers: ClassVar[Mapping[str, int]]
+
+    def __init_subclass__(cls) -> None:
+        cls._kinds = {"text_ends": np.int64, "text_offsets": np.int32, **cls.arrays, "text": np.uint8}
+        cls._widths = tuple(np.dtype(kind).itemsize for kind in cls._kinds.values())
+        cls._numbers = {name: number for number, name in enumerate(cls._kinds)}
+
+    def __init__(self, columns: Columns, first: int, last: int, counts: Sequence[int]) -> None:
+        layout, self._length = columns.layout, last - first
+        described = columns.block, layout.places(tuple(self.texts.values())), layout.are_lists, first, last
+        num_texts, size = unchecked(measure_texts)(*described)
+        offsets = len(self.texts) * (self._length + 1)
+        of_texts = num_texts + len(self.texts), offsets
+        self.places = tuple(accumulate(map(mul, self._widths, (*of_texts, *counts, size)), initial=0))
+        total = (self.places[-1] + 7) // 8 * 8  # for kernels, which see it as an array of each width
+        self.memory = np.zeros(total, np.uint8) if self.has_gaps else np.empty(total, np.uint8)
+        unchecked(copy_texts)(*described, self.memory, (0, self.places[1], self.places[-2]))
+
+    def array(self, name: str) -> Array:
+        """An array, of one axis."""
+        number = self._numbers[name]
+        return self.memory[self.places[number] : self.places[number + 1]].view(self._kinds[name])
+
+    def __contains__(self, field: str) -> bool:
+        return field in self._numbers or field in self.texts
+
+    def __getitem__(self, field: str) -> Any:
+        """Value of a field."""
+        return self._text(field) if field in self.texts else self.array(field)
+
+    def _text(self, field: str) -> Object | Ragged:
+        """Texts or None of each row, or lists of texts."""
+        ends, first = self.array("text_ends"), 0
+        for name, offsets in zip(self.texts, self.array("text_offsets").reshape(len(self.texts), -1), strict=True):
+            count = offsets.item(-1) if name in self.lists else self._length
+            if name == field:
+                break
+            first += count + 1
+        texts = Texts(ends[first : first + count + 1], self.array("text"))
+        if field in self.lists:
+            return Ragged(offsets.copy(), texts.strings())
+        return Texts(texts.ends, texts.data, offsets[1:] == offsets[:-1]).strings()
