@@ -165,15 +165,15 @@ def _grade_few(
     blue: float, blue_step: float, reds: Float32, greens: Float32, blues: Float32,
 ) -> int:  # fmt: skip
     """Write light that is linear along a row in at most ``LONG`` pixels that see a triangle; return how many."""
-    count = np.int32(LONG)
+    count = LONG
     for lane in range(smaller(end - first, LONG)):
         k, at = first + lane, single(lane)
         is_same = seen[k] == triangle
         reds[k] = red + red_step * at if is_same else reds[k]
         greens[k] = green + green_step * at if is_same else greens[k]
         blues[k] = blue + blue_step * at if is_same else blues[k]
-        count = smaller(count, np.int32(LONG) if is_same else np.int32(lane))
-    return smaller(int(count), end - first)
+        count = smaller(count, LONG if is_same else lane)
+    return smaller(count, end - first)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)

@@ -231,9 +231,8 @@ def _cover(triangle: int, first: int, end: int, inverse: float, step: float, nea
     """Cover pixels of a row where a triangle is nearest; ``inverse`` is its inverse depth at the first one."""
     number = np.int32(triangle)
     for block in range(first, end, SHORT):
-        count = np.int32(end - block)
         at = inverse + step * single(block - first)
-        for k in range(smaller(count, np.int32(SHORT))):
+        for k in range(smaller(end - block, SHORT)):
             here, before = at + step * single(k), near[block + k]
             seen[block + k] = number if here > before else seen[block + k]
             near[block + k] = larger(before, here)
