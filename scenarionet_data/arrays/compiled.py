@@ -57,9 +57,16 @@ _LONGEST_WAIT = 120.0  # [s] for another process to compile a kernel
 def kernel(function: Function) -> Function: ...
 @overload
 def kernel(
-    *, allocates: bool = True, nogil: bool = False, divides_by_zero: bool = False
+    *, allocates: bool = True, nogil: bool = False, divides_by_zero: bool = False, is_wide: bool = False
 ) -> Callable[[Function], Function]: ...
-def kernel(function: Any = None, *, allocates: bool = True, nogil: bool = False, divides_by_zero: bool = False) -> Any:
+def kernel(
+    function: Any = None,
+    *,
+    allocates: bool = True,
+    nogil: bool = False,
+    divides_by_zero: bool = False,
+    is_wide: bool = False,
+) -> Any:
     """Compile a function that Python calls on its first call, and cache the machine code on disk.
 
     Args:
@@ -68,12 +75,14 @@ def kernel(function: Any = None, *, allocates: bool = True, nogil: bool = False,
         nogil: Release the interpreter lock while it runs, for use in threads.
         divides_by_zero: Division by 0 gives infinity or NaN instead of an exception, so that the processor can divide
             several numbers at once.
+        is_wide: Loops of the device functions in lanes that it calls are long: they use vectors of 64 bytes where
+            these are no slower. It must not allocate.
     """
 
     def decorate(plain: Function) -> Function:
         options: dict[str, Any] = {"error_model": "numpy" if divides_by_zero else "python"}
         if not allocates:
-            options["pipeline_class"] = loop_compiler()
+            options["pipeline_class"] = loop_compiler(is_wide=is_wide)
         dispatcher = _njit(no_cfunc_wrapper=True, nogil=nogil, _nrt=allocates, **options)(plain)
         if isinstance(dispatcher, _CPUDispatcher):  # a plain function under NUMBA_DISABLE_JIT
             dispatcher.__class__ = Kernel

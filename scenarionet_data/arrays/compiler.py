@@ -21,6 +21,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite import binding
 from llvmlite import ir as llvm
 from numba import _dynfunc, types
 from numba.core import (
@@ -54,16 +55,19 @@ _MEMINFO, _PARENT, _COUNT, _ITEMSIZE, _DATA, _SHAPE, _STRIDES = range(7)
 """Members of Numba's structure of an array."""
 
 
-def loop_compiler(*, in_lanes: bool = False) -> Any:
+def loop_compiler(*, in_lanes: bool = False, is_wide: bool = False) -> Any:
     """Return the compiler class for functions that create no arrays: Numba's own for versions that were not tested.
 
     Args:
         in_lanes: No memory that the function writes to is reached by two of its arguments, and its constants are
             float32.
+        is_wide: A kernel with loops in lanes that are long enough for vectors of 64 bytes.
     """
     version = tuple(map(int, numba.__version__.split(".")[:2]))
     if not _TESTED[0] <= version <= _TESTED[1]:
         return compiler.Compiler
+    if is_wide:
+        return WideCompiler
     return LaneCompiler if in_lanes else LoopCompiler
 
 
@@ -71,6 +75,7 @@ class LoopCompiler(compiler.CompilerBase):
     """Compiles one function for one combination of argument types."""
 
     is_in_lanes = False
+    is_wide = False
 
     def __init__(self, typing_context: Any, *rest: Any) -> None:
         super().__init__(typing_context, *rest)
@@ -93,7 +98,7 @@ class LoopCompiler(compiler.CompilerBase):
                 _shorten_constants(state.func_ir)
             typed_passes.NopythonTypeInference().run_pass(state)
             state.func_ir = typed_passes.PreLowerStripPhis()._strip_phi_nodes(state.func_ir)
-            state.cr = _lower(state, is_in_lanes=self.is_in_lanes)
+            state.cr = _lower(state, is_in_lanes=self.is_in_lanes, is_wide=self.is_wide)
         state.pipeline = None
         return state.cr
 
@@ -102,6 +107,13 @@ class LaneCompiler(LoopCompiler):
     """Compiles functions for the processor to compute several elements at once, of 4 bytes rather than 8."""
 
     is_in_lanes = True
+    is_wide = True
+
+
+class WideCompiler(LoopCompiler):
+    """Compiles kernels with wide vectors, as the functions in lanes that end up in them."""
+
+    is_wide = True
 
 
 class _Typing(Context):
@@ -159,7 +171,7 @@ def _shorten_constants(code: Any) -> None:
                 source.value = np.float32(source.value)
 
 
-def _lower(state: Any, *, is_in_lanes: bool) -> Any:
+def _lower(state: Any, *, is_in_lanes: bool, is_wide: bool) -> Any:
     """Return the result of a compilation, from typed code."""
     flags, context, name = state.flags, state.targetctx, state.func_id.func_qualname
     is_device = flags.no_cpython_wrapper
@@ -177,7 +189,7 @@ def _lower(state: Any, *, is_in_lanes: bool) -> Any:
     )
     with context.push_code_library(library):
         lower = _LoopLowering(context, library, descriptor, state.func_ir, metadata=state.metadata)
-        lower.is_in_lanes = is_in_lanes
+        lower.is_in_lanes, lower.is_wide = is_in_lanes, is_wide
         lower.lower()
         if not is_device:
             lower.create_cpython_wrapper(flags.release_gil)
@@ -238,15 +250,20 @@ class _LoopLowering(lowering.Lower):
     Attributes:
         is_in_lanes: Whether no index counts from the end of an array, without which several elements in a row are not
             known to be neighbours, and products may be added to numbers without being rounded before.
+        is_wide: Whether vectors have 64 bytes where the processor is not slowed down by them: LLVM avoids them on
+            processors of Intel, of which those before Ice Lake reduced their clock rate.
     """
 
     is_in_lanes = False
+    is_wide = False
 
     def lower_normal_function(self, fndesc: Any) -> None:
         """Write the function."""
         super().lower_normal_function(fndesc)
         if self.is_in_lanes:
             fastmathpass.rewrite_module(self.module, _FUSED)
+        if self.is_wide and binding.get_host_cpu_features().get("avx512vbmi2"):
+            set.add(self.function.attributes, '"prefer-vector-width"="512"')  # of which llvmlite knows nothing
 
     def _find_singly_assigned_variable(self) -> None:
         """Find variables with one assignment, in a block that precedes every block that uses them."""

@@ -66,7 +66,7 @@ _COARSER = {
     at.VAN_MIDDLE: (at.CAR_FAR, 24), at.CAR_FAR: (at.BLOCK, 6), at.TRUCK: (at.TRUCK_FAR, 24),
     at.BUS: (at.TRUCK_FAR, 24), at.TRUCK_FAR: (at.BLOCK, 6), at.PEDESTRIAN: (at.PERSON_FAR, 24),
     at.CYCLIST: (at.PERSON_FAR, 24), at.PERSON_FAR: (at.BLOCK, 6), at.CONE: (at.BLOCK, 6), at.BARRIER: (at.BLOCK, 6),
-    at.LIGHT_HEAD: (at.LIGHT_FAR, 24), at.POLE: (at.POLE_FAR, 60), at.BUILDING: (at.WALLS, 6),
+    at.LIGHT_HEAD: (at.LIGHT_FAR, 24), at.POLE: (at.POLE_FAR, 60), at.BUILDING: (at.WALLS, 14),
     at.TREE: (at.TREE_MIDDLE, 70), at.TREE_MIDDLE: (at.TREE_FAR, 36), at.TREE_FAR: (at.TREE_TINY, 6),
     at.TREE_TINY: (at.TREE_DOT, 3), at.CONIFER: (at.CONIFER_MIDDLE, 70), at.CONIFER_MIDDLE: (at.CONIFER_FAR, 36),
     at.CONIFER_FAR: (at.CONIFER_TINY, 6), at.BLOCK: (at.SPECK, 3),

@@ -34,7 +34,7 @@ from scenarionet_sim.kernels.minmax import smaller
 from scenarionet_sim.kernels.sharing import take
 
 
-@kernel(allocates=False, nogil=True, divides_by_zero=True)
+@kernel(allocates=False, nogil=True, divides_by_zero=True, is_wide=True)
 def draw_frames(
     own: int,
     ranges: Int64,
@@ -107,7 +107,7 @@ def draw_frames(
                         seen, scratch,
                     )  # fmt: skip
                     expose(
-                        place, size, kinds, look.lights[frame], look.tone, seen, scratch.texels, scratch.shades,
+                        place, size, look.lights[frame], look.tone, seen, scratch.texels, scratch.shades,
                         pictures.rgb[frame, place : place + num],
                     )  # fmt: skip
         part = take(ranges, own)

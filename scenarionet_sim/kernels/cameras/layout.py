@@ -78,14 +78,14 @@ NUM_LIGHTS = 9
 
 (
     DISTANCE, RAY_X, RAY_Y, RAY_Z, FAR, GROUND_X, GROUND_Y, SHADE, RED, GREEN, BLUE, ACROSS, ALONG, FINE, COARSE,
-    ON_ROAD, ON_WALK, ROAD_EDGE, WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE, VIEW_X, VIEW_Y,
-) = range(24)  # fmt: skip
+    ON_ROAD, ON_WALK, ROAD_EDGE, WALK_EDGE, WHITE_SHARE, YELLOW_SHARE, KERB_SHARE, VIEW_X, VIEW_Y, GAIN,
+) = range(25)  # fmt: skip
 """Rows of ``FrameMemory.shades``: distance in lengths of the ray, ray, distance [m], point seen in the frame of the
 ground's grid [m], sunlight that arrives, light; then of the ground: footprint across and along the direction of view
 [m], noise, shares of road and pavement, distances to their borders, shares of paint, and horizontal directions of
-view."""
+view; at last the brightness of the picture."""
 
-NUM_SHADES = 24
+NUM_SHADES = 25
 
 SEES_GROUND, SEES_TRIANGLE, SEES_SKY = 1, 2, 4
 """Bits of what the pixels of a tile see."""

@@ -14,6 +14,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     FACADE,
     FAR,
     FX,
+    GAIN,
     GREEN,
     GROUND_X,
     GROUND_Y,
@@ -24,7 +25,6 @@ from scenarionet_sim.kernels.cameras.layout import (
     ON_GROUND,
     RAY_Z,
     RED,
-    SEES_SKY,
     VIGNETTE,
 )
 from scenarionet_sim.kernels.cameras.singles import bits_of, rounded_down, single
@@ -133,8 +133,9 @@ def color_triangles(
         red, green = color[0] + color[1] * column + color[2] * line, color[3] + color[4] * column + color[5] * line
         blue = color[6] + color[7] * column + color[8] * line
         if stop == begin + 1 and not is_wall:
-            reds[begin], greens[begin], blues[begin] = red, green, blue
-            begin = stop
+            begin += _grade_few(
+                begin, end, triangle, seen, red, color[1], green, color[4], blue, color[7], reds, greens, blues
+            )
             continue
         _grade(begin, stop, red, color[1], green, color[4], blue, color[7], reds, greens, blues)
         if is_wall:
@@ -158,6 +159,23 @@ def _grade(
         reds[k], greens[k], blues[k] = red + red_step * at, green + green_step * at, blue + blue_step * at
 
 
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+def _grade_few(
+    first: int, end: int, triangle: int, seen: Int32, red: float, red_step: float, green: float, green_step: float,
+    blue: float, blue_step: float, reds: Float32, greens: Float32, blues: Float32,
+) -> int:  # fmt: skip
+    """Write light that is linear along a row in at most ``LONG`` pixels that see a triangle; return how many."""
+    count = LONG
+    for lane in range(smaller(end - first, LONG)):
+        k, at = first + lane, single(lane)
+        is_same = seen[k] == triangle
+        reds[k] = red + red_step * at if is_same else reds[k]
+        greens[k] = green + green_step * at if is_same else greens[k]
+        blues[k] = blue + blue_step * at if is_same else blues[k]
+        count = smaller(count, LONG if is_same else lane)
+    return smaller(count, end - first)
+
+
 @device_function(divides_by_zero=True, in_lanes=True)
 def _open_windows(
     first: int, end: int, nx: float, ny: float, offset: float, level: float, angle: float, distances: Float32,
@@ -176,56 +194,49 @@ def _open_windows(
         blue[k] *= 0.1 + 0.9 * bright
 
 
-@device_function(divides_by_zero=True)
+@device_function(forceinline=True, divides_by_zero=True)
 def expose(
-    first: int, size: tuple[int, int], kinds: int, light: Float64, tone: UInt8, seen: Int32, levels: Int32,
-    shades: Float32, picture: UInt8,
+    first: int, size: tuple[int, int], light: Float64, tone: UInt8, seen: Int32, levels: Int32, shades: Float32,
+    picture: UInt8,
 ) -> None:  # fmt: skip
     """Add haze and write the colours of a tile into a part of a picture (count, 3).
 
     Args:
         first: Number of the tile's first pixel in the picture.
         size: Height and width of the picture.
-        kinds: What the tile's pixels see.
         light, tone: Light of the frame, and levels of linear light.
         seen, levels, shades: Memory of the tile.
         picture: Output.
     """
-    count = len(seen)
-    if kinds != SEES_SKY:
-        _add_haze(light, seen, shades[FAR], shades[RED], shades[GREEN], shades[BLUE])
+    count, gains = len(seen), shades[GAIN]
+    for k in range(count):
+        gains[k] = light[EXPOSURE]
     if light[VIGNETTE] > 0.0:
         for k in range(count):
             row, column = (first + k) // size[1], (first + k) % size[1]
             below, beside = (row + 0.5) / size[0] - 0.5, (column + 0.5) / size[1] - 0.5
-            kept = 1.0 - 2.0 * light[VIGNETTE] * (below * below + beside * beside)
-            for channel in range(RED, BLUE + 1):
-                shades[channel, k] *= kept
-    _list_levels(count, light[EXPOSURE], shades[RED], shades[GREEN], shades[BLUE], levels[0], levels[1], levels[2])
+            gains[k] *= 1.0 - 2.0 * light[VIGNETTE] * (below * below + beside * beside)
+    _list_levels(
+        count, light, seen, shades[FAR], gains, shades[RED], shades[GREEN], shades[BLUE], levels[0], levels[1],
+        levels[2],
+    )  # fmt: skip
     _write_levels(count, tone, levels[0], levels[1], levels[2], picture)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _add_haze(light: Float64, seen: Int32, far: Float32, red: Float32, green: Float32, blue: Float32) -> None:
-    """Blend what is far away with the light of the horizon."""
+def _list_levels(
+    count: int, light: Float64, seen: Int32, far: Float32, gains: Float32, red: Float32, green: Float32,
+    blue: Float32, reds: Int32, greens: Int32, blues: Int32,
+) -> None:  # fmt: skip
+    """Blend what is far away with the light of the horizon; write the levels of linear light."""
     haze = single(light[HAZE])
     r, g, b = single(light[HORIZON]), single(light[HORIZON + 1]), single(light[HORIZON + 2])
-    for k in range(len(seen)):
-        mist = 0.0 if seen[k] == NOTHING else far[k] * haze
-        clear = 1.0 / (1.0 + mist * (1.0 + 0.5 * mist))
-        red[k] = r + clear * (red[k] - r)
-        green[k] = g + clear * (green[k] - g)
-        blue[k] = b + clear * (blue[k] - b)
-
-
-@device_function(divides_by_zero=True, in_lanes=True)
-def _list_levels(
-    count: int, exposure: float, red: Float32, green: Float32, blue: Float32, reds: Int32, greens: Int32, blues: Int32
-) -> None:
-    """Write the levels of linear light."""
-    gain = single(exposure)
     for k in range(count):
-        reds[k], greens[k], blues[k] = _level(red[k] * gain), _level(green[k] * gain), _level(blue[k] * gain)
+        mist = 0.0 if seen[k] == NOTHING else far[k] * haze
+        clear, gain = 1.0 / (1.0 + mist * (1.0 + 0.5 * mist)), gains[k]
+        reds[k] = _level((r + clear * (red[k] - r)) * gain)
+        greens[k] = _level((g + clear * (green[k] - g)) * gain)
+        blues[k] = _level((b + clear * (blue[k] - b)) * gain)
 
 
 @device_function(forceinline=True, in_lanes=True)

@@ -118,6 +118,6 @@ def draw_pixel(
         num_shadows = items.counts[frame, NUM_SHADOWS]
         color_tile(number, slot, pose, size, lens, rays, num_shadows, kinds, ground, light, look.grain, seen, scratch)
         expose(
-            number, size, kinds, light, look.tone, seen, memory.texels, memory.shades,
+            number, size, light, look.tone, seen, memory.texels, memory.shades,
             pictures.rgb[frame, number : number + 1],
         )  # fmt: skip

@@ -229,17 +229,13 @@ def inverse_distance(edges: Float64, x: float, y: float, z: float) -> float:
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def _cover(triangle: int, first: int, end: int, inverse: float, step: float, near: Float32, seen: Int32) -> None:
     """Cover pixels of a row where a triangle is nearest; ``inverse`` is its inverse depth at the first one."""
-    number, count = np.int32(triangle), np.int32(end - first)
-    if count <= SHORT:
-        for k in range(count):
-            here, before = inverse + step * single(k), near[first + k]
-            seen[first + k] = number if here > before else seen[first + k]
-            near[first + k] = larger(before, here)
-    else:
-        for k in range(count):
-            here, before = inverse + step * single(k), near[first + k]
-            seen[first + k] = number if here > before else seen[first + k]
-            near[first + k] = larger(before, here)
+    number = np.int32(triangle)
+    for block in range(first, end, SHORT):
+        at = inverse + step * single(block - first)
+        for k in range(smaller(end - block, SHORT)):
+            here, before = at + step * single(k), near[block + k]
+            seen[block + k] = number if here > before else seen[block + k]
+            near[block + k] = larger(before, here)
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)

@@ -133,3 +133,19 @@ def test_constants_of_functions_in_lanes_are_float32(dtype):
     fused = np.array([float(number) for number in exact]).astype(dtype)
     assert ((out == values * tenth + rest) | (out == fused)).all()  # processors may not round the product
     assert (out != (values.astype(np.float64) * 0.1 + 0.7).astype(dtype)).any()
+
+
+@pytest.mark.parametrize("has_wide_vectors", [False, True])
+def test_wide_kernels_prefer_vectors_of_64_bytes_where_these_are_fast(monkeypatch, tmp_path, has_wide_vectors):
+    @kernel(allocates=False, is_wide=True)
+    def double(values):
+        for k in range(len(values)):
+            values[k] *= 2.0
+
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))  # code from a cache cannot be read
+    monkeypatch.setattr("llvmlite.binding.get_host_cpu_features", lambda: {"avx512vbmi2": has_wide_vectors})
+    values = np.arange(40, dtype=np.float32)
+    double(values)
+    np.testing.assert_array_equal(values, 2.0 * np.arange(40))
+    (code,) = double.inspect_llvm().values()
+    assert ('"prefer-vector-width"="512"' in code) == has_wide_vectors
