@@ -14,73 +14,7 @@ from scenarionet_data.arrays.byte_views import as_float32, as_int32
 from scenarionet_data.arrays.columns import ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
-
-EQUAL, OR_ONE, OR_NONE, OR_NEVER = range(4)
-"""Lengths that a list may have: that of its span; or 1; or 0; or 0 if those of its scenario all have it."""
-
-
-@kernel(nogil=True, allocates=False)
-def check_spans(block: ColumnBlock, start: int, lists: int, bounds: Array, steps: Array) -> bool:
-    """Whether the spans of objects are within their scenarios.
-
-    Args:
-        block: Rows of tracks.
-        start: Column of the first timestep of each span.
-        lists: Column of lists of the length of each span.
-        bounds: (scenarios + 1,) int64 first row of each scenario, and the end of the last one.
-        steps: (scenarios,) int64 number of timesteps.
-    """
-    for scenario in range(len(steps)):
-        if not _are_inside(block, start, lists, bounds[scenario], bounds[scenario + 1], steps[scenario]):
-            return False
-    return True
-
-
-@kernel(nogil=True, allocates=False)
-def check_lengths(block: ColumnBlock, likes: Array, columns: Array, others: Array, bounds: Array) -> int:
-    """Compare the lengths of lists with those of other columns.
-
-    Args:
-        block: Rows of scenarios.
-        likes: (n,) int64 the other column of each column.
-        columns: (n,) int64 the columns.
-        others: (n,) int64 other lengths that their lists may have: OR_ONE, ...
-        bounds: As in :func:`check_spans`.
-
-    Returns:
-        Place in ``columns`` of the first that differs, or n.
-    """
-    for place in range(len(columns)):
-        for scenario in range(len(bounds) - 1):
-            first, last = bounds[scenario], bounds[scenario + 1]
-            if not _are_as_long(block, likes[place], columns[place], others[place], first, last):
-                return place
-    return len(columns)
-
-
-@device_function
-def _are_inside(block: ColumnBlock, start: int, lists: int, first: int, last: int, steps: int) -> bool:
-    """Whether the spans of a scenario's objects are within its timesteps."""
-    starts = block.words[block.firsts[start] :]
-    for row in range(first, last):
-        begin = np.int64(np.int32(starts[row]))
-        if begin < 0 or begin + block.lists[0, lists, row] > steps:
-            return False
-    return True
-
-
-@device_function
-def _are_as_long(block: ColumnBlock, like: int, column: int, other: int, first: int, last: int) -> bool:
-    """Whether the lists of a scenario are as long as those of another column, or have another length they may have."""
-    wanted, lengths, offsets = block.lists[0, like], block.lists[0, column], block.lists[1, column]
-    may_be_none = other == OR_NONE or (other == OR_NEVER and offsets[first] == offsets[last])
-    for row in range(first, last):
-        length = lengths[row]
-        if length != wanted[row]:
-            is_other = length == 1 if other == OR_ONE else length == 0 and may_be_none
-            if not is_other:
-                return False
-    return True
+from scenarionet_data.codec.check_kernels import OR_NONE, are_as_long, are_inside
 
 
 @kernel(nogil=True, allocates=False)
@@ -111,10 +45,10 @@ def fill_tracks(
     Returns:
         Place in ``columns`` of the first that does not match the spans of the scenario, or their number.
     """
-    if not _are_inside(block, columns[_START], columns[0], first, last, steps):
+    if not are_inside(block, columns[_START], columns[0], first, last, steps):
         return _START
     for place in range(len(others)):
-        if not _are_as_long(block, columns[0], columns[place], others[place], first, last):
+        if not are_as_long(block, columns[0], columns[place], others[place], first, last):
             return place
     numbers, integers = as_float32(memory), as_int32(memory)
     position, velocity = places[2] >> 2, places[3] >> 2
@@ -289,7 +223,7 @@ def fill_features(
         Place in ``columns`` of the first whose lists do not match its polylines, or their number.
     """
     for place in range(8):
-        if not _are_as_long(block, columns[place - place % 3], columns[place], OR_NONE, first, last):
+        if not are_as_long(block, columns[place - place % 3], columns[place], OR_NONE, first, last):
             return place
     numbers, integers = as_float32(memory), as_int32(memory)
     for kind in range(3):
