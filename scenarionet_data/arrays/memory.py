@@ -71,9 +71,9 @@ class Memory:
         """Block of the next power of two that nothing refers to; None beyond the limit."""
         size = 1 << (wanted - 1).bit_length()
         blocks = self._blocks.setdefault(size, [])
-        for index, count in enumerate(_references(blocks)):
-            if count == _UNUSED:
-                return blocks[index]
+        for block in blocks:
+            if sys.getrefcount(block) == _UNUSED:
+                return block
         if self.num_bytes + size > self._limit:
             for known in self._blocks.values():
                 known[:] = [block for block, count in zip(known, _references(known), strict=True) if count != _UNUSED]

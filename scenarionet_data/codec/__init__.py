@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -127,11 +126,9 @@ def _scenario(
         "dataset": row["dataset"],
         "version": row["version"],
         "split": row["split"],
-        "timestamps": _timestamps(row),
         "dt": row["dt"],
         "current_timestep": row["current_timestep"],
         "ego_id": row["ego_id"],
-        "origin": np.array((row["origin_x"], row["origin_y"], row["origin_z"])),
         "has_z": row["has_z"],
         "tracks": tracks,
         "lights": lights,
@@ -145,7 +142,7 @@ def _scenario(
 
 
 class _Described:
-    """Fields of a scenario that take many Python objects, which are made when they are read.
+    """Fields of a scenario that are made of its metadata row when they are read.
 
     Args:
         row: Its metadata row.
@@ -154,11 +151,15 @@ class _Described:
     def __init__(self, row: Mapping[str, Any]) -> None:
         self._row = row
 
-    def __contains__(self, field: str) -> bool:
-        return field in _MAKERS
-
     def __getitem__(self, field: str) -> Any:
         return _MAKERS[field](self._row)
+
+
+def _timestamps(row: Mapping[str, Any]) -> Array:
+    if row["timestamps"] is None:
+        regular: Array = np.arange(row["num_timesteps"]) * row["dt"]
+        return regular
+    return np.array(row["timestamps"], dtype=np.float64)
 
 
 def _source(row: Mapping[str, Any]) -> Source:
@@ -178,6 +179,8 @@ def _tracks_to_predict(row: Mapping[str, Any]) -> tuple[tuple[str, int], ...]:
 
 
 _MAKERS: dict[str, Callable[[Mapping[str, Any]], Any]] = {
+    "timestamps": _timestamps,
+    "origin": lambda row: np.array([row["origin_x"], row["origin_y"], row["origin_z"]]),
     "source": _source,
     "objects_of_interest": lambda row: tuple(row["objects_of_interest"]),
     "tracks_to_predict": _tracks_to_predict,
@@ -229,15 +232,3 @@ def _describe(scenario: ScenarioDescription) -> dict[str, Any]:
         "map_crop": list(scenario.map_crop) if scenario.map_crop is not None else None,
         "extras": to_json(scenario.extras),
     }
-
-
-def _timestamps(row: Mapping[str, Any]) -> Array:
-    if row["timestamps"] is None:
-        return _regular(row["num_timesteps"], row["dt"]).copy()
-    return np.array(row["timestamps"], dtype=np.float64)
-
-
-@lru_cache(64)
-def _regular(num_timesteps: int, dt: float) -> Array:
-    times: Array = np.arange(num_timesteps) * dt
-    return times

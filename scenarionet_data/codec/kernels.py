@@ -187,12 +187,13 @@ def _join_pairs(block: ColumnBlock, columns: Array, row: int, count: Any, points
 @device_function
 def _fill_sizes(block: ColumnBlock, columns: Array, row: int, valid: Array, sizes: Array) -> None:
     """Fill extents, (3 * n,), at the valid timesteps of a span; a list of one element holds at all of them."""
-    for axis in range(3):
-        start, count = _element(block, columns[axis], row), block.lists[0, columns[axis], row]
-        values, step = block.numbers[start : start + count], 0 if count == 1 else 1
-        for k in range(len(valid)):
-            if valid[k]:
-                sizes[3 * k + axis] = values[step * k]
+    x, y, z = _element(block, columns[0], row), _element(block, columns[1], row), _element(block, columns[2], row)
+    lengths, numbers = block.lists[0, :, row], block.numbers
+    by_x, by_y, by_z = lengths[columns[0]] > 1, lengths[columns[1]] > 1, lengths[columns[2]] > 1
+    for k in range(len(valid)):
+        if valid[k]:
+            sizes[3 * k], sizes[3 * k + 1] = numbers[x + by_x * k], numbers[y + by_y * k]
+            sizes[3 * k + 2] = numbers[z + by_z * k]
 
 
 @device_function

@@ -90,8 +90,9 @@ class StoredLights(StoredPart):
         self._axes = {"stop_point": 3, "state": steps}
 
     def __getitem__(self, field: str) -> Any:
-        found = super().__getitem__(field)
-        return found.reshape(self._length, self._axes[field]) if field in self._axes else found
+        if field in self._axes:
+            return self.array(field, self.length, self._axes[field])
+        return super().__getitem__(field)
 
 
 _COLUMNS = ("stop_x", "stop_y", "stop_z", "state", "is_lane_in_map", "provenance")

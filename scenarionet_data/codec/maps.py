@@ -123,10 +123,10 @@ class StoredFeatures(StoredPart):
         super().__init__(columns, first, last, (*of_points, count, count))
 
     def __getitem__(self, field: str) -> Any:
-        found = super().__getitem__(field)
         if field in self._points:
-            return Ragged(self.array(f"{field}_offsets"), found.reshape(-1, self._points[field]))
-        return found
+            offsets, width = self.array(f"{field}_offsets", self.length + 1), self._points[field]
+            return Ragged(offsets, self.array(field, offsets.item(-1), width))
+        return super().__getitem__(field)
 
 
 _COLUMNS = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection")

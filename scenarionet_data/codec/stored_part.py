@@ -31,6 +31,7 @@ class StoredPart:
         texts: Columns of texts by name of the field that they become.
         lists: Those of these fields that are lists of texts.
         has_gaps: Whether elements that no kernel writes are 0.
+        length: M.
         memory: uint8, filled by a kernel.
         places: Start of each array in it, and end of the last one.
     """
@@ -42,44 +43,42 @@ class StoredPart:
     _kinds: ClassVar[Mapping[str, type[np.generic]]]
     _widths: ClassVar[tuple[int, ...]]
     _numbers: ClassVar[Mapping[str, int]]
+    _columns: ClassVar[tuple[str, ...]]
 
     def __init_subclass__(cls) -> None:
         cls._kinds = {"text_ends": np.int64, "text_offsets": np.int32, **cls.arrays, "text": np.uint8}
         cls._widths = tuple(np.dtype(kind).itemsize for kind in cls._kinds.values())
         cls._numbers = {name: number for number, name in enumerate(cls._kinds)}
+        cls._columns = tuple(cls.texts.values())
 
     def __init__(self, columns: Columns, first: int, last: int, counts: Sequence[int]) -> None:
-        layout, self._length = columns.layout, last - first
-        described = columns.block, layout.places(tuple(self.texts.values())), layout.are_lists, first, last
+        layout, self.length = columns.layout, last - first
+        described = columns.block, layout.places(self._columns), layout.are_lists, first, last
         num_texts, size = unchecked(measure_texts)(*described)
-        offsets = len(self.texts) * (self._length + 1)
+        offsets = len(self.texts) * (self.length + 1)
         of_texts = num_texts + len(self.texts), offsets
         self.places = tuple(accumulate(map(mul, self._widths, (*of_texts, *counts, size)), initial=0))
         total = (self.places[-1] + 7) // 8 * 8  # for kernels, which see it as an array of each width
         self.memory = np.zeros(total, np.uint8) if self.has_gaps else np.empty(total, np.uint8)
         unchecked(copy_texts)(*described, self.memory, (0, self.places[1], self.places[-2]))
 
-    def array(self, name: str) -> Array:
-        """An array, of one axis."""
-        number = self._numbers[name]
-        return self.memory[self.places[number] : self.places[number + 1]].view(self._kinds[name])
-
-    def __contains__(self, field: str) -> bool:
-        return field in self._numbers or field in self.texts
+    def array(self, name: str, *shape: int) -> Array:
+        """An array with a shape."""
+        return np.ndarray(shape, self._kinds[name], self.memory, self.places[self._numbers[name]])
 
     def __getitem__(self, field: str) -> Any:
         """Value of a field."""
-        return self._text(field) if field in self.texts else self.array(field)
+        return self._text(field) if field in self.texts else self.array(field, self.length)
 
     def _text(self, field: str) -> Object | Ragged:
         """Texts or None of each row, or lists of texts."""
-        ends, first = self.array("text_ends"), 0
-        for name, offsets in zip(self.texts, self.array("text_offsets").reshape(len(self.texts), -1), strict=True):
-            count = offsets.item(-1) if name in self.lists else self._length
+        ends, first = self.array("text_ends", self.places[1] // 8), 0
+        for name, offsets in zip(self.texts, self.array("text_offsets", len(self.texts), self.length + 1), strict=True):
+            count = offsets.item(-1) if name in self.lists else self.length
             if name == field:
                 break
             first += count + 1
-        texts = Texts(ends[first : first + count + 1], self.array("text"))
+        texts = Texts(ends[first : first + count + 1], self.memory[self.places[-2] :])
         if field in self.lists:
             return Ragged(offsets.copy(), texts.strings())
         return Texts(texts.ends, texts.data, offsets[1:] == offsets[:-1]).strings()

@@ -129,10 +129,10 @@ class StoredTracks(StoredPart):
         self._steps, self._words = steps, columns.words["source_type"]
 
     def __getitem__(self, field: str) -> Any:
+        if field in self._over_time:
+            return self.array(field, self.length, self._steps, *self._over_time[field])
         found = super().__getitem__(field)
-        if field == "source_type":
-            return chosen(self._words, found)
-        return found.reshape(self._length, self._steps, *self._over_time[field]) if field in self._over_time else found
+        return chosen(self._words, found) if field == "source_type" else found
 
 
 _COLUMNS = (

@@ -50,8 +50,6 @@ def strings(values: Any) -> Object:
 class Unread(Protocol):
     """Values of fields, which are made when they are first read."""
 
-    def __contains__(self, field: str) -> bool: ...
-
     def __getitem__(self, field: str) -> Any: ...
 
 
@@ -61,8 +59,8 @@ class ScenarioPart:
     if not TYPE_CHECKING:  # type checkers know the fields
 
         def __getattr__(self, name: str) -> Any:
-            unread: Unread = self.__dict__.get("_unread", ())
-            if name not in unread:
+            unread: Unread | None = self.__dict__.get("_unread")
+            if unread is None or name not in self.__dataclass_fields__:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
             return self.__dict__.setdefault(name, unread[name])  # the same for all threads
 
