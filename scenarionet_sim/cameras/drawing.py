@@ -153,7 +153,7 @@ def _scratch(width: int) -> FrameMemory:
             box=np.zeros(7),
             radii=np.empty(_FIXTURES, np.float32),
             has_shadow=np.empty(_FIXTURES, np.int32),
-            sky=np.zeros((2, 4, -(-(columns // SKY_STEP + 2) // 8) * 8), np.float32),
+            sky=np.zeros((2, 4, columns // SKY_STEP + 2 + LANES), np.float32),
         )
     return found
 

@@ -86,7 +86,7 @@ def draw_frames(
         for band in range(part % parts * BANDS, smaller(part % parts * BANDS + BANDS, (height + BAND - 1) // BAND)):
             top, bottom = band * BAND, smaller(band * BAND + BAND, height)
             trace_band(top, bottom, count, lens, rays, width, scratch)
-            carry_sky(frame == shown and band == above + 1, scratch.sky)
+            carry_sky(frame == shown and band == above + 1, width, scratch.sky)
             shown, above = frame, band
             num_pixels = (bottom - top) * width
             for start in range(0, num_pixels, TILE):

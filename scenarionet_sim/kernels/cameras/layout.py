@@ -237,7 +237,7 @@ class FrameMemory(NamedTuple):
         texels: (3, TILE) texels of its noise in the first row; levels of colour.
         box: (7,) of an object.
         radii, has_shadow: (F,) radii of fixtures on the screen [pixels], and 1 where they have shadows in view.
-        sky: (2, 4, columns / SKY_STEP + 2) light of the sky at the nodes above and below a band, see ``sky``.
+        sky: (2, 4, columns / SKY_STEP + 2 + LANES) light of the sky at the nodes above and below a band, see ``sky``.
     """
 
     vertices: Float64

@@ -23,7 +23,7 @@ from scenarionet_sim.kernels.minmax import larger, smaller
 SHADOW_REACH = 120.0
 """Shadows farther than this are not seen [m]."""
 
-LEAST_SHADOW = 0.35
+LEAST_SHADOW = 0.6
 """Height on the screen [pixels] below which shadows are not drawn."""
 
 

@@ -43,6 +43,8 @@ GRAIN_SIZE = 512
 IS_LIT = 3
 """Row of the sky's nodes that says in its first column whether they are lit."""
 
+_LANES = 8
+
 _BITS, _LAST, _ONE = np.int32(GRAIN_SIZE.bit_length() - 1), np.int32(GRAIN_SIZE - 1), np.int32(1)
 
 
@@ -87,8 +89,8 @@ def color_sky(
             for side in range(2):
                 if nodes[side, IS_LIT, 0] == 0.0:
                     light_nodes(
-                        smaller(top + side * BAND, size[0] - 1), 0, nodes.shape[2], size[1], pose, lens, rays, light,
-                        grain, nodes[side],
+                        smaller(top + side * BAND, size[0] - 1), 0, num_nodes(size[1]), size[1], pose, lens, rays,
+                        light, grain, nodes[side],
                     )  # fmt: skip
                     nodes[side, IS_LIT, 0] = 1.0
             _blend_nodes(
@@ -126,12 +128,18 @@ def _blend_nodes(
         blue[k] = b + step_b * at if is_sky else blue[k]
 
 
+@device_function(forceinline=True)
+def num_nodes(width: int) -> int:
+    """Return the number of nodes along a picture of some width; a multiple of those that are lit at once."""
+    return (width // SKY_STEP + 2 + _LANES - 1) // _LANES * _LANES
+
+
 @device_function(forceinline=True, in_lanes=True)
-def carry_sky(is_below: bool, nodes: Float32) -> None:
+def carry_sky(is_below: bool, width: int, nodes: Float32) -> None:
     """Forget the light at the nodes of the band before, except for those at the top of a band right below it."""
     if is_below:
         for channel in range(4):
-            for node in range(nodes.shape[2]):
+            for node in range(num_nodes(width)):
                 nodes[0, channel, node] = nodes[1, channel, node]
     else:
         nodes[0, IS_LIT, 0] = 0.0
