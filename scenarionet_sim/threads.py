@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import statistics
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -10,15 +11,16 @@ from functools import partial
 from typing import TypeVar
 
 from scenarionet_data.arrays.dtypes import Int64
-from scenarionet_sim.kernels.sharing import JOIN, LEADER, LEAVE, STAY_OUT, Team, ranges_of
+from scenarionet_sim.kernels.sharing import JOIN, LEADER, LEAVE, STAY, STAY_OUT, Team, ranges_of
 
 Returned = TypeVar("Returned")
 
 _FEWEST = 4
 """Items per thread below which another thread costs more than it saves."""
 
-_TRIAL, _PERIOD = 16, 512
-"""Number of turns at the beginning of each period that try by turns to be alone and to have helpers."""
+_TRIAL, _PERIOD = 16, 1024
+"""Number of turns at the beginning of each period that try to be alone, and then to have helpers; only the last half of
+either counts, because helpers have to wake up and data to reach the cache of another core."""
 
 _LAST_TRIAL = 0.25
 """Weight of the last trial in what is known of both."""
@@ -42,8 +44,8 @@ class Threads:
         self._team = Team.of(0, 1)
         self._helpers: dict[int, Future[object]] = {}
         self._turn = 0
-        self._trial = [0.0, 0.0]  # time of the turns of a trial [s], alone and with helpers
-        self._pace = [0.0, 0.0]  # mean time of such trials [s]
+        self._trial: tuple[list[float], list[float]] = [], []  # times of turns [s], alone and with helpers
+        self._pace = [0.0, 0.0]  # mean of the trials' medians [s]
 
     def run(self, function: Callable[[int, int], int], total: int) -> list[int]:
         """Call ``function(first, end)`` for consecutive ranges of ``total`` items; return the results in order."""
@@ -91,22 +93,27 @@ class Threads:
     def _share_at_best_pace(self, function: Callable[[int, Team], object]) -> None:
         """Run a turn with helpers or alone, whichever is faster: helpers without a core of their own delay it."""
         place = self._turn % _PERIOD
-        is_helped = place % 2 == 1 if place < _TRIAL else self._pace[True] < self._pace[False]
+        is_trial = place < 2 * _TRIAL
+        is_helped = place >= _TRIAL if is_trial else self._pace[True] < self._pace[False]
         self._turn += 1
         self._team.order(JOIN if is_helped else STAY_OUT)
-        if is_helped or place == 0:
+        if is_helped:
             for own in range(LEADER + 1, len(self._team.ranges)):
                 self._call_helper(function, own)
         started = time.perf_counter()
         function(LEADER, self._team)
         self._wait()
-        if place < _TRIAL:
-            self._trial[is_helped] += time.perf_counter() - started
-        if place == _TRIAL - 1:
-            weight = _LAST_TRIAL if self._turn > _PERIOD else 1.0
-            for kind in (False, True):
-                self._pace[kind] += weight * (self._trial[kind] - self._pace[kind])
-                self._trial[kind] = 0.0
+        if is_trial and place % _TRIAL >= _TRIAL // 2:
+            self._trial[is_helped].append(time.perf_counter() - started)
+        if place == 2 * _TRIAL - 1:
+            self._judge_trial()
+
+    def _judge_trial(self) -> None:
+        """Add the medians of a trial to the pace of both ways."""
+        weight = _LAST_TRIAL if self._turn > _PERIOD else 1.0
+        for is_helped, times in enumerate(self._trial):
+            self._pace[is_helped] += weight * (statistics.median(times) - self._pace[is_helped])
+            times.clear()
 
     def dismiss(self) -> None:
         """Let helpers drop what they were called with last; the next turn calls them again."""
@@ -133,7 +140,7 @@ class Threads:
             return
         if helper is not None:
             self._helpers.pop(own).result()  # raises what the function raised
-        self._helpers[own] = self._submit(partial(function, own, self._team))
+        self._helpers[own] = self._submit(partial(_help, function, own, self._team))
 
     def _wait(self) -> None:
         """Wait until helpers have ended the last turn, which takes them as long as an item at most."""
@@ -150,6 +157,17 @@ class Threads:
         """Forget the threads in a forked process: they exist in its parent alone."""
         if self._process != os.getpid():
             self._process, self._pool, self._helpers, self._shared = os.getpid(), None, {}, -1
+
+
+def _help(function: Callable[[int, Team], object], own: int, team: Team) -> None:
+    """Join turns; also one that begins while this thread waits for the interpreter after the one before.
+
+    After some turns it ends, as kernels do, to drop the arrays of the first one.
+    """
+    first = team.turn
+    function(own, team)
+    while team.awaits_helpers and team.turn - first < STAY:
+        function(own, team)
 
 
 def _let_others_run() -> None:

@@ -56,7 +56,7 @@ _OPEN, _HELPERS, _SHIFT = 1 << 15, (1 << 15) - 1, 16
 _PATIENCE = 1 << 14
 """Pauses of some 20 to 50 ns that a helper waits for a turn."""
 
-_STAY = 256
+STAY = 256
 """Turns after which a helper leaves the kernel, and so drops the arrays that it was called with."""
 
 _ROOM = 4096
@@ -85,6 +85,16 @@ class Team(NamedTuple):
     def is_helped(self) -> bool:
         """Whether helpers are still in the last turn."""
         return bool(self.gate.item(_TURN, 0) & _HELPERS)
+
+    @property
+    def turn(self) -> int:
+        """Number of the current turn, or of the last one."""
+        return self.gate.item(_TURN, 0) >> _SHIFT
+
+    @property
+    def awaits_helpers(self) -> bool:
+        """Whether helpers shall join a turn, which has begun."""
+        return self.gate.item(_ORDER, 0) == JOIN and bool(self.gate.item(_TURN, 0) & _OPEN)
 
     @property
     def result(self) -> int:
@@ -143,7 +153,7 @@ def end(team: Team, own: int, turn: int, result: int) -> int:
         _add(team.gate, _TURN, -_OPEN)
         return 0
     _add(team.gate, _TURN, -1)
-    return begin(team, own, turn) if turn % _STAY else 0
+    return begin(team, own, turn) if turn % STAY else 0
 
 
 @device_function

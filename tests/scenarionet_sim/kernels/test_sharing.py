@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.arrays.compiled import kernel
-from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, ranges_of, take
+from scenarionet_sim.kernels.sharing import JOIN, LEADER, LEAVE, STAY_OUT, Team, begin, end, keep, kept, ranges_of, take
 from scenarionet_sim.threads import Threads
 
 
@@ -112,3 +112,40 @@ def test_a_team_reports_its_helpers_and_its_largest_result():
     assert (team.is_helped, team.result) == (False, 9)
     team.gate[0, 0] += 1
     assert team.is_helped
+
+
+def test_helpers_are_awaited_in_turns_that_they_may_join():
+    """A helper that has left the kernel joins again while a turn is open, unless it shall stay out."""
+    team, seen = Team.of(4, 2), []
+
+    class Watching(Threads):
+        def _wait(self):
+            seen.append(self._team.awaits_helpers)
+            super()._wait()
+
+    threads = Watching(2)
+    taken = np.zeros(100, np.int64)
+    for turn in range(1, 5):
+        threads.share(lambda own, team: take_all(own, team, (1, taken)), len(taken))
+        assert threads._team.turn == turn
+    assert not any(seen)  # no turn is open between the calls of the leader
+    threads.close()
+    for order, is_awaited in ((JOIN, True), (STAY_OUT, False), (LEAVE, False)):
+        team.order(order)
+        assert not team.awaits_helpers
+        open_turn(team)
+        assert team.awaits_helpers == is_awaited
+        close_turn(team)
+    np.testing.assert_array_equal(taken, 4)
+
+
+@kernel(allocates=False)
+def open_turn(team):
+    """Begin a turn as the leader."""
+    begin(team, LEADER, 0)
+
+
+@kernel(allocates=False)
+def close_turn(team):
+    """End it."""
+    end(team, LEADER, 1, 0)
