@@ -18,11 +18,14 @@ Returned = TypeVar("Returned")
 _FEWEST = 4
 """Items per thread below which another thread costs more than it saves."""
 
-_TRIAL, _PERIOD = 16, 1024
-"""Number of turns at the beginning of each period that try to be alone, and then to have helpers; only the last half of
-either counts, because helpers have to wake up and data to reach the cache of another core."""
+_TRIAL = 16
+"""Number of turns that try to be alone, and then to have helpers; only the last half of either counts, because helpers
+have to wake up and data to reach the cache of another core."""
 
-_LAST_TRIAL = 0.25
+_UNTIL_TRIAL = (256, 1024)
+"""Turns from one trial to the next, alone and with helpers: another program may soon leave its core."""
+
+_LAST_TRIAL = 0.5
 """Weight of the last trial in what is known of both."""
 
 
@@ -43,7 +46,7 @@ class Threads:
         self._shared = -1  # number of items that were shared out last
         self._team = Team.of(0, 1)
         self._helpers: dict[int, Future[object]] = {}
-        self._turn = 0
+        self._turn = 0  # since the last trial began
         self._trial: tuple[list[float], list[float]] = [], []  # times of turns [s], alone and with helpers
         self._pace = [0.0, 0.0]  # mean of the trials' medians [s]
 
@@ -92,10 +95,10 @@ class Threads:
 
     def _share_at_best_pace(self, function: Callable[[int, Team], object]) -> None:
         """Run a turn with helpers or alone, whichever is faster: helpers without a core of their own delay it."""
-        place = self._turn % _PERIOD
+        place, is_faster = self._turn, self._pace[True] < self._pace[False]
         is_trial = place < 2 * _TRIAL
-        is_helped = place >= _TRIAL if is_trial else self._pace[True] < self._pace[False]
-        self._turn += 1
+        is_helped = place >= _TRIAL if is_trial else is_faster
+        self._turn = (place + 1) % _UNTIL_TRIAL[is_faster]
         self._team.order(JOIN if is_helped else STAY_OUT)
         if is_helped:
             for own in range(LEADER + 1, len(self._team.ranges)):
@@ -110,8 +113,8 @@ class Threads:
 
     def _judge_trial(self) -> None:
         """Add the medians of a trial to the pace of both ways."""
-        weight = _LAST_TRIAL if self._turn > _PERIOD else 1.0
         for is_helped, times in enumerate(self._trial):
+            weight = _LAST_TRIAL if self._pace[is_helped] else 1.0
             self._pace[is_helped] += weight * (statistics.median(times) - self._pace[is_helped])
             times.clear()
 
