@@ -73,9 +73,11 @@ class ColumnReader:
         Raises:
             UnreadableFile: A page is damaged.
         """
-        if self._left_to_arrow > 0 and not is_compiled():
-            self._left_to_arrow -= len(groups)
-            return read_by_arrow(groups, self._layout)
+        if self._left_to_arrow > 0:
+            if not is_compiled():
+                self._left_to_arrow -= len(groups)
+                return read_by_arrow(groups, self._layout)
+            self._left_to_arrow = 0  # asking takes 5 us
         try:
             found = self._read(groups)
         except _Damaged as error:
