@@ -16,8 +16,8 @@ from scenarionet_data.arrays.packed_columns import offsets_of
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
 from scenarionet_data.codec.check_kernels import EQUAL, OR_NEVER, OR_NONE, OR_ONE, check_lengths, check_spans
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
-from scenarionet_data.codec.kernels import fill_tracks
 from scenarionet_data.codec.stored_part import STEPS, StoredPart
+from scenarionet_data.codec.track_kernels import fill_tracks
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
