@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pyarrow as pa
@@ -14,8 +14,8 @@ from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.codec.arrow import batch, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
-from scenarionet_data.codec.kernels import fill_lights
-from scenarionet_data.codec.stored_part import StoredPart
+from scenarionet_data.codec.light_kernels import fill_lights
+from scenarionet_data.codec.stored_part import STEPS, StoredPart
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Lights
 from scenarionet_data.scenario.vocabulary import LightState, Provenance
@@ -82,17 +82,12 @@ class StoredLights(StoredPart):
         "is_lane_in_map": np.bool_,
         "provenance": np.uint8,
     }
+    axes: ClassVar = {"stop_point": (3,), "state": (STEPS,)}
     texts: ClassVar = {"ids": "light_id", "lane_ids": "lane_id"}
 
     def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
         count = last - first
-        super().__init__(columns, first, last, (3 * count, count * steps, count, count))
-        self._axes = {"stop_point": 3, "state": steps}
-
-    def __getitem__(self, field: str) -> Any:
-        if field in self._axes:
-            return self.array(field, self.length, self._axes[field])
-        return super().__getitem__(field)
+        super().__init__(columns, first, last, (3 * count, count * steps, count, count), steps)
 
 
 _COLUMNS = ("stop_x", "stop_y", "stop_z", "state", "is_lane_in_map", "provenance")

@@ -15,7 +15,7 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
 from scenarionet_data.codec.check_kernels import OR_NONE, check_lengths
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
-from scenarionet_data.codec.kernels import fill_features, find_bounds
+from scenarionet_data.codec.feature_kernels import fill_features, find_bounds
 from scenarionet_data.codec.stored_part import StoredPart
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
@@ -117,9 +117,9 @@ class StoredFeatures(StoredPart):
     _points: ClassVar = {"polyline": 3, "polygon": 3, "width": 2}
 
     def __init__(self, columns: Columns, first: int, last: int) -> None:
-        ends, place, count = columns.block.lists[1], columns.layout.place, last - first
-        firsts = place("x"), place("polygon_x"), place("width_left")
-        line, outline, width = [ends.item(axis, last) - ends.item(axis, first) for axis in firsts]
+        place, count = columns.layout.place, last - first
+        axes = [columns.offsets(place(axis)) for axis in ("x", "polygon_x", "width_left")]
+        line, outline, width = [ends.item(last) - ends.item(first) for ends in axes]
         of_points = 3 * line, 3 * outline, 2 * width, count, count + 1, count + 1, count + 1
         super().__init__(columns, first, last, (*of_points, count, count))
 

@@ -16,6 +16,9 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.arrays.texts import Texts
 from scenarionet_data.codec.text_kernels import copy_texts, measure_texts
 
+STEPS = -1
+"""The axis over time, in ``StoredPart.axes``."""
+
 
 class StoredPart:
     """Fields of a part with M rows, in memory of their own, in which its texts are already.
@@ -24,10 +27,12 @@ class StoredPart:
         columns: Rows.
         first, last: Those of the part.
         counts: Number of elements of each array but those of texts.
+        steps: T, for arrays over time.
 
     Attributes:
         arrays: dtype of each array by name, in order: those of 4 bytes come first, so that all are aligned. Before them
             are the ends of texts and the numbers of texts, behind them the texts, see ``copy_texts``.
+        axes: Axes behind M of arrays that have some.
         texts: Columns of texts by name of the field that they become.
         lists: Those of these fields that are lists of texts.
         has_gaps: Whether elements that no kernel writes are 0.
@@ -37,6 +42,7 @@ class StoredPart:
     """
 
     arrays: ClassVar[Mapping[str, type[np.generic]]]
+    axes: ClassVar[Mapping[str, Sequence[int]]] = {}
     texts: ClassVar[Mapping[str, str]]
     lists: ClassVar[Sequence[str]] = ()
     has_gaps: ClassVar[bool] = False
@@ -51,8 +57,8 @@ class StoredPart:
         cls._numbers = {name: number for number, name in enumerate(cls._kinds)}
         cls._columns = tuple(cls.texts.values())
 
-    def __init__(self, columns: Columns, first: int, last: int, counts: Sequence[int]) -> None:
-        layout, self.length = columns.layout, last - first
+    def __init__(self, columns: Columns, first: int, last: int, counts: Sequence[int], steps: int = 0) -> None:
+        layout, self.length, self._steps = columns.layout, last - first, steps
         described = columns.block, layout.places(self._columns), layout.are_lists, first, last
         num_texts, size = unchecked(measure_texts)(*described)
         offsets = len(self.texts) * (self.length + 1)
@@ -68,7 +74,10 @@ class StoredPart:
 
     def __getitem__(self, field: str) -> Any:
         """Value of a field."""
-        return self._text(field) if field in self.texts else self.array(field, self.length)
+        if field in self.texts:
+            return self._text(field)
+        axes = (self._steps if axis == STEPS else axis for axis in self.axes.get(field, ()))
+        return self.array(field, self.length, *axes)
 
     def _text(self, field: str) -> Object | Ragged:
         """Texts or None of each row, or lists of texts."""

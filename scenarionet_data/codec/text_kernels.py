@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from scenarionet_data.arrays.byte_views import as_int32, as_int64
-from scenarionet_data.arrays.columns import ColumnBlock
+from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 
@@ -18,11 +18,11 @@ def measure_texts(block: ColumnBlock, columns: Array, are_lists: Array, first: i
         are_lists: (C,) bool whether each column of the table holds lists.
         first, last: The rows.
     """
-    count, size = 0, 0
+    count, size, ends = 0, 0, as_int64(block.memory)
     for place in range(len(columns)):
         begin, end = _texts(block, columns[place], are_lists[columns[place]], first, last)
         count += end - begin
-        size += block.ends[end] - block.ends[begin]
+        size += ends[end] - ends[begin]
     return count, size
 
 
@@ -48,19 +48,20 @@ def copy_texts(
     """
     ends, offsets = as_int64(memory)[places[0] >> 3 :], as_int32(memory)[places[1] >> 2 :]
     text = memory[places[2] :]
-    at, size, row_at = 0, 0, 0
+    known, lists, at, size, row_at = as_int64(block.memory), as_int32(block.memory), 0, 0, 0
     for place in range(len(columns)):
         column = columns[place]
         begin, end = _texts(block, column, are_lists[column], first, last)
+        lengths = lists[block.columns[column, LENGTHS] :]
         offsets[row_at] = 0
         for row in range(first, last):
-            offsets[row_at + 1] = offsets[row_at] + block.lists[0, column, row]
+            offsets[row_at + 1] = offsets[row_at] + lengths[row]
             row_at += 1
         row_at += 1
-        start = block.ends[begin]
+        start = known[begin]
         for k in range(begin, end + 1):
-            ends[at + k - begin] = block.ends[k] - start + size
-        source = block.text[start : block.ends[end]]
+            ends[at + k - begin] = known[k] - start + size
+        source = block.memory[start : known[end]]
         target = text[size : size + len(source)]
         for k in range(len(source)):
             target[k] = source[k]
@@ -70,6 +71,8 @@ def copy_texts(
 @device_function
 def _texts(block: ColumnBlock, column: int, is_list: bool, first: int, last: int) -> tuple[int, int]:
     """Places of the start of the first text of some rows, and of the end of the last one."""
+    start = block.columns[column, FIRST]
     if is_list:
-        return block.firsts[column] + block.lists[1, column, first], block.firsts[column] + block.lists[1, column, last]
-    return block.firsts[column] + first, block.firsts[column] + last
+        offsets = as_int32(block.memory)[block.columns[column, OFFSETS] :]
+        return start + offsets[first], start + offsets[last]
+    return start + first, start + last

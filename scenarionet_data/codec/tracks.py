@@ -16,8 +16,8 @@ from scenarionet_data.arrays.packed_columns import offsets_of
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
 from scenarionet_data.codec.check_kernels import EQUAL, OR_NEVER, OR_NONE, OR_ONE, check_lengths, check_spans
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
-from scenarionet_data.codec.kernels import fill_tracks
-from scenarionet_data.codec.stored_part import StoredPart
+from scenarionet_data.codec.stored_part import STEPS, StoredPart
+from scenarionet_data.codec.track_kernels import fill_tracks
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -109,21 +109,19 @@ class StoredTracks(StoredPart):
     }
     texts: ClassVar = {"ids": "track_id", "extras": "extras"}
     has_gaps = True
-    _over_time: ClassVar = {
-        **dict.fromkeys(("position", "size"), (3,)),
-        "velocity": (2,),
-        **dict.fromkeys(("heading", "valid", "is_interpolated"), ()),
+    axes: ClassVar = {
+        **dict.fromkeys(("position", "size"), (STEPS, 3)),
+        "velocity": (STEPS, 2),
+        **dict.fromkeys(("heading", "valid", "is_interpolated"), (STEPS,)),
     }
 
     def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
         count, cells = last - first, (last - first) * steps
         over_time, of_objects = (3 * cells, 2 * cells, 3 * cells, cells), (count, count, count, count)
-        super().__init__(columns, first, last, (*over_time, count, cells, cells, *of_objects))
-        self._steps, self._words = steps, columns.words["source_type"]
+        super().__init__(columns, first, last, (*over_time, count, cells, cells, *of_objects), steps)
+        self._words = columns.words["source_type"]
 
     def __getitem__(self, field: str) -> Any:
-        if field in self._over_time:
-            return self.array(field, self.length, self._steps, *self._over_time[field])
         found = super().__getitem__(field)
         return chosen(self._words, found) if field == "source_type" else found
 
