@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -99,6 +99,7 @@ class ColumnLayout:
         kinds: How the values of each one are stored.
         dtypes: dtype of the values of each one, if they are no texts.
         are_lists: (C,) bool.
+        derived: What users of the columns derive from them once, by a key of their own.
     """
 
     def __init__(self, columns: Iterable[ColumnType]) -> None:
@@ -107,6 +108,7 @@ class ColumnLayout:
         self.dtypes = [_dtype(column) for column in self.columns]
         self.are_lists = np.array([column.is_list for column in self.columns], np.bool_)
         self._places = {column.name: place for place, column in enumerate(self.columns)}
+        self.derived: dict[object, Any] = {}
         self._known: dict[tuple[str, ...], Int64] = {}
 
     def place(self, name: str) -> int:

@@ -12,17 +12,19 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.check_kernels import OR_NONE, are_as_long
 from scenarionet_data.codec.copy_kernels import copy_codes, element, join_points
+from scenarionet_data.codec.part_kernels import PartPlan, copy_texts
 
 
 @kernel(nogil=True, allocates=False)
 def fill_features(
     block: ColumnBlock,
     columns: Array,
+    plan: PartPlan,
     first: int,
     last: int,
     codes: Array,
     memory: Array,
-    places: tuple[int, ...],
+    places: Array,
 ) -> int:
     """Fill a scenario's map features: lists of points from lists of their coordinates; without these, they are 0.
 
@@ -30,6 +32,7 @@ def fill_features(
         block: Rows of maps.
         columns: (11,) int64 columns x, y, z, polygon_x, polygon_y, polygon_z, width_left, width_right, speed_limit,
             feature_type, is_intersection.
+        plan: Its texts.
         first, last: Rows of the scenario.
         codes: uint8 code of each word of feature_type.
         memory: uint8, filled.
@@ -52,6 +55,7 @@ def fill_features(
         speed_limit[row] = as_float32(block.memory)[limits + row]
         is_intersection[row] = block.memory[bits + row]
     copy_codes(block, columns[9], first, codes, memory[places[9] : places[10]])
+    copy_texts(block, plan, first, last, memory, places)
     return len(columns)
 
 

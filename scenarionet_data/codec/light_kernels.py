@@ -9,25 +9,28 @@ from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.copy_kernels import copy_codes, copy_flags
+from scenarionet_data.codec.part_kernels import PartPlan, copy_texts
 
 
 @kernel(nogil=True, allocates=False)
 def fill_lights(
     block: ColumnBlock,
     columns: Array,
+    plan: PartPlan,
     first: int,
     last: int,
     steps: int,
     states: Array,
     provenances: Array,
     memory: Array,
-    places: tuple[int, ...],
+    places: Array,
 ) -> bool:
     """Fill a scenario's lights.
 
     Args:
         block: Rows of lights.
         columns: (6,) int64 columns stop_x, stop_y, stop_z, state, is_lane_in_map, provenance.
+        plan: Its texts.
         first, last: Rows of the scenario.
         steps: Its number of timesteps.
         states, provenances: uint8 code of each word of these columns.
@@ -51,4 +54,5 @@ def fill_lights(
     copy_codes(block, columns[3], first_state, states, memory[places[3] : places[4]])
     copy_flags(block, columns[4], first, memory[places[4] : places[5]])
     copy_codes(block, columns[5], first, provenances, memory[places[5] : places[6]])
+    copy_texts(block, plan, first, last, memory, places)
     return True

@@ -77,17 +77,12 @@ class StoredLights(StoredPart):
     """
 
     arrays: ClassVar = {
-        "stop_point": np.float32,
-        "state": np.uint8,
-        "is_lane_in_map": np.bool_,
-        "provenance": np.uint8,
+        "stop_point": (np.float32, "rows", (3,)),
+        "state": (np.uint8, "rows", (STEPS,)),
+        "is_lane_in_map": (np.bool_, "rows", ()),
+        "provenance": (np.uint8, "rows", ()),
     }
-    axes: ClassVar = {"stop_point": (3,), "state": (STEPS,)}
     texts: ClassVar = {"ids": "light_id", "lane_ids": "lane_id"}
-
-    def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
-        count = last - first
-        super().__init__(columns, first, last, (3 * count, count * steps, count, count), steps)
 
 
 _COLUMNS = ("stop_x", "stop_y", "stop_z", "state", "is_lane_in_map", "provenance")
@@ -98,7 +93,7 @@ def _lights(columns: Columns, first: int, last: int, steps: int) -> Lights:
     stored = StoredLights(columns, first, last, steps)
     states = codes_of_words(columns, "state", LightState)
     provenances = codes_of_words(columns, "provenance", Provenance)
-    described = columns.layout.places(_COLUMNS), first, last, steps, states, provenances
+    described = columns.layout.places(_COLUMNS), stored.plan, first, last, steps, states, provenances
     if not unchecked(fill_lights)(columns.block, *described, stored.memory, stored.places):
         raise LakeError(
             "lights.state does not have one state per timestep: its file is damaged; `scenarionet check` lists the "

@@ -99,29 +99,23 @@ class StoredFeatures(StoredPart):
     Args:
         columns: Rows.
         first, last: Those of the scenario.
+        steps: Not used.
     """
 
     arrays: ClassVar = {
-        "polyline": np.float32,
-        "polygon": np.float32,
-        "width": np.float32,
-        "speed_limit": np.float32,
-        "polyline_offsets": np.int32,
-        "polygon_offsets": np.int32,
-        "width_offsets": np.int32,
-        "feature_type": np.uint8,
-        "is_intersection": np.int8,
+        "polyline": (np.float32, "x", (3,)),
+        "polygon": (np.float32, "polygon_x", (3,)),
+        "width": (np.float32, "width_left", (2,)),
+        "speed_limit": (np.float32, "rows", ()),
+        "polyline_offsets": (np.int32, "ends", ()),
+        "polygon_offsets": (np.int32, "ends", ()),
+        "width_offsets": (np.int32, "ends", ()),
+        "feature_type": (np.uint8, "rows", ()),
+        "is_intersection": (np.int8, "rows", ()),
     }
     texts: ClassVar = {"ids": "feature_id", "extras": "extras", **{name: name for name in ID_LISTS}}
     lists = ID_LISTS
     _points: ClassVar = {"polyline": 3, "polygon": 3, "width": 2}
-
-    def __init__(self, columns: Columns, first: int, last: int) -> None:
-        place, count = columns.layout.place, last - first
-        axes = [columns.offsets(place(axis)) for axis in ("x", "polygon_x", "width_left")]
-        line, outline, width = [ends.item(last) - ends.item(first) for ends in axes]
-        of_points = 3 * line, 3 * outline, 2 * width, count, count + 1, count + 1, count + 1
-        super().__init__(columns, first, last, (*of_points, count, count))
 
     def __getitem__(self, field: str) -> Any:
         if field in self._points:
@@ -135,9 +129,10 @@ _COLUMNS = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection")
 
 def _features(columns: Columns, first: int, last: int) -> MapFeatures:
     """Features of one scenario."""
-    stored = StoredFeatures(columns, first, last)
+    stored = StoredFeatures(columns, first, last, 0)
     codes, places = codes_of_words(columns, "feature_type", MapFeatureType), columns.layout.places(_COLUMNS)
-    done = unchecked(fill_features)(columns.block, places, first, last, codes, stored.memory, stored.places)
+    described = places, stored.plan, first, last, codes, stored.memory, stored.places
+    done = unchecked(fill_features)(columns.block, *described)
     _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
     return MapFeatures.read({}, stored)
 

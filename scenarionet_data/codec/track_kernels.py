@@ -16,6 +16,7 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.check_kernels import are_as_long, are_inside
 from scenarionet_data.codec.copy_kernels import copy_codes, copy_flags, element, join_points
+from scenarionet_data.codec.part_kernels import PartPlan, copy_texts
 
 _START = 11
 
@@ -25,12 +26,13 @@ def fill_tracks(
     block: ColumnBlock,
     columns: Array,
     others: Array,
+    plan: PartPlan,
     first: int,
     last: int,
     steps: int,
     codes: Array,
     memory: Array,
-    places: tuple[int, ...],
+    places: Array,
 ) -> int:
     """Scatter the lists of a scenario's objects to their timesteps, and copy what they have one of.
 
@@ -39,6 +41,7 @@ def fill_tracks(
         columns: (17,) int64 columns x, y, z, heading, vx, vy, length, width, height, valid, is_interpolated, start,
             object_type, is_size_assumed, is_type_assumed, is_velocity_estimated, source_type.
         others: (11,) int64 lengths that the lists may have besides that of x, see :func:`check_lengths`.
+        plan: Its texts.
         first, last: Rows of the scenario.
         steps: Its number of timesteps.
         codes: uint8 code of each word of object_type.
@@ -86,6 +89,7 @@ def fill_tracks(
     start = block.columns[columns[16], FIRST] + first
     for row in range(len(source_type)):
         source_type[row] = words[start + row]
+    copy_texts(block, plan, first, last, memory, places)
     return len(columns)
 
 

@@ -95,30 +95,23 @@ class StoredTracks(StoredPart):
     """
 
     arrays: ClassVar = {
-        "position": np.float32,
-        "velocity": np.float32,
-        "size": np.float32,
-        "heading": np.float32,
-        "source_type": np.int32,
-        "valid": np.bool_,
-        "is_interpolated": np.bool_,
-        "object_type": np.uint8,
-        "is_size_assumed": np.bool_,
-        "is_type_assumed": np.bool_,
-        "is_velocity_estimated": np.bool_,
+        "position": (np.float32, "rows", (STEPS, 3)),
+        "velocity": (np.float32, "rows", (STEPS, 2)),
+        "size": (np.float32, "rows", (STEPS, 3)),
+        "heading": (np.float32, "rows", (STEPS,)),
+        "source_type": (np.int32, "rows", ()),
+        "valid": (np.bool_, "rows", (STEPS,)),
+        "is_interpolated": (np.bool_, "rows", (STEPS,)),
+        "object_type": (np.uint8, "rows", ()),
+        "is_size_assumed": (np.bool_, "rows", ()),
+        "is_type_assumed": (np.bool_, "rows", ()),
+        "is_velocity_estimated": (np.bool_, "rows", ()),
     }
     texts: ClassVar = {"ids": "track_id", "extras": "extras"}
     has_gaps = True
-    axes: ClassVar = {
-        **dict.fromkeys(("position", "size"), (STEPS, 3)),
-        "velocity": (STEPS, 2),
-        **dict.fromkeys(("heading", "valid", "is_interpolated"), (STEPS,)),
-    }
 
     def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
-        count, cells = last - first, (last - first) * steps
-        over_time, of_objects = (3 * cells, 2 * cells, 3 * cells, cells), (count, count, count, count)
-        super().__init__(columns, first, last, (*over_time, count, cells, cells, *of_objects), steps)
+        super().__init__(columns, first, last, steps)
         self._words = columns.words["source_type"]
 
     def __getitem__(self, field: str) -> Any:
@@ -141,7 +134,7 @@ def _tracks(columns: Columns, first: int, last: int, steps: int) -> Tracks:
     """Tracks of one scenario."""
     stored = StoredTracks(columns, first, last, steps)
     codes = codes_of_words(columns, "object_type", ObjectType)
-    described = columns.layout.places(_COLUMNS), _LENGTHS, first, last, steps, codes
+    described = columns.layout.places(_COLUMNS), _LENGTHS, stored.plan, first, last, steps, codes
     done = unchecked(fill_tracks)(columns.block, *described, stored.memory, stored.places)
     _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
     return Tracks.read({}, stored)
