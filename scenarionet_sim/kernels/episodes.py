@@ -24,7 +24,7 @@ UNDRIVEN = 255
 
 @device_function
 def begin_world(w: int, at: int, recorded: Recorded, now: StateArrays, then: StateArrays, driver: UInt8) -> None:
-    """Set a world to a timestep of its log, in the current and in the next state.
+    """Set a world to a timestep of its log, in the current and in the next state, which share sizes and types.
 
     Args:
         w: The world.
@@ -43,12 +43,13 @@ def begin_world(w: int, at: int, recorded: Recorded, now: StateArrays, then: Sta
         now.route[w, n, 0], now.route[w, n, 1] = np.nan, 0.0
         then.route[w, n, 0], then.route[w, n, 1] = np.nan, 0.0
     for n in range(count):
-        for column in range(now.motion.shape[2]):
-            value = recorded.log[first + n, column]
-            now.motion[w, n, column], then.motion[w, n, column] = value, value
+        then.object_type[w, n] = recorded.object_type[objects + n]
         for axis in range(3):
             then.size[w, n, axis] = recorded.size[objects + n, axis]
-        then.object_type[w, n] = recorded.object_type[objects + n]
+        if then.present[w, n]:
+            for column in range(VALID):
+                value = recorded.log[first + n, column]
+                now.motion[w, n, column], then.motion[w, n, column] = value, value
 
 
 @kernel(allocates=False)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Float64, UInt8
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.boxes import write_boxes
 from scenarionet_sim.kernels.episodes import begin_world
@@ -133,7 +133,7 @@ def _finish(
             _find_contacts(a, w, n, num_boxes, then, agents, scratch)
     if phases & SCORE:
         if has_begun:
-            _clear_scores(w, a0, a1, recorded.place[w, NUM_OBJECTS], agents, result)
+            _clear_scores(w, a0, a1, is_own != 0.0, arrays)
         else:
             for a in range(a0, a1):
                 _score(a, w, agents.rows[a, 1], recorded, then, agents, arrays.task, result)
@@ -167,34 +167,35 @@ def _begin_or_move(w: int, phases: int, numbers: tuple[float, float, float, floa
     recorded, now, then, traffic = arrays.recorded, arrays.now, arrays.then, arrays.traffic
     if arrays.begins[w] >= 0:
         begin_world(w, arrays.begins[w], recorded, now, then, traffic.driver)
-        _reset_vehicles(w, arrays)
-        _list_agents(w, numbers[3] != 0.0, recorded, then, traffic.driver, arrays.agents)
+        _begin_agents(w, numbers[3] != 0.0, arrays)
         arrays.begins[w] = BEGUN
     elif phases & MOVE and arrays.begins[w] == GOES_ON:
         move_objects(w, recorded, now, then, traffic.driver, traffic.movement, numbers[0])
 
 
 @device_function(forceinline=True)
-def _reset_vehicles(w: int, arrays: StepArrays) -> None:
-    """Give every object of a world a new vehicle."""
+def _begin_agents(w: int, is_own: bool, arrays: StepArrays) -> None:
+    """Give the agents of a world new vehicles, and list those that are present: as many as the world had before."""
+    agents, a = arrays.agents, arrays.agents.first[w]
     for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
+        if not _is_agent(w, n, is_own, arrays):
+            continue
         for column in range(len(arrays.new_vehicle)):
             arrays.vehicles[w, n, column] = arrays.new_vehicle[column]
-
-
-@device_function
-def _list_agents(
-    w: int, is_own: bool, recorded: Recorded, then: StateArrays, driver: UInt8, agents: DrivenArrays
-) -> None:
-    """List the agents of a world, as many as it had before; egos are not located yet."""
-    a, end, ego = agents.first[w], agents.first[w + 1], recorded.place[w, EGO]
-    if not is_own:
-        agents.route[w, ego, 0], agents.route[w, ego, 1] = np.nan, np.nan
-    for n in range(recorded.place[w, NUM_OBJECTS]):
-        is_agent = then.present[w, n] and agents.is_agent[driver[w, n]] if is_own else n == ego
-        if is_agent and a < end:
+        if not is_own:
+            agents.route[w, n, 0], agents.route[w, n, 1] = np.nan, np.nan
+        if arrays.then.present[w, n] and a < agents.first[w + 1]:
             agents.rows[a, 1] = n
             a += 1
+
+
+@device_function(forceinline=True)
+def _is_agent(w: int, n: int, is_own: bool, arrays: StepArrays) -> bool:
+    """Return whether an object is an agent, present or not."""
+    is_agent: bool = (
+        arrays.agents.is_agent[arrays.traffic.driver[w, n]] if is_own else n == arrays.recorded.place[w, EGO]
+    )
+    return is_agent
 
 
 @device_function(forceinline=True)
@@ -231,11 +232,13 @@ def _find_contacts(
 
 
 @device_function(forceinline=True)
-def _clear_scores(w: int, first: int, end: int, count: int, agents: DrivenArrays, result: StepResult) -> None:
-    """Clear the scores of a world of ``count`` objects; contacts at the beginning do not count as crashes."""
-    for n in range(count):
-        for column in range(result.totals.shape[2]):
-            result.totals[w, n, column] = 0.0
+def _clear_scores(w: int, first: int, end: int, is_own: bool, arrays: StepArrays) -> None:
+    """Clear the scores of the agents of a world; contacts at the beginning do not count as crashes."""
+    agents, result = arrays.agents, arrays.result
+    for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
+        if _is_agent(w, n, is_own, arrays):
+            for column in range(result.totals.shape[2]):
+                result.totals[w, n, column] = 0.0
     for a in range(first, end):
         for column in range(result.numbers.shape[1]):
             result.numbers[a, column] = 0.0
