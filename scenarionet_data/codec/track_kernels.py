@@ -15,7 +15,7 @@ from scenarionet_data.arrays.columns import FIRST, LENGTHS, ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.check_kernels import are_as_long, are_inside
-from scenarionet_data.codec.copy_kernels import copy_codes, copy_flags, element, join_points
+from scenarionet_data.codec.copy_kernels import copy, copy_codes, copy_flags, element, join_points
 from scenarionet_data.codec.part_kernels import PartPlan, copy_texts
 
 _START = 11
@@ -73,7 +73,7 @@ def fill_tracks(
             flags = memory[places[7 + kind] + begin : places[7 + kind] + end]
             _fill_flags(block, columns[9 + kind], first + row, kind == 0, flags)
         start = element(block, columns[3], first + row)
-        _copy(values[start : start + count], heading[begin:end])
+        copy(values[start : start + count], heading[begin:end])
         has_z = heights[row] == count
         if has_z:
             join_points(block, columns[:3], first + row, count, numbers[position + 3 * begin : position + 3 * end])
@@ -108,12 +108,6 @@ def _interleave(x: Array, y: Array, points: Array, width: int) -> None:
         points[width * k + 1] = y[k]
 
 
-@device_function(in_lanes=True)
-def _copy(values: Array, target: Array) -> None:
-    for k in range(len(values)):
-        target[k] = values[k]
-
-
 @device_function
 def _fill_sizes(block: ColumnBlock, columns: Array, row: int, valid: Array, sizes: Array) -> None:
     """Fill extents, (3 * n,), at the valid timesteps of a span; a list of one element holds at all of them."""
@@ -122,7 +116,7 @@ def _fill_sizes(block: ColumnBlock, columns: Array, row: int, valid: Array, size
     count_x = integers[block.columns[columns[0], LENGTHS] + row]
     count_y = integers[block.columns[columns[1], LENGTHS] + row]
     count_z = integers[block.columns[columns[2], LENGTHS] + row]
-    steps = int(count_x > 1), int(count_y > 1), int(count_z > 1)
+    steps = 1 if count_x > 1 else 0, 1 if count_y > 1 else 0, 1 if count_z > 1 else 0
     _join_sizes(numbers[x : x + count_x], numbers[y : y + count_y], numbers[z : z + count_z], steps, valid, sizes)
 
 
