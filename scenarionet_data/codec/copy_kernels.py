@@ -32,6 +32,13 @@ def _interleave(x: Array, y: Array, z: Array, points: Array) -> None:
         points[3 * k + 2] = z[k]
 
 
+@device_function(in_lanes=True)
+def copy(values: Array, target: Array) -> None:
+    """Fill an array with values of another one."""
+    for k in range(len(values)):
+        target[k] = values[k]
+
+
 @device_function
 def copy_codes(block: ColumnBlock, column: int, first: int, codes: Array, out: Array) -> None:
     """Fill codes of the words from an element on."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from scenarionet_data.arrays.byte_views import as_int32, as_int64
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array, Bool, Int64
+from scenarionet_data.codec.copy_kernels import copy
 
 ROWS, ENDS = -1, -2
 """Lengths of arrays: one element for each row of the part, or one more."""
@@ -30,7 +31,7 @@ class PartPlan(NamedTuple):
 
 
 @kernel(nogil=True, allocates=False)
-def lay_out(block: ColumnBlock, plan: PartPlan, first: int, last: int, steps: int, places: Array) -> int:
+def lay_out(block: ColumnBlock, plan: PartPlan, first: int, last: int, steps: int, places: Array) -> Any:
     """Place the arrays of a part one after the other: ends of texts, numbers of texts, others, texts.
 
     Args:
@@ -61,7 +62,7 @@ def lay_out(block: ColumnBlock, plan: PartPlan, first: int, last: int, steps: in
             elements = offsets[last] - offsets[first]
         at += plan.arrays[place, _BYTES] * elements * (steps if plan.arrays[place, _IS_OVER_TIME] else 1)
     places[len(places) - 2], places[len(places) - 1] = at, at + size
-    return int(at + size + 7 >> 3 << 3)
+    return at + size + 7 >> 3 << 3
 
 
 @device_function
@@ -93,9 +94,7 @@ def copy_texts(block: ColumnBlock, plan: PartPlan, first: int, last: int, memory
         for k in range(begin, end + 1):
             ends[at + k - begin] = known[k] - start + size
         source = block.memory[start : known[end]]
-        target = text[size : size + len(source)]
-        for k in range(len(source)):
-            target[k] = source[k]
+        copy(source, text[size : size + len(source)])
         at, size = at + end - begin + 1, size + len(source)
 
 

@@ -77,7 +77,7 @@ class StoredPart:
         """Value of a field."""
         if field in self.texts:
             return self._text(field)
-        axes = (self._steps if axis == STEPS else axis for axis in self.arrays[field][2])
+        axes = [self._steps if axis == STEPS else axis for axis in self.arrays[field][2]]
         return self.array(field, self.length, *axes)
 
     def _text(self, field: str) -> Object | Ragged:

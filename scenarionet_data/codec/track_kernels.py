@@ -15,10 +15,11 @@ from scenarionet_data.arrays.columns import FIRST, LENGTHS, ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.check_kernels import are_as_long, are_inside
-from scenarionet_data.codec.copy_kernels import copy_codes, copy_flags, element, join_points
+from scenarionet_data.codec.copy_kernels import copy, copy_codes, copy_flags, element, join_points
 from scenarionet_data.codec.part_kernels import PartPlan, copy_texts
 
 _START = 11
+_NONE = np.float32(0)
 
 
 @kernel(nogil=True, allocates=False)
@@ -71,9 +72,8 @@ def fill_tracks(
         for kind in range(2):
             flags = memory[places[7 + kind] + begin : places[7 + kind] + end]
             _fill_flags(block, columns[9 + kind], first + row, kind == 0, flags)
-        start, headings = element(block, columns[3], first + row), heading[begin:end]
-        for k in range(count):
-            headings[k] = values[start + k]
+        start = element(block, columns[3], first + row)
+        copy(values[start : start + count], heading[begin:end])
         has_z = heights[row] == count
         if has_z:
             join_points(block, columns[:3], first + row, count, numbers[position + 3 * begin : position + 3 * end])
@@ -98,9 +98,14 @@ def _join_pairs(block: ColumnBlock, columns: Array, row: int, count: Any, points
     """Fill the first two of the ``width`` coordinates of points, (width * n,)."""
     first, second = element(block, columns[0], row), element(block, columns[1], row)
     numbers = as_float32(block.memory)
-    x, y = numbers[first : first + count], numbers[second : second + count]
+    _interleave(numbers[first : first + count], numbers[second : second + count], points, width)
+
+
+@device_function(in_lanes=True)
+def _interleave(x: Array, y: Array, points: Array, width: int) -> None:
     for k in range(len(x)):
-        points[width * k], points[width * k + 1] = x[k], y[k]
+        points[width * k] = x[k]
+        points[width * k + 1] = y[k]
 
 
 @device_function
@@ -108,13 +113,22 @@ def _fill_sizes(block: ColumnBlock, columns: Array, row: int, valid: Array, size
     """Fill extents, (3 * n,), at the valid timesteps of a span; a list of one element holds at all of them."""
     x, y, z = element(block, columns[0], row), element(block, columns[1], row), element(block, columns[2], row)
     numbers, integers = as_float32(block.memory), as_int32(block.memory)
-    by_x = integers[block.columns[columns[0], LENGTHS] + row] > 1
-    by_y = integers[block.columns[columns[1], LENGTHS] + row] > 1
-    by_z = integers[block.columns[columns[2], LENGTHS] + row] > 1
+    count_x = integers[block.columns[columns[0], LENGTHS] + row]
+    count_y = integers[block.columns[columns[1], LENGTHS] + row]
+    count_z = integers[block.columns[columns[2], LENGTHS] + row]
+    steps = 1 if count_x > 1 else 0, 1 if count_y > 1 else 0, 1 if count_z > 1 else 0
+    _join_sizes(numbers[x : x + count_x], numbers[y : y + count_y], numbers[z : z + count_z], steps, valid, sizes)
+
+
+@device_function(in_lanes=True)
+def _join_sizes(x: Array, y: Array, z: Array, steps: tuple[int, int, int], valid: Array, sizes: Array) -> None:
+    """The same of lists, in which one takes ``steps`` from a timestep to the next."""
+    by_x, by_y, by_z = steps
     for k in range(len(valid)):
-        if valid[k]:
-            sizes[3 * k], sizes[3 * k + 1] = numbers[x + by_x * k], numbers[y + by_y * k]
-            sizes[3 * k + 2] = numbers[z + by_z * k]
+        is_valid = valid[k] != 0
+        sizes[3 * k] = x[by_x * k] if is_valid else _NONE
+        sizes[3 * k + 1] = y[by_y * k] if is_valid else _NONE
+        sizes[3 * k + 2] = z[by_z * k] if is_valid else _NONE
 
 
 @device_function
