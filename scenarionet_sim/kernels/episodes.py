@@ -40,9 +40,9 @@ def begin_world(w: int, at: int, recorded: Recorded, now: StateArrays, then: Sta
         driver[w, n] = recorded.driver[objects + n] if n < count else UNDRIVEN
         is_present = driver[w, n] != UNDRIVEN and recorded.log[first + n, VALID] != 0.0
         now.present[w, n], then.present[w, n] = is_present, is_present
+    for n in range(count):
         now.route[w, n, 0], now.route[w, n, 1] = np.nan, 0.0
         then.route[w, n, 0], then.route[w, n, 1] = np.nan, 0.0
-    for n in range(count):
         then.object_type[w, n] = recorded.object_type[objects + n]
         for axis in range(3):
             then.size[w, n, axis] = recorded.size[objects + n, axis]
