@@ -8,14 +8,23 @@ import numpy as np
 
 from scenarionet_data.arrays.columns import (
     BITS,
+    FIRST,
+    FIRST_BYTE,
     INDICES,
+    KIND,
+    LAST_BYTE,
+    LENGTHS,
     LIST,
     NULLABLE,
+    NUM_COLUMN_FIELDS,
+    OFFSETS,
+    ROOM,
+    SHAPE,
     TEXTS,
     ColumnBlock,
     ColumnLayout,
 )
-from scenarionet_data.arrays.dtypes import Int64
+from scenarionet_data.arrays.dtypes import Bool, Int64
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.storage.read.parquet import page_kernels as pages
 
@@ -43,26 +52,53 @@ class Reservation(NamedTuple):
             chunks: (C, NUM_CHUNK_FIELDS) sum over the row groups, see ``page_kernels``.
             num_rows: Rows of them all.
         """
-        kinds, count = np.array(layout.kinds, np.int64), len(layout.columns)
-        shapes = [LIST * column.is_list + NULLABLE * column.nullable for column in layout.columns]
+        shape = layout.derived.get(cls)
+        if shape is None:
+            shape = layout.derived[cls] = _Shape.of(layout)
+        columns, order, count = shape.columns.copy(), shape.order, len(layout.columns)
         room = np.where(layout.are_lists, chunks[:, pages.CHUNK_ROOM], num_rows)
-        lengths = (2 * num_rows + 1) * np.arange(count + 1)
-        widths = np.where(kinds == TEXTS, _WIDEST, np.where(kinds == BITS, 1, 4))
-        sizes = widths * (room + (kinds == TEXTS))  # of texts, the start of the first one as well
-        order = np.argsort(-widths, kind="stable")  # so that all are aligned
-        ends = _aligned(4 * int(lengths[-1])) + np.cumsum([0, *sizes[order]])
-        firsts = np.zeros(count, np.int64)
-        firsts[order] = ends[:-1] // widths[order]
-        num_bytes = np.where((kinds == TEXTS) | (kinds == INDICES), chunks[:, pages.CHUNK_SIZE], 0)
-        last_bytes = ends[-1] + np.cumsum(num_bytes)
-        of_lists, none = (lengths[:-1], lengths[:-1] + num_rows), np.zeros(count, np.int64)
-        columns = [*of_lists, firsts, none, shapes, kinds, room, last_bytes - num_bytes, last_bytes]
-        size = int(ends[-1] + num_bytes.sum())
-        return cls(np.array(columns, np.int64).T.copy(), _aligned(size))
+        lengths = (2 * num_rows + 1) * np.arange(count)
+        sizes = shape.widths * (room + shape.are_texts)  # of texts, the start of the first one as well
+        start = _aligned(4 * (2 * num_rows + 1) * count)
+        ends, num_bytes = start + sizes[order].cumsum(), shape.have_bytes * chunks[:, pages.CHUNK_SIZE]
+        first_bytes = start + int(sizes.sum()) + num_bytes.cumsum() - num_bytes
+        columns[:, LENGTHS], columns[:, OFFSETS], columns[:, ROOM] = lengths, lengths + num_rows, room
+        columns[order, FIRST] = (ends - sizes[order]) // shape.widths[order]
+        columns[:, FIRST_BYTE], columns[:, LAST_BYTE] = first_bytes, first_bytes + num_bytes
+        return cls(columns, _aligned(start + int(sizes.sum()) + int(num_bytes.sum())))
 
     def block(self, memory: Memory) -> ColumnBlock:
         """Memory for the values."""
         return ColumnBlock(self.columns.copy(), memory.bytes(self.size))
+
+
+class _Shape(NamedTuple):
+    """What reservations of a layout have in common.
+
+    Attributes:
+        columns: (C, NUM_COLUMN_FIELDS) int64 with SHAPE and KIND.
+        widths: (C,) int64 bytes of a value.
+        are_texts: (C,) bool.
+        have_bytes: (C,) bool whether there are bytes of texts or dictionaries.
+        order: (C,) int64 the columns, those of wide values first, so that all are aligned.
+    """
+
+    columns: Int64
+    widths: Int64
+    are_texts: Bool
+    have_bytes: Bool
+    order: Int64
+
+    @classmethod
+    def of(cls, layout: ColumnLayout) -> Self:
+        """Those of a layout."""
+        kinds = np.array(layout.kinds, np.int64)
+        columns = np.zeros((len(kinds), NUM_COLUMN_FIELDS), np.int64)
+        columns[:, SHAPE] = [LIST * column.is_list + NULLABLE * column.nullable for column in layout.columns]
+        columns[:, KIND] = kinds
+        are_texts = kinds == TEXTS
+        widths = np.where(are_texts, _WIDEST, np.where(kinds == BITS, 1, 4))
+        return cls(columns, widths, are_texts, are_texts | (kinds == INDICES), np.argsort(-widths, kind="stable"))
 
 
 def _aligned(size: int) -> int:
