@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.compiled import unchecked
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.codec.arrow import batch, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.light_kernels import fill_lights
@@ -58,8 +59,8 @@ def decode_lights(rows: ScenarioColumns | None, steps: Sequence[int]) -> list[Li
     """
     if rows is None:
         return [_no_lights(num_steps) for num_steps in steps]
-    columns, bounds = rows.columns, pairwise(rows.bounds)
-    return [_lights(columns, first, last, count) for (first, last), count in zip(bounds, steps, strict=True)]
+    columns, memory, bounds = rows.columns, rows.memory, pairwise(rows.bounds)
+    return [_lights(columns, first, last, count, memory) for (first, last), count in zip(bounds, steps, strict=True)]
 
 
 @lru_cache(64)
@@ -74,6 +75,7 @@ class StoredLights(StoredPart):
         columns: Rows.
         first, last: Those of the scenario.
         steps: T.
+        memory: Where to take theirs from.
     """
 
     arrays: ClassVar = {
@@ -88,9 +90,9 @@ class StoredLights(StoredPart):
 _COLUMNS = ("stop_x", "stop_y", "stop_z", "state", "is_lane_in_map", "provenance")
 
 
-def _lights(columns: Columns, first: int, last: int, steps: int) -> Lights:
+def _lights(columns: Columns, first: int, last: int, steps: int, memory: Memory) -> Lights:
     """Lights of one scenario."""
-    stored = StoredLights(columns, first, last, steps)
+    stored = StoredLights(columns, first, last, steps, memory)
     states = codes_of_words(columns, "state", LightState)
     provenances = codes_of_words(columns, "provenance", Provenance)
     described = columns.layout.places(_COLUMNS), stored.plan, first, last, steps, states, provenances

@@ -11,6 +11,7 @@ import pyarrow as pa
 from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
 from scenarionet_data.codec.check_kernels import OR_NONE, check_lengths
@@ -90,7 +91,7 @@ def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
     Raises:
         LakeError: Lists of coordinates differ in length: the file is damaged.
     """
-    return [_features(rows.columns, first, last) for first, last in pairwise(rows.bounds)]
+    return [_features(rows.columns, first, last, rows.memory) for first, last in pairwise(rows.bounds)]
 
 
 class StoredFeatures(StoredPart):
@@ -100,6 +101,7 @@ class StoredFeatures(StoredPart):
         columns: Rows.
         first, last: Those of the scenario.
         steps: Not used.
+        memory: Where to take theirs from.
     """
 
     arrays: ClassVar = {
@@ -127,9 +129,9 @@ class StoredFeatures(StoredPart):
 _COLUMNS = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection")
 
 
-def _features(columns: Columns, first: int, last: int) -> MapFeatures:
+def _features(columns: Columns, first: int, last: int, memory: Memory) -> MapFeatures:
     """Features of one scenario."""
-    stored = StoredFeatures(columns, first, last, 0)
+    stored = StoredFeatures(columns, first, last, 0, memory)
     codes, places = codes_of_words(columns, "feature_type", MapFeatureType), columns.layout.places(_COLUMNS)
     described = places, stored.plan, first, last, codes, stored.memory, stored.places
     done = unchecked(fill_features)(columns.block, *described)

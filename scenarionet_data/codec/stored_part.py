@@ -11,6 +11,7 @@ import numpy as np
 from scenarionet_data.arrays.columns import ColumnLayout, Columns
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Int64, Object
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.arrays.texts import Texts
 from scenarionet_data.codec.part_kernels import ENDS, ROWS, PartPlan, lay_out
@@ -27,6 +28,7 @@ class StoredPart:
         columns: Rows.
         first, last: Those of the part.
         steps: T.
+        memory: Where to take theirs from.
 
     Attributes:
         arrays: dtype and axes of each array by name, in order: those of 4 bytes come first, so that all are aligned.
@@ -34,27 +36,25 @@ class StoredPart:
             arrays are the ends of texts and the numbers of texts, behind them the texts, see ``copy_texts``.
         texts: Columns of texts by name of the field that they become.
         lists: Those of these fields that are lists of texts.
-        has_gaps: Whether elements that no kernel writes are 0.
         plan: What kernels know of this.
         length: M.
-        memory: uint8.
+        memory: uint8, of any values.
         places: (arrays + 4,) int64 start of each array in it, and end of the last one.
     """
 
     arrays: ClassVar[Mapping[str, tuple[type[np.generic], str, tuple[int, ...]]]]
     texts: ClassVar[Mapping[str, str]]
     lists: ClassVar[Sequence[str]] = ()
-    has_gaps: ClassVar[bool] = False
     _numbers: ClassVar[Mapping[str, int]]
 
     def __init_subclass__(cls) -> None:
         cls._numbers = {name: number for number, name in enumerate(cls.arrays, 2)}
 
-    def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
+    def __init__(self, columns: Columns, first: int, last: int, steps: int, memory: Memory) -> None:
         self.plan, self.length, self._steps = self._plan(columns.layout), last - first, steps
         self.places: Int64 = np.empty(len(self.arrays) + 4, np.int64)
         size = unchecked(lay_out)(columns.block, self.plan, first, last, steps, self.places)
-        self.memory = np.zeros(size, np.uint8) if self.has_gaps else np.empty(size, np.uint8)
+        self.memory = memory.bytes(size)
 
     @classmethod
     def _plan(cls, layout: ColumnLayout) -> PartPlan:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.byte_views import as_float32, as_int32
+from scenarionet_data.arrays.byte_views import as_float32, as_int32, as_int64
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
@@ -46,7 +46,7 @@ def fill_tracks(
         first, last: Rows of the scenario.
         steps: Its number of timesteps.
         codes: uint8 code of each word of object_type.
-        memory: uint8 zeros, filled.
+        memory: uint8, filled; what is in no span is 0.
         places: Those of the arrays of ``StoredTracks``.
 
     Returns:
@@ -57,6 +57,7 @@ def fill_tracks(
     for place in range(len(others)):
         if not are_as_long(block, columns[0], columns[place], others[place], first, last):
             return place
+    _clear(as_int64(memory)[: places[len(places) - 2] + 7 >> 3])
     numbers, integers = as_float32(memory), as_int32(memory)
     position, velocity = places[2] >> 2, places[3] >> 2
     size, heading = numbers[places[4] >> 2 : places[5] >> 2], numbers[places[5] >> 2 : places[6] >> 2]
@@ -91,6 +92,12 @@ def fill_tracks(
         source_type[row] = words[start + row]
     copy_texts(block, plan, first, last, memory, places)
     return len(columns)
+
+
+@device_function
+def _clear(values: Array) -> None:
+    for k in range(len(values)):
+        values[k] = 0
 
 
 @device_function

@@ -12,6 +12,7 @@ import pyarrow as pa
 from scenarionet_data.arrays.columns import Columns, chosen
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.packed_columns import offsets_of
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
 from scenarionet_data.codec.check_kernels import EQUAL, OR_NEVER, OR_NONE, OR_ONE, check_lengths, check_spans
@@ -81,8 +82,8 @@ def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
     Raises:
         LakeError: Lists do not match their spans, or spans exceed the scenario: the file is damaged.
     """
-    columns, bounds = rows.columns, pairwise(rows.bounds)
-    return [_tracks(columns, first, last, count) for (first, last), count in zip(bounds, steps, strict=True)]
+    columns, memory, bounds = rows.columns, rows.memory, pairwise(rows.bounds)
+    return [_tracks(columns, first, last, count, memory) for (first, last), count in zip(bounds, steps, strict=True)]
 
 
 class StoredTracks(StoredPart):
@@ -92,6 +93,7 @@ class StoredTracks(StoredPart):
         columns: Rows.
         first, last: Those of the scenario.
         steps: T.
+        memory: Where to take theirs from.
     """
 
     arrays: ClassVar = {
@@ -108,10 +110,9 @@ class StoredTracks(StoredPart):
         "is_velocity_estimated": (np.bool_, "rows", ()),
     }
     texts: ClassVar = {"ids": "track_id", "extras": "extras"}
-    has_gaps = True
 
-    def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
-        super().__init__(columns, first, last, steps)
+    def __init__(self, columns: Columns, first: int, last: int, steps: int, memory: Memory) -> None:
+        super().__init__(columns, first, last, steps, memory)
         self._words = columns.words["source_type"]
 
     def __getitem__(self, field: str) -> Any:
@@ -130,9 +131,9 @@ _COLUMNS = (
 )
 
 
-def _tracks(columns: Columns, first: int, last: int, steps: int) -> Tracks:
+def _tracks(columns: Columns, first: int, last: int, steps: int, memory: Memory) -> Tracks:
     """Tracks of one scenario."""
-    stored = StoredTracks(columns, first, last, steps)
+    stored = StoredTracks(columns, first, last, steps, memory)
     codes = codes_of_words(columns, "object_type", ObjectType)
     described = columns.layout.places(_COLUMNS), _LENGTHS, stored.plan, first, last, steps, codes
     done = unchecked(fill_tracks)(columns.block, *described, stored.memory, stored.places)

@@ -51,7 +51,7 @@ class ScenarioReader:
     ) -> None:
         self._files = files
         self._snapshot = snapshot
-        self.memory = Memory()
+        self.memory, self._decoded = Memory(), Memory()
         self._readers = {
             table: ColumnReader(_layout(table, with_ids, columns), self.memory) for table in columns or TABLES
         }
@@ -122,7 +122,7 @@ class ScenarioReader:
             columns = pick(columns, spans)
         elif begin:
             bounds = [begin + bound for bound in bounds]
-        return ScenarioColumns(columns, bounds)
+        return ScenarioColumns(columns, bounds, self._decoded)
 
     def _row_groups_of(
         self, table: str, places: Sequence[tuple[RowGroupAddress, int, int]]
