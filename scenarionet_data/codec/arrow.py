@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import IntEnum
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import pyarrow as pa
 
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.scenario import vocabulary
+from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
 from scenarionet_data.schema import tables
 
 
@@ -34,17 +34,22 @@ def list_array(offsets: Array, values: Any, mask: Array | None = None) -> pa.Arr
 
 def names_of(codes: Array, words: type[IntEnum]) -> pa.Array:
     """Dictionary-encoded names of codes; the dictionary holds the whole vocabulary in the order of its codes."""
-    names, rank = _dictionary(words)
+    names, rank = _DICTIONARIES[words]
     return pa.DictionaryArray.from_arrays(pa.array(rank[codes]), names)
 
 
-@cache
-def _dictionary(words: type[IntEnum]) -> tuple[pa.Array, Array]:
-    """The names of a vocabulary in the order of its codes, and the place of each code among them."""
-    names = vocabulary.names(words)
-    used = np.array([name is not None for name in names])
-    rank = np.cumsum(used, dtype=np.int32) - 1
-    return pa.array(names[used], pa.string()), rank.astype(np.int32)
+def _dictionaries() -> dict[type[IntEnum], tuple[pa.Array, Array]]:
+    found: dict[type[IntEnum], tuple[pa.Array, Array]] = {}
+    vocabularies: tuple[type[IntEnum], ...] = (ObjectType, MapFeatureType, LightState, Provenance)
+    for words in vocabularies:
+        names = vocabulary.names(words)
+        used = np.array([name is not None for name in names])
+        rank = np.cumsum(used, dtype=np.int32) - 1
+        found[words] = (pa.array(names[used], pa.string()), rank.astype(np.int32))
+    return found
+
+
+_DICTIONARIES = _dictionaries()
 
 
 def string_array(values: Array) -> pa.Array:

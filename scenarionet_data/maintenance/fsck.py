@@ -201,7 +201,7 @@ def _written(lists: Mapping[str, pa.Table]) -> dict[str, Written]:
 
 def _together(lists: Mapping[str, pa.Table], names: Iterable[str]) -> pa.Table:
     """Files listed by several manifests."""
-    return pa.concat_tables([manifests.FILES.empty_table(), *(lists[name] for name in names)])
+    return pa.concat_tables([manifests.NO_FILES, *(lists[name] for name in names)])
 
 
 def _reason(damage: Damage) -> str:

@@ -21,10 +21,8 @@ from scenarionet_data.storage.write.table_file import publish_table
 
 _MAX_MANIFESTS = 16
 
-FILES = pa.schema(
-    [tables.load("shards").schema.field(name) for name in ("metadata_file", "files", "sizes", "checksums")]
-)
-"""The columns of a manifest that name files."""
+NO_FILES = tables.load("shards").schema.empty_table().select(["metadata_file", "files", "sizes", "checksums"])
+"""No rows of those columns of a manifest that name files."""
 
 
 def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
@@ -66,15 +64,15 @@ def read(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Ta
 
 
 def read_files(files: LakeFiles, name: str) -> tuple[pa.Table, bool]:
-    """Files of the shards listed in a manifest, as rows of ``FILES``, and whether the manifest is sealed.
+    """Files of the shards listed in a manifest, as rows of NO_FILES, and whether the manifest is sealed.
 
     Raises:
         LakeError: The manifest is missing or damaged, or has a schema version that cannot be read.
     """
-    rows = files.read(name, FILES.names)
+    rows = files.read(name, NO_FILES.column_names)
     footer = rows.schema.metadata
     tables.load("shards").check_version(footer, name)
-    return rows.cast(FILES), seals.MARK in footer
+    return rows.cast(NO_FILES.schema), seals.MARK in footer
 
 
 def _read_all(files: LakeFiles, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
