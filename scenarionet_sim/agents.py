@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8, UInt32
-from scenarionet_sim.kernels.episodes import list_agents, place_among
+from scenarionet_sim.kernels.episodes import list_agents, place_among, schedule
 from scenarionet_sim.kernels.step_arrays import DrivenArrays
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
@@ -17,6 +20,7 @@ class PresentAgents:
 
     Args:
         is_agent: (256,) policies whose objects are agents.
+        num_worlds: W.
         are_egos: The agents are the egos instead, which policies drive; their locations on paths are kept here.
 
     Attributes:
@@ -26,15 +30,17 @@ class PresentAgents:
         actions: (A, 2) float64 of the last step.
         contacts: (A, N) bool objects that each agent's box overlaps, and ``contacts_before`` in the step before.
         hits: (A,) uint32 types of those objects: bit k is set for type k.
-        is_due: An agent is absent that may still appear.
+        awaits: (W,) worlds in which an agent is absent that may still appear.
+        is_due: Whether there is one.
     """
 
-    def __init__(self, is_agent: Bool, *, are_egos: bool) -> None:
+    def __init__(self, is_agent: Bool, num_worlds: int, *, are_egos: bool) -> None:
         self._is_agent, self.are_egos = is_agent, are_egos
         self._own_route, self._own_route_before = np.zeros((2, 0, 0, 2))
         self.rows: Int32 = np.zeros((0, 2), np.int32)
-        self.first: Int32 = np.zeros(1, np.int32)
+        self.first: Int32 = np.zeros(num_worlds + 1, np.int32)
         self._listed_rows: Int32 = np.empty((0, 2), np.int32)
+        self.awaits: Bool = np.zeros(num_worlds, np.bool_)
         self.is_due = False
         self._allocate(self.rows, 0)
 
@@ -43,15 +49,39 @@ class PresentAgents:
         agents: Bool = self._is_agent[driver]
         return agents
 
+    def among(self, world: World, driver: UInt8) -> Bool:
+        """Return which objects (N,) of a world are agents, by the policy of each."""
+        return np.arange(world.num_objects) == world.ego if self.are_egos else self.drives(driver)
+
     def route(self, state: State) -> Float64:
         """Return the location (W, N, 2) of the agents on their paths."""
         return self._own_route if self.are_egos else state.route
 
-    def forget_route(self, slots: Int32, batch: WorldBatch) -> None:
-        """Forget where the egos of some slots are on their paths, as episodes begin there."""
-        self._own_route = _wider(self._own_route, batch)
-        self._own_route_before = _wider(self._own_route_before, batch)
-        self._own_route[slots] = np.nan
+    def make_room(self, batch: WorldBatch) -> None:
+        """Make room for the locations of the egos of the largest world."""
+        if self.are_egos:
+            self._own_route = _wider(self._own_route, batch)
+            self._own_route_before = _wider(self._own_route_before, batch)
+
+    def schedule(self, slots: Sequence[int], start: int | None, begins: Int32, batch: WorldBatch) -> bool:
+        """Let episodes begin in some slots in the next step.
+
+        Args:
+            slots: The slots.
+            start: Timestep of the logs; None for the first with a valid ego.
+            begins: (W,) see ``StepArrays``; written.
+            batch: The worlds.
+
+        Returns:
+            Whether the slots have as many agents as before. Then the step lists them in the rows of those before;
+            otherwise see :meth:`update`.
+        """
+        places = np.array(slots, np.int64), -1 if start is None else start, batch.place, self.first
+        is_same, self.is_due = unchecked(schedule)(*places, begins, self.awaits)
+        if not is_same or self.contacts.shape[1] != batch.max_objects:
+            return False
+        self.rows = self.rows.copy()
+        return True
 
     def update(self, driver: UInt8, present: Bool, batch: WorldBatch) -> bool:
         """List the present agents; those that were present before keep their actions and contacts.
@@ -83,7 +113,7 @@ class PresentAgents:
         """Return everything as kernels take it."""
         earlier = self._own_route_before if self.are_egos else before.route
         routes, contacts = (self.route(now), earlier), (self.contacts, self.contacts_before)
-        return DrivenArrays(self.rows, self.first, self.actions, *routes, *contacts, self.hits)
+        return DrivenArrays(self._is_agent, self.rows, self.first, self.actions, *routes, *contacts, self.hits)
 
     def _listed(self, driver: UInt8, present: Bool, batch: WorldBatch) -> tuple[Int32, bool, bool]:
         """List world and row (A, 2) of each agent in memory that is used again; and update the first of each world.
@@ -91,18 +121,16 @@ class PresentAgents:
         Returns:
             The list; whether it differs from that of before; whether a world has another number of agents.
         """
-        is_new = len(self.first) != len(batch) + 1
-        if is_new:
-            self.first = np.full(len(batch) + 1, -1, np.int32)
         if self.are_egos:
             self.first[:] = range(len(batch) + 1)
             rows = np.stack([self.first[:-1], batch.ego.astype(np.int32)], axis=1)
-            return rows, not np.array_equal(rows, self.rows), is_new
+            return rows, not np.array_equal(rows, self.rows), len(rows) != len(self.rows)
         if len(self._listed_rows) != driver.size:
             self._listed_rows = np.empty((driver.size, 2), np.int32)
-        self.is_due, is_other, is_resized = unchecked(list_agents)(
-            batch.place, driver, present, self._is_agent, self.rows, self._listed_rows, self.first
+        is_other, is_resized = unchecked(list_agents)(
+            batch.place, driver, present, self._is_agent, self.rows, self._listed_rows, self.first, self.awaits
         )
+        self.is_due = bool(self.awaits.any())
         return self._listed_rows[: self.first[-1]], is_other, is_resized
 
     def _allocate(self, rows: Int32, num_objects: int) -> None:

@@ -15,7 +15,7 @@ from scenarionet_sim.agents import PresentAgents, places
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
 from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
-from scenarionet_sim.kernels.episodes import UNDRIVEN, begin_worlds
+from scenarionet_sim.kernels.episodes import UNDRIVEN
 from scenarionet_sim.kernels.observation import Scratch
 from scenarionet_sim.kernels.sharing import Team
 from scenarionet_sim.kernels.step import (
@@ -27,7 +27,7 @@ from scenarionet_sim.kernels.step import (
     step_reactive_worlds,
     step_worlds,
 )
-from scenarionet_sim.kernels.step_arrays import StepArrays
+from scenarionet_sim.kernels.step_arrays import GOES_ON, StepArrays
 from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External, Policy, Replay
@@ -94,6 +94,7 @@ class Simulation:
         self._memory: list[tuple[Any, ...]] = []  # by thread
         self._memory_for: tuple[int, Any] = 0, None  # largest number of objects, kinds of sensors
         self._policies = SlotPolicies(tuple(policies), len(worlds))
+        self._agents = PresentAgents(self._policies.are_external, len(worlds), are_egos=has_passengers)
         self.batch = WorldBatch(worlds, self.policies, self._prepare, keep)
         shape = len(worlds), self.batch.max_objects
         self.state = State.empty(*shape)
@@ -103,8 +104,7 @@ class Simulation:
         self.previous = self.state.twin()
         self.driver: UInt8 = np.full(shape, UNDRIVEN, np.uint8)
         self._session = (backend or Kinematic()).open(self.batch)
-        self._has_begun: Bool = np.zeros(len(worlds), np.bool_)
-        self._agents = PresentAgents(self._policies.are_external, are_egos=has_passengers)
+        self._begins: Int32 = np.full(len(worlds), GOES_ON, np.int32)
         self.reset_slots(range(len(worlds)), worlds)
 
     def __repr__(self) -> str:
@@ -182,26 +182,20 @@ class Simulation:
         """Begin episodes in several slots, and observe the agents there; as :meth:`reset`."""
         self.begin(slots, worlds, start)
         self._run(LOCATE | ONLY_BEGUN | self.observer.phases)
-        self._has_begun[:] = False
+        self._begins[:] = GOES_ON
 
     def begin(self, slots: Sequence[int], worlds: Sequence[World | None], start: int | None = None) -> None:
-        """Begin episodes in several slots whose worlds do not move in the next step; as :meth:`reset`."""
-        for slot, world in zip(slots, worlds, strict=True):
-            self.batch.replace(slot, world, self.policies)
+        """Begin episodes in several slots in the next step, in which their worlds do not move; as :meth:`reset`.
+
+        The step has to come next: until then, the state of these slots is undefined.
+        """
+        self.batch.replace(slots, worlds, self.policies)
         self._policies.begin(slots)
         self._grow()
-        numbers = np.array(slots, np.int32)
-        arrays = self.batch.recorded, self.state.moment, self.previous.moment, self.driver, self._has_begun
-        unchecked(begin_worlds)(numbers, -1 if start is None else start, *arrays)
-        if self.state.history is not None:
-            self.state.history.present[:, numbers] = False
-        if self._agents.are_egos:
-            self._agents.forget_route(numbers, self.batch)
-        for slot in slots:
-            self._session.reset(slot, self.state)
-            if not self._policies.are_compiled:
-                self._policies.begin_uncompiled(self.batch, self.state, slot)
-        self._list_agents()
+        is_listed = self._agents.schedule(slots, start, self._begins, self.batch)
+        has_new_vehicle = isinstance(self._session, KinematicSession) and len(self._session.new_vehicle)
+        if not (is_listed and has_new_vehicle and self._policies.are_compiled and self.state.history is None):
+            self._begin_now(list(slots))
 
     def step(self, actions: npt.ArrayLike | None = None) -> None:
         """Advance every world by one timestep.
@@ -221,12 +215,11 @@ class Simulation:
         self.state, self.previous = self.previous, self.state
         drive = DRIVE if isinstance(self._session, KinematicSession) and not self._agents.are_egos else 0
         rest = LOCATE | self.observer.phases
-        is_compiled = self._policies.are_compiled and isinstance(self._session, KinematicSession)
-        if is_compiled and not self._agents.is_due:
+        if self._is_compiled and not self._agents.is_due:
             self._run(MOVE | drive | rest)
         else:
             self._step_in_parts(drive, rest)
-        self._has_begun[:] = False
+        self._begins[:] = GOES_ON
 
     def retire(self, agents: npt.ArrayLike) -> None:
         """Remove agents from their worlds for the rest of the episode.
@@ -266,14 +259,31 @@ class Simulation:
             due[slot] = later.any()
         return due
 
+    @property
+    def _is_compiled(self) -> bool:
+        """Whether all policies and vehicles are part of the compiled step."""
+        return self._policies.are_compiled and isinstance(self._session, KinematicSession)
+
+    def _begin_now(self, slots: list[int]) -> None:
+        """Begin episodes before the next step: for what is outside of it, or if worlds have more agents or fewer."""
+        self._run(0)
+        for slot in slots:
+            self._session.reset(slot, self.state)
+            if not self._policies.are_compiled:
+                self._policies.begin_uncompiled(self.batch, self.state, slot)
+        if self.state.history is not None:
+            self.state.history.present[:, slots] = False
+        self._list_agents()
+
     def _step_in_parts(self, drive: int, rest: int) -> None:
         """Step with policies or a backend outside of the compiled step, or with agents that appear."""
         self._run(MOVE | drive)
         if not self._policies.are_compiled:
-            driver = np.where(self._has_begun[:, None], np.uint8(UNDRIVEN), self.driver)
+            goes_on = self._begins == GOES_ON
+            driver = np.where(goes_on[:, None], self.driver, np.uint8(UNDRIVEN))
             self._policies.advance_uncompiled(self.batch, self.previous, self.state, driver, self.dt)
         if not drive and len(self.agents) and not self._agents.are_egos:
-            moves = ~self._has_begun[self.agents[:, 0]]
+            moves = self._begins[self.agents[:, 0]] == GOES_ON
             self._session.drive(self.state, self.agents[moves], self.actions[moves], self.dt)
         acted = self.agents
         if self._agents.is_due:
@@ -289,15 +299,17 @@ class Simulation:
     def _run(self, phases: int) -> None:
         """Run phases of the compiled step in all worlds."""
         session, observer = self._session, self.observer
-        vehicles, substeps = (
-            (session.vehicles, session.substeps) if isinstance(session, KinematicSession) else _NO_VEHICLE
+        vehicles, new_vehicle, substeps = (
+            (session.vehicles, session.new_vehicle, session.substeps)
+            if isinstance(session, KinematicSession)
+            else _NO_VEHICLE
         )
         agents = self._agents.arrays(self.previous, self.state)
         traffic = self._policies.traffic(self.driver)
         numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if self._agents.are_egos else 1.0
         moments = self.previous.moment, self.state.moment
         arrays = StepArrays(
-            self._has_begun, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles,
+            self._begins, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles, new_vehicle,
             observer.task, observer.result, observer.sensing,
         )  # fmt: skip
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
@@ -329,24 +341,28 @@ class Simulation:
             self.observer.resize(len(self.agents), *self.driver.shape)
             self.observer.is_stale = True
 
-    def _prepare(self, world: World, policies: Any) -> tuple[World, UInt8]:
-        """Return a world as policies need it, and the policy of each object."""
+    def _prepare(self, world: World, policies: Any) -> tuple[World, UInt8, Bool]:
+        """Return a world as policies need it, the policy of each object, and the agents."""
         if abs(world.dt - self._dt) > 1e-3:
             raise BadParameter(
                 f"{world.scenario_id}: timestep {world.dt} s among worlds of {self._dt} s; make it with "
                 f"World.from_scenario(scenario, dt={self._dt})"
             )
-        return prepared(world, policies)
+        prepared_world, driver = prepared(world, policies)
+        return prepared_world, driver, self._agents.among(prepared_world, driver)
 
     def _grow(self) -> None:
         """Make room for the largest world."""
+        self._agents.make_room(self.batch)
         more = self.batch.max_objects - self.driver.shape[1]
         if more <= 0:
             return
+        if isinstance(self._session, KinematicSession):
+            self._session.make_room(self.batch.max_objects)
         self.state = self.state.resized(self.batch.max_objects)
         self.previous = self.previous.twin_resized(self.state)
         self.driver = np.pad(self.driver, ((0, 0), (0, more)), constant_values=UNDRIVEN)
 
 
-_NO_VEHICLE = np.zeros((0, 0, NUM_COLUMNS)), 1
-"""Vehicles and substeps for the compiled step of a backend that is not part of it."""
+_NO_VEHICLE = np.zeros((0, 0, NUM_COLUMNS)), np.zeros(0), 1
+"""Vehicles, a new one, and substeps for the compiled step of a backend that is not part of it."""

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32, Int64, Object
+from scenarionet_data.arrays.dtypes import Array, Int32, Int64, Object, UInt8
 from scenarionet_data.arrays.texts import Texts
 
 WORDS, BITS, INDICES, TEXTS = range(4)
 """How values are stored: as numbers of 4 bytes, truth values, numbers of words in a dictionary, or texts."""
+
+NULLABLE, LIST = 1, 2
+"""Shapes of a column."""
 
 _STORED = {
     "float32": WORDS,
@@ -62,28 +65,27 @@ class Lists(NamedTuple):
     values: Array
 
 
+NUM_COLUMN_FIELDS = 9
+LENGTHS, OFFSETS, FIRST, SIZE, SHAPE, KIND, ROOM, FIRST_BYTE, LAST_BYTE = range(NUM_COLUMN_FIELDS)
+"""Fields of a column of a block; the last five are for those who fill it."""
+
+
 class ColumnBlock(NamedTuple):
-    """Values of C columns in R rows; kernels take it whole.
+    """Values of C columns in R rows, in one piece of memory; kernels take it whole.
+
+    Places in memory are counted in elements of their width.
 
     Attributes:
-        lists: (2, C, R + 1) int32 length of each row's list, or 1 for a value and 0 for null; and offsets of lists.
-        firsts: (C,) int64 place of a column's first value in the array of its kind.
-        counts: (C,) int64 number of its values; R for a column that does not hold lists.
-        words: uint32 bits of numbers, NaN for null; of INDICES, -1 for null.
-        numbers: float32, the same memory.
-        bits: int8 truth values, -1 for null.
-        ends: int64 for each column of texts, the start of its first text and the end of each one in ``text``.
-        text: uint8 UTF-8.
+        columns: (C, NUM_COLUMN_FIELDS) int64 for each column the place of the lengths of its lists, (R,) int32, which
+            are 1 for a value and 0 for null; of their offsets, (R + 1,) int32; of its values; and their number, which
+            is R if it does not hold lists. Then LIST and NULLABLE, how the values are stored, how many there is room
+            for, and the first and last place of the bytes of texts and dictionaries.
+        memory: uint8. Of numbers, values are 4 bytes, with NaN for null; of INDICES int32, with -1 for null; of truth
+            values int8, with -1 for null; of texts int64, the start of the first one and the end of each in memory.
     """
 
-    lists: Array
-    firsts: Array
-    counts: Array
-    words: Array
-    numbers: Array
-    bits: Array
-    ends: Array
-    text: Array
+    columns: Int64
+    memory: UInt8
 
 
 class ColumnLayout:
@@ -97,6 +99,7 @@ class ColumnLayout:
         kinds: How the values of each one are stored.
         dtypes: dtype of the values of each one, if they are no texts.
         are_lists: (C,) bool.
+        derived: What users of the columns derive from them once, by a key of their own.
     """
 
     def __init__(self, columns: Iterable[ColumnType]) -> None:
@@ -105,6 +108,7 @@ class ColumnLayout:
         self.dtypes = [_dtype(column) for column in self.columns]
         self.are_lists = np.array([column.is_list for column in self.columns], np.bool_)
         self._places = {column.name: place for place, column in enumerate(self.columns)}
+        self.derived: dict[object, Any] = {}
         self._known: dict[tuple[str, ...], Int64] = {}
 
     def place(self, name: str) -> int:
@@ -150,31 +154,38 @@ class Columns:
     def lists(self, name: str) -> Lists:
         """Lists of such values."""
         place = self.layout.place(name)
-        lists = self.block.lists
-        return Lists(lists[0, place, :-1], lists[1, place], self._values(place))
+        return Lists(self.lengths(place), self.offsets(place), self._values(place))
+
+    def lengths(self, place: int) -> Int32:
+        """(num_rows,) length of each list of a column, or 1 for a value and 0 for null."""
+        return self._array(self.block.columns.item(place, LENGTHS), self.num_rows, "int32")
+
+    def offsets(self, place: int) -> Int32:
+        """(num_rows + 1,) start of each list of a column, and end of the last one."""
+        return self._array(self.block.columns.item(place, OFFSETS), self.num_rows + 1, "int32")
 
     def texts(self, name: str) -> Texts:
         """(num_rows,) texts, or the elements of lists of texts."""
         place = self.layout.place(name)
         first, count = self._span(place)
-        ends = self.block.ends[first : first + count + 1]
-        column = self.layout.columns[place]
-        if not column.nullable or column.is_list:
-            return Texts(ends, self.block.text)
-        return Texts(ends, self.block.text, self.block.lists[0, place, :-1] == 0)
+        ends, column = self._array(first, count + 1, "int64"), self.layout.columns[place]
+        is_null = self.lengths(place) == 0 if column.nullable and not column.is_list else None
+        return Texts(ends, self.block.memory, is_null)
 
     def strings(self, name: str) -> Object:
         """(num_rows,) str or None of a column of texts or of a dictionary."""
         return chosen(self.words[name], self.values(name)) if name in self.words else self.texts(name).strings()
 
     def _values(self, place: int) -> Array:
-        first, count = self._span(place)
-        stored = self.block.bits if self.layout.kinds[place] == BITS else self.block.words
-        return stored[first : first + count].view(self.layout.dtypes[place])
+        return self._array(*self._span(place), self.layout.dtypes[place])
 
     def _span(self, place: int) -> tuple[int, int]:
         """Place of a column's first value, and number of its values."""
-        return self.block.firsts.item(place), self.block.counts.item(place)
+        return self.block.columns.item(place, FIRST), self.block.columns.item(place, SIZE)
+
+    def _array(self, first: int, count: int, dtype: str) -> Array:
+        """Elements from a place in memory on."""
+        return np.ndarray((count,), dtype, self.block.memory, first * np.dtype(dtype).itemsize)
 
 
 def chosen(words: tuple[str, ...], indices: Int32) -> Object:

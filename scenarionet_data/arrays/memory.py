@@ -14,6 +14,8 @@ from scenarionet_data.arrays.dtypes import Array, UInt8
 
 _SMALL = 2**14
 """Arrays of fewer bytes are left to NumPy."""
+_TRIED = 4
+"""Blocks that are looked at, of the first ones and of the others, before another one is made."""
 
 
 class Memory:
@@ -27,7 +29,8 @@ class Memory:
 
     def __init__(self, limit: int = 2**27) -> None:
         self._limit = limit
-        self._blocks: dict[int, list[UInt8]] = {}  # by size
+        self._blocks: dict[int, _Blocks] = {}  # by size
+        self._num_refused = 0  # requests before blocks are looked at again
         self._scratch = np.empty(0, np.uint8)
 
     def scratch(self, size: int) -> UInt8:
@@ -70,17 +73,61 @@ class Memory:
     def _block(self, wanted: int) -> UInt8 | None:
         """Block of the next power of two that nothing refers to; None beyond the limit."""
         size = 1 << (wanted - 1).bit_length()
-        blocks = self._blocks.setdefault(size, [])
-        for block in blocks:
+        blocks = self._blocks.setdefault(size, _Blocks())
+        found = blocks.unused()
+        if found is None and self._has_room(size):
+            found = np.empty(size, np.uint8)
+            blocks.add(found)
+        return found
+
+    def _has_room(self, size: int) -> bool:
+        """Whether there is room for a block, which those of other sizes make if nothing refers to them."""
+        if self.num_bytes + size <= self._limit:
+            return True
+        if self._num_refused:  # all are in use, and looking at all for each array takes longer than making it
+            self._num_refused -= 1
+            return False
+        for blocks in self._blocks.values():
+            blocks.drop_unused()
+        has_room = self.num_bytes + size <= self._limit
+        if not has_room:
+            self._num_refused = sum(map(len, self._blocks.values()))
+        return has_room
+
+
+class _Blocks:
+    """Blocks of a size."""
+
+    def __init__(self) -> None:
+        self._all: list[UInt8] = []
+        self._next = 0
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def add(self, block: UInt8) -> None:
+        """Add a block that is in use."""
+        self._all.append(block)
+
+    def unused(self) -> UInt8 | None:
+        """A block that nothing refers to: of the first, which are in the caches, or of the others in turn."""
+        count = len(self._all)
+        for place in range(min(count, _TRIED)):
+            block = self._all[place]
             if sys.getrefcount(block) == _UNUSED:
                 return block
-        if self.num_bytes + size > self._limit:
-            for known in self._blocks.values():
-                known[:] = [block for block, count in zip(known, _references(known), strict=True) if count != _UNUSED]
-        if self.num_bytes + size > self._limit:
-            return None
-        blocks.append(np.empty(size, np.uint8))
-        return blocks[-1]
+        for _ in range(min(count - _TRIED, _TRIED)):
+            self._next = self._next + 1 if self._next + 1 < count else _TRIED
+            block = self._all[self._next]
+            if sys.getrefcount(block) == _UNUSED:
+                return block
+        return None
+
+    def drop_unused(self) -> None:
+        """Drop the blocks that nothing refers to."""
+        counts = _references(self._all)
+        self._all = [block for block, count in zip(self._all, counts, strict=True) if count != _UNUSED]
+        self._next = 0
 
 
 def _references(blocks: list[UInt8]) -> list[int]:

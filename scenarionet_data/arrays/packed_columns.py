@@ -8,9 +8,25 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from scenarionet_data.arrays.columns import BITS, INDICES, TEXTS, WORDS, ColumnBlock, ColumnLayout, Columns
+from scenarionet_data.arrays.columns import (
+    BITS,
+    FIRST,
+    INDICES,
+    LENGTHS,
+    NUM_COLUMN_FIELDS,
+    OFFSETS,
+    SIZE,
+    TEXTS,
+    WORDS,
+    ColumnBlock,
+    ColumnLayout,
+    Columns,
+)
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.arrays.texts import Texts
+
+_WIDEST = 8
+"""Bytes of the widest elements."""
 
 
 def from_arrow(rows: pa.RecordBatch | pa.Table, layout: ColumnLayout) -> Columns:
@@ -44,10 +60,10 @@ def from_arrow(rows: pa.RecordBatch | pa.Table, layout: ColumnLayout) -> Columns
 
 def pick(columns: Columns, spans: Sequence[tuple[int, int]]) -> Columns:
     """Rows of some spans (first row, number of rows), concatenated; the spans must be within the rows."""
-    layout, block = columns.layout, columns.block
+    layout = columns.layout
     parts: list[tuple[Array, Array | Texts]] = []
     for place, column in enumerate(layout.columns):
-        lengths, ends = block.lists[0, place, :-1], block.lists[1, place]
+        lengths, ends = columns.lengths(place), columns.offsets(place)
         elements = [(ends[first], ends[first + count]) for first, count in spans]
         chosen = elements if column.is_list else [(first, first + count) for first, count in spans]
         kept = _concatenated([lengths[first : first + count] for first, count in spans], np.int32)
@@ -74,44 +90,40 @@ def _packed(
     words: Mapping[str, tuple[str, ...]],
 ) -> Columns:
     """Columns from the lengths and the values of each one."""
-    size = len(layout.columns)
-    lists, firsts, counts = (
-        np.zeros((2, size, num_rows + 1), np.int32),
-        np.zeros(size, np.int64),
-        np.zeros(size, np.int64),
-    )
-    numbers, bits, ends, text = (_Joined(kind) for kind in (np.uint32, np.int8, np.int64, np.uint8))
+    described = np.zeros((len(layout.columns), NUM_COLUMN_FIELDS), np.int64)
+    memory = _Joined()
     for place, (lengths, values) in enumerate(parts):
-        lists[0, place, :-1], lists[1, place] = lengths, offsets_of(lengths)
+        column = described[place]
+        column[LENGTHS], column[OFFSETS] = memory.add(lengths, np.int32), memory.add(offsets_of(lengths), np.int32)
         if isinstance(values, Texts):
             start, end = values.ends[0], values.ends[-1]
-            firsts[place], counts[place] = ends.size, len(values.ends) - 1
-            ends.add(values.ends - start + text.size)
-            text.add(values.data[start:end])
+            ends = values.ends + (memory.add(values.data[start:end], np.uint8) - start)
+            column[FIRST], column[SIZE] = memory.add(ends, np.int64), len(ends) - 1
         else:
-            joined = bits if layout.kinds[place] == BITS else numbers
-            firsts[place], counts[place] = joined.size, len(values)
-            joined.add(values)
-    stored = numbers.whole()
-    block = ColumnBlock(
-        lists, firsts, counts, stored, stored.view(np.float32), bits.whole(), ends.whole(), text.whole()
-    )
-    return Columns(num_rows, layout, block, words)
+            kind = np.int8 if layout.kinds[place] == BITS else values.dtype
+            column[FIRST], column[SIZE] = memory.add(values, kind), len(values)
+    return Columns(num_rows, layout, ColumnBlock(described, memory.whole()), words)
 
 
 class _Joined:
-    """Arrays, one after the other, of their bits."""
+    """Arrays, one after the other in memory."""
 
-    def __init__(self, kind: npt.DTypeLike) -> None:
-        self.size = 0
-        self._parts: list[Array] = [np.zeros(0, kind)]
+    def __init__(self) -> None:
+        self._size = 0
+        self._parts: list[Array] = [np.zeros(0, np.uint8)]
 
-    def add(self, values: Array) -> None:
-        self._parts.append(np.ascontiguousarray(values).view(self._parts[0].dtype))
-        self.size += len(values)
+    def add(self, values: Array, kind: npt.DTypeLike) -> int:
+        """Add an array; returns the place of its first element, counted in elements."""
+        added = np.ascontiguousarray(values, kind)
+        gap = -self._size % _WIDEST
+        place = self._size + gap
+        self._parts += [np.zeros(gap, np.uint8), added.view(np.uint8)]
+        self._size = place + added.nbytes
+        return place // added.itemsize
 
     def whole(self) -> Array:
-        return np.concatenate(self._parts)
+        """The memory; its size is a multiple of all widths, for kernels, which see it as an array of each."""
+        return np.concatenate([*self._parts, np.zeros(-self._size % _WIDEST, np.uint8)])
 
 
 def _concatenated(values: Sequence[Array], kind: npt.DTypeLike) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.packed_columns import from_arrow
 from scenarionet_data.codec.columns import LAYOUTS, ScenarioColumns, codes
 from scenarionet_data.codec.lights import decode_lights, encode_lights
@@ -114,7 +115,7 @@ def decode_many(
 
 
 def _rows(table: str, batch: pa.RecordBatch) -> ScenarioColumns:
-    return ScenarioColumns(from_arrow(batch, LAYOUTS[table]), [0, batch.num_rows])
+    return ScenarioColumns(from_arrow(batch, LAYOUTS[table]), [0, batch.num_rows], Memory(0))
 
 
 def _scenario(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from scenarionet_data.arrays.columns import ColumnBlock
+from scenarionet_data.arrays.byte_views import as_int32
+from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 
@@ -54,10 +53,11 @@ def check_lengths(block: ColumnBlock, likes: Array, columns: Array, others: Arra
 @device_function
 def are_inside(block: ColumnBlock, start: int, lists: int, first: int, last: int, steps: int) -> bool:
     """Whether the spans of a scenario's objects are within its timesteps."""
-    starts = block.words[block.firsts[start] :]
+    integers = as_int32(block.memory)
+    starts, lengths = integers[block.columns[start, FIRST] :], integers[block.columns[lists, LENGTHS] :]
     for row in range(first, last):
-        begin = np.int64(np.int32(starts[row]))
-        if begin < 0 or begin + block.lists[0, lists, row] > steps:
+        begin = starts[row]
+        if begin < 0 or begin + lengths[row] > steps:
             return False
     return True
 
@@ -65,7 +65,9 @@ def are_inside(block: ColumnBlock, start: int, lists: int, first: int, last: int
 @device_function
 def are_as_long(block: ColumnBlock, like: int, column: int, other: int, first: int, last: int) -> bool:
     """Whether the lists of a scenario are as long as those of another column, or have another length they may have."""
-    wanted, lengths, offsets = block.lists[0, like], block.lists[0, column], block.lists[1, column]
+    integers = as_int32(block.memory)
+    wanted, lengths = integers[block.columns[like, LENGTHS] :], integers[block.columns[column, LENGTHS] :]
+    offsets = integers[block.columns[column, OFFSETS] :]
     may_be_none = other == OR_NONE or (other == OR_NEVER and offsets[first] == offsets[last])
     for row in range(first, last):
         length = lengths[row]

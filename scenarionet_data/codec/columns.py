@@ -10,6 +10,7 @@ import numpy as np
 
 from scenarionet_data.arrays.columns import ColumnLayout, Columns
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType, Provenance
 from scenarionet_data.schema import tables
@@ -21,10 +22,12 @@ class ScenarioColumns(NamedTuple):
     Attributes:
         columns: The rows.
         bounds: (scenarios + 1) first row of each scenario, and the end of the last one.
+        memory: Memory of the arrays that are decoded from them.
     """
 
     columns: Columns
     bounds: list[int]
+    memory: Memory
 
 
 LAYOUTS = {

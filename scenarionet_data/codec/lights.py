@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pyarrow as pa
 
 from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.compiled import unchecked
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.codec.arrow import batch, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
-from scenarionet_data.codec.kernels import fill_lights
-from scenarionet_data.codec.stored_part import StoredPart
+from scenarionet_data.codec.light_kernels import fill_lights
+from scenarionet_data.codec.stored_part import STEPS, StoredPart
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Lights
 from scenarionet_data.scenario.vocabulary import LightState, Provenance
@@ -58,8 +59,8 @@ def decode_lights(rows: ScenarioColumns | None, steps: Sequence[int]) -> list[Li
     """
     if rows is None:
         return [_no_lights(num_steps) for num_steps in steps]
-    columns, bounds = rows.columns, pairwise(rows.bounds)
-    return [_lights(columns, first, last, count) for (first, last), count in zip(bounds, steps, strict=True)]
+    columns, memory, bounds = rows.columns, rows.memory, pairwise(rows.bounds)
+    return [_lights(columns, first, last, count, memory) for (first, last), count in zip(bounds, steps, strict=True)]
 
 
 @lru_cache(64)
@@ -74,36 +75,27 @@ class StoredLights(StoredPart):
         columns: Rows.
         first, last: Those of the scenario.
         steps: T.
+        memory: Where to take theirs from.
     """
 
     arrays: ClassVar = {
-        "stop_point": np.float32,
-        "state": np.uint8,
-        "is_lane_in_map": np.bool_,
-        "provenance": np.uint8,
+        "stop_point": (np.float32, "rows", (3,)),
+        "state": (np.uint8, "rows", (STEPS,)),
+        "is_lane_in_map": (np.bool_, "rows", ()),
+        "provenance": (np.uint8, "rows", ()),
     }
     texts: ClassVar = {"ids": "light_id", "lane_ids": "lane_id"}
-
-    def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
-        count = last - first
-        super().__init__(columns, first, last, (3 * count, count * steps, count, count))
-        self._axes = {"stop_point": 3, "state": steps}
-
-    def __getitem__(self, field: str) -> Any:
-        if field in self._axes:
-            return self.array(field, self.length, self._axes[field])
-        return super().__getitem__(field)
 
 
 _COLUMNS = ("stop_x", "stop_y", "stop_z", "state", "is_lane_in_map", "provenance")
 
 
-def _lights(columns: Columns, first: int, last: int, steps: int) -> Lights:
+def _lights(columns: Columns, first: int, last: int, steps: int, memory: Memory) -> Lights:
     """Lights of one scenario."""
-    stored = StoredLights(columns, first, last, steps)
+    stored = StoredLights(columns, first, last, steps, memory)
     states = codes_of_words(columns, "state", LightState)
     provenances = codes_of_words(columns, "provenance", Provenance)
-    described = columns.layout.places(_COLUMNS), first, last, steps, states, provenances
+    described = columns.layout.places(_COLUMNS), stored.plan, first, last, steps, states, provenances
     if not unchecked(fill_lights)(columns.block, *described, stored.memory, stored.places):
         raise LakeError(
             "lights.state does not have one state per timestep: its file is damaged; `scenarionet check` lists the "

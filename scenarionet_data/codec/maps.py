@@ -11,11 +11,12 @@ import pyarrow as pa
 from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
 from scenarionet_data.codec.check_kernels import OR_NONE, check_lengths
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
-from scenarionet_data.codec.kernels import fill_features, find_bounds
+from scenarionet_data.codec.feature_kernels import fill_features, find_bounds
 from scenarionet_data.codec.stored_part import StoredPart
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
@@ -90,7 +91,7 @@ def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
     Raises:
         LakeError: Lists of coordinates differ in length: the file is damaged.
     """
-    return [_features(rows.columns, first, last) for first, last in pairwise(rows.bounds)]
+    return [_features(rows.columns, first, last, rows.memory) for first, last in pairwise(rows.bounds)]
 
 
 class StoredFeatures(StoredPart):
@@ -99,29 +100,24 @@ class StoredFeatures(StoredPart):
     Args:
         columns: Rows.
         first, last: Those of the scenario.
+        steps: Not used.
+        memory: Where to take theirs from.
     """
 
     arrays: ClassVar = {
-        "polyline": np.float32,
-        "polygon": np.float32,
-        "width": np.float32,
-        "speed_limit": np.float32,
-        "polyline_offsets": np.int32,
-        "polygon_offsets": np.int32,
-        "width_offsets": np.int32,
-        "feature_type": np.uint8,
-        "is_intersection": np.int8,
+        "polyline": (np.float32, "x", (3,)),
+        "polygon": (np.float32, "polygon_x", (3,)),
+        "width": (np.float32, "width_left", (2,)),
+        "speed_limit": (np.float32, "rows", ()),
+        "polyline_offsets": (np.int32, "ends", ()),
+        "polygon_offsets": (np.int32, "ends", ()),
+        "width_offsets": (np.int32, "ends", ()),
+        "feature_type": (np.uint8, "rows", ()),
+        "is_intersection": (np.int8, "rows", ()),
     }
     texts: ClassVar = {"ids": "feature_id", "extras": "extras", **{name: name for name in ID_LISTS}}
     lists = ID_LISTS
     _points: ClassVar = {"polyline": 3, "polygon": 3, "width": 2}
-
-    def __init__(self, columns: Columns, first: int, last: int) -> None:
-        ends, place, count = columns.block.lists[1], columns.layout.place, last - first
-        firsts = place("x"), place("polygon_x"), place("width_left")
-        line, outline, width = [ends.item(axis, last) - ends.item(axis, first) for axis in firsts]
-        of_points = 3 * line, 3 * outline, 2 * width, count, count + 1, count + 1, count + 1
-        super().__init__(columns, first, last, (*of_points, count, count))
 
     def __getitem__(self, field: str) -> Any:
         if field in self._points:
@@ -133,11 +129,12 @@ class StoredFeatures(StoredPart):
 _COLUMNS = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection")
 
 
-def _features(columns: Columns, first: int, last: int) -> MapFeatures:
+def _features(columns: Columns, first: int, last: int, memory: Memory) -> MapFeatures:
     """Features of one scenario."""
-    stored = StoredFeatures(columns, first, last)
+    stored = StoredFeatures(columns, first, last, 0, memory)
     codes, places = codes_of_words(columns, "feature_type", MapFeatureType), columns.layout.places(_COLUMNS)
-    done = unchecked(fill_features)(columns.block, places, first, last, codes, stored.memory, stored.places)
+    described = places, stored.plan, first, last, codes, stored.memory, stored.places
+    done = unchecked(fill_features)(columns.block, *described)
     _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
     return MapFeatures.read({}, stored)
 

@@ -12,12 +12,13 @@ import pyarrow as pa
 from scenarionet_data.arrays.columns import Columns, chosen
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.packed_columns import offsets_of
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
 from scenarionet_data.codec.check_kernels import EQUAL, OR_NEVER, OR_NONE, OR_ONE, check_lengths, check_spans
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
-from scenarionet_data.codec.kernels import fill_tracks
-from scenarionet_data.codec.stored_part import StoredPart
+from scenarionet_data.codec.stored_part import STEPS, StoredPart
+from scenarionet_data.codec.track_kernels import fill_tracks
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -81,8 +82,8 @@ def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
     Raises:
         LakeError: Lists do not match their spans, or spans exceed the scenario: the file is damaged.
     """
-    columns, bounds = rows.columns, pairwise(rows.bounds)
-    return [_tracks(columns, first, last, count) for (first, last), count in zip(bounds, steps, strict=True)]
+    columns, memory, bounds = rows.columns, rows.memory, pairwise(rows.bounds)
+    return [_tracks(columns, first, last, count, memory) for (first, last), count in zip(bounds, steps, strict=True)]
 
 
 class StoredTracks(StoredPart):
@@ -92,38 +93,29 @@ class StoredTracks(StoredPart):
         columns: Rows.
         first, last: Those of the scenario.
         steps: T.
+        memory: Where to take theirs from.
     """
 
     arrays: ClassVar = {
-        "position": np.float32,
-        "velocity": np.float32,
-        "size": np.float32,
-        "heading": np.float32,
-        "source_type": np.int32,
-        "valid": np.bool_,
-        "is_interpolated": np.bool_,
-        "object_type": np.uint8,
-        "is_size_assumed": np.bool_,
-        "is_type_assumed": np.bool_,
-        "is_velocity_estimated": np.bool_,
+        "position": (np.float32, "rows", (STEPS, 3)),
+        "velocity": (np.float32, "rows", (STEPS, 2)),
+        "size": (np.float32, "rows", (STEPS, 3)),
+        "heading": (np.float32, "rows", (STEPS,)),
+        "source_type": (np.int32, "rows", ()),
+        "valid": (np.bool_, "rows", (STEPS,)),
+        "is_interpolated": (np.bool_, "rows", (STEPS,)),
+        "object_type": (np.uint8, "rows", ()),
+        "is_size_assumed": (np.bool_, "rows", ()),
+        "is_type_assumed": (np.bool_, "rows", ()),
+        "is_velocity_estimated": (np.bool_, "rows", ()),
     }
     texts: ClassVar = {"ids": "track_id", "extras": "extras"}
-    has_gaps = True
-    _over_time: ClassVar = {
-        **dict.fromkeys(("position", "size"), (3,)),
-        "velocity": (2,),
-        **dict.fromkeys(("heading", "valid", "is_interpolated"), ()),
-    }
 
-    def __init__(self, columns: Columns, first: int, last: int, steps: int) -> None:
-        count, cells = last - first, (last - first) * steps
-        over_time, of_objects = (3 * cells, 2 * cells, 3 * cells, cells), (count, count, count, count)
-        super().__init__(columns, first, last, (*over_time, count, cells, cells, *of_objects))
-        self._steps, self._words = steps, columns.words["source_type"]
+    def __init__(self, columns: Columns, first: int, last: int, steps: int, memory: Memory) -> None:
+        super().__init__(columns, first, last, steps, memory)
+        self._words = columns.words["source_type"]
 
     def __getitem__(self, field: str) -> Any:
-        if field in self._over_time:
-            return self.array(field, self.length, self._steps, *self._over_time[field])
         found = super().__getitem__(field)
         return chosen(self._words, found) if field == "source_type" else found
 
@@ -139,11 +131,11 @@ _COLUMNS = (
 )
 
 
-def _tracks(columns: Columns, first: int, last: int, steps: int) -> Tracks:
+def _tracks(columns: Columns, first: int, last: int, steps: int, memory: Memory) -> Tracks:
     """Tracks of one scenario."""
-    stored = StoredTracks(columns, first, last, steps)
+    stored = StoredTracks(columns, first, last, steps, memory)
     codes = codes_of_words(columns, "object_type", ObjectType)
-    described = columns.layout.places(_COLUMNS), _LENGTHS, first, last, steps, codes
+    described = columns.layout.places(_COLUMNS), _LENGTHS, stored.plan, first, last, steps, codes
     done = unchecked(fill_tracks)(columns.block, *described, stored.memory, stored.places)
     _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
     return Tracks.read({}, stored)

@@ -40,6 +40,7 @@ class KinematicSession:
     Attributes:
         vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
         substeps: Physics steps per control step.
+        new_vehicle: (NUM_COLUMNS,) every vehicle at the beginning of an episode; empty for a fleet of several.
     """
 
     def __init__(self, backend: Kinematic, batch: WorldBatch) -> None:
@@ -47,19 +48,24 @@ class KinematicSession:
         self.substeps = backend.substeps
         self._fleet = backend.drive if isinstance(backend.drive, Fleet) else None
         drive = backend.drive.car if isinstance(backend.drive, Fleet) else backend.drive
-        self._row = _columns(np.array([(*astuple(drive), backend.grip)]))[0]
+        row = _columns(np.array([(*astuple(drive), backend.grip)]))[0]
+        self.new_vehicle: Float64 = row if self._fleet is None else row[:0]
         self.vehicles: Float64 = np.empty((len(batch), batch.max_objects, NUM_COLUMNS))
         for world, count in enumerate(batch.num_objects.tolist()):  # the rest takes no memory
-            self.vehicles[world, :count] = self._row
+            self.vehicles[world, :count] = row
+
+    def make_room(self, num_objects: int) -> None:
+        """Make room for the vehicles of a larger world."""
+        missing = num_objects - self.vehicles.shape[1]
+        if missing > 0:
+            self.vehicles = np.pad(self.vehicles, ((0, 0), (0, missing), (0, 0)))
 
     def reset(self, world: int, state: State) -> None:
         """Set the vehicles of a world: wheels straight, limits of their classes."""
-        missing = state.present.shape[1] - self.vehicles.shape[1]
-        if missing > 0:
-            self.vehicles = np.pad(self.vehicles, ((0, 0), (0, missing), (0, 0)))
+        self.make_room(state.present.shape[1])
         count = self._batch.num_objects[world]
         if self._fleet is None:
-            self.vehicles[world, :count] = self._row
+            self.vehicles[world, :count] = self.new_vehicle
         else:
             of_objects = self._fleet.numbers(state.object_type[world, :count], state.size[world, :count])
             self.vehicles[world, :count] = _columns(of_objects)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.compiled import unchecked
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, IntP, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.agents import places
 from scenarionet_sim.environments.config import EnvConfig
@@ -170,17 +170,20 @@ class BatchedEnvironment:
         """Remove agents (indices into ``agents``) from their worlds."""
         self.simulation.retire(self.agents[agents])
 
-    def observe(self, rng: np.random.Generator, rows: Array | None = None) -> Any:
+    def observe(self, rng: np.random.Generator, slots: IntP | None = None) -> Any:
         """Return the observations of the agents, in arrays that the next step overwrites.
 
         Args:
             rng: Source of the sensors' noise.
-            rows: Agents (indices into ``agents``) of the worlds that have just begun an episode, if only these are
-                needed; None for all.
+            slots: Worlds whose agents were observed already and lack the sensors outside of the compiled step, if only
+                these are needed; None for all.
         """
-        if rows is None:
-            self.simulation.observe()
-        simulation, state, observed = self.simulation, self.simulation.state, self._scorer.observed
+        simulation, observed = self.simulation, self._scorer.observed
+        if slots is None:
+            simulation.observe()
+        if self._observation.is_compiled:
+            return observed
+        state, rows = simulation.state, None if slots is None else simulation.agents_of(slots)
         if not self._has_actions:  # the policy's own location on the path may differ
             state = replace(state, route=simulation.route)
         self._observation.complete(observed, simulation.batch, state, self.agents, rng, rows)

@@ -11,7 +11,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 
-from scenarionet_data.arrays.dtypes import Array, Bool
+from scenarionet_data.arrays.dtypes import Bool, IntP
 from scenarionet_data.errors import ScenarioNetError
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
@@ -132,12 +132,12 @@ class Episodes:
         """Report the result of a slot's episode: 1 for success, 0 for failure, or the share of successful agents."""
         self._sampler.report(int(self._playing[slot]), success)
 
-    def observe(self, rows: Array | None = None) -> Any:
+    def observe(self, slots: IntP | None = None) -> Any:
         """Return the observations of the agents in arrays that the next step overwrites.
 
-        ``rows`` are as in ``BatchedEnvironment.observe``.
+        ``slots`` are as in ``BatchedEnvironment.observe``.
         """
-        return self.core.observe(self.rng, rows)
+        return self.core.observe(self.rng, slots)
 
     def observed(self) -> list[Any]:
         """Return a new observation of each agent."""

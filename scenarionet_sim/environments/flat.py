@@ -226,7 +226,7 @@ class FlatEnv:
         if more > 0:
             row_of = np.pad(self._seats.row_of, ((0, 0), (0, more)), constant_values=-1)
             self._seats = self._seats._replace(row_of=row_of)
-        observed = self._episodes.observe(simulation.agents_of(begun))
+        observed = self._episodes.observe(begun)
         unchecked(seat_worlds)(begun, core.agents, simulation.first_agents, observed, self._seats)
 
     def _advance(self, core: BatchedEnvironment, given: Array, can_end: Bool) -> IntP:

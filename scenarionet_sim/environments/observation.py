@@ -44,6 +44,11 @@ class Observation:
             _joined([sensor.space() for sensor in self._sensors]) if self._is_flat else spaces.Dict(parts)
         )
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the compiled step writes the observations of all sensors."""
+        return not self._uncompiled
+
     def of(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator) -> Any:
         """Return new arrays with the observations of agents: (A, D) float32, or (A, ...) by name."""
         count = len(agents)
@@ -96,8 +101,6 @@ class Observation:
             batch, state, agents, rng: As :meth:`Sensor.observe` takes them.
             rows: Indices into ``agents`` of those that observe; None for all.
         """
-        if not self._uncompiled:
-            return
         seen_by = agents if rows is None else agents[rows]
         place = slice(None) if rows is None else rows
         ends = np.cumsum(self._sizes)

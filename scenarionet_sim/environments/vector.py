@@ -74,7 +74,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self._scenario_ids: Object = np.full(num_envs, "", dtype=object)
         everywhere = np.ones(num_envs, np.bool_)
         everywhere.flags.writeable = False  # one array for all infos
-        self._everywhere = {f"_{name}": everywhere for name in INFOS}
+        self._template: dict[str, Any] = dict.fromkeys(INFOS) | {f"_{name}": everywhere for name in INFOS}
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetVectorEnv], tuple[Any, ...]]:
         return type(self), (self.num_envs, self.config, self._mode, self._episodes.seed, self.render_mode)
@@ -181,8 +181,9 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
     def _infos(self, outcome: StepOutcome) -> dict[str, Any]:
         """Return the infos of all slots as arrays (W,), each with a mask."""
         timestep = self.core.simulation.state.timestep.copy()
-        values = *outcome.numbers, *outcome.ends, timestep, self._scenario_ids
-        return dict(zip(INFOS, values, strict=True)) | self._everywhere
+        infos = self._template.copy()
+        infos.update(zip(INFOS, (*outcome.numbers, *outcome.ends, timestep, self._scenario_ids), strict=True))
+        return infos
 
 
 _SUCCESS = list(ENDS).index("success")

@@ -144,8 +144,8 @@ class RolloutBatch:
         core.simulation.observe()
         agents = _agents_by_slot(core)
         rows = np.array([agents[slot] for slot in seats])
-        for row, seat in zip(rows, seats.values(), strict=True):
-            seen = core.observe(seat.rng, row[None])
+        for slot, seat in seats.items():
+            seen = core.observe(seat.rng, np.array([slot]))
         if isinstance(driver, BatchDriver):
             actions[rows] = _checked(driver.act_batch(seen[rows]), len(rows))
             return actions

@@ -1,4 +1,4 @@
-"""The beginning of episodes: the state of worlds at a timestep of their logs, and their agents."""
+"""The beginning of episodes: the state of a world at a timestep of its log, and the agents of worlds."""
 
 from __future__ import annotations
 
@@ -7,56 +7,83 @@ import numpy as np
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Int32, Int64, UInt8
 from scenarionet_sim.kernels.log import VALID
-from scenarionet_sim.kernels.structures import FIRST_STEP, LOG, NUM_OBJECTS, OBJECTS, Recorded, StateArrays
+from scenarionet_sim.kernels.structures import (
+    FIRST_AGENTS,
+    FIRST_STEP,
+    LATER_AGENTS,
+    LOG,
+    NUM_OBJECTS,
+    OBJECTS,
+    Recorded,
+    StateArrays,
+)
 
 UNDRIVEN = 255
 """A policy number: a row that no policy drives and that is never present."""
 
 
-@kernel(allocates=False)
-def begin_worlds(
-    slots: Int32,
-    at: int,
-    recorded: Recorded,
-    now: StateArrays,
-    then: StateArrays,
-    driver: UInt8,
-    has_begun: Bool,
-) -> None:
-    """Set slots to a timestep of the logs of their worlds, in the current and in the next state.
+@device_function
+def begin_world(w: int, at: int, recorded: Recorded, now: StateArrays, then: StateArrays, driver: UInt8) -> None:
+    """Set a world to a timestep of its log, in the current and in the next state, which share sizes and types.
 
     Args:
-        slots: (B,) the slots.
-        at: The timestep; -1 for the first at which the ego is valid.
+        w: The world.
+        at: The timestep.
         recorded: Logs of W worlds.
         now, then: The two states.
         driver: (W, N) policy of each object, written.
-        has_begun: (W,) set to True in the slots.
     """
+    count, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, OBJECTS]
+    first = recorded.place[w, LOG] + at * count
+    now.timestep[w], then.timestep[w] = at, at
+    for n in range(driver.shape[1]):
+        driver[w, n] = recorded.driver[objects + n] if n < count else UNDRIVEN
+        is_present = driver[w, n] != UNDRIVEN and recorded.log[first + n, VALID] != 0.0
+        now.present[w, n], then.present[w, n] = is_present, is_present
+    for n in range(count):
+        now.route[w, n, 0], now.route[w, n, 1] = np.nan, 0.0
+        then.route[w, n, 0], then.route[w, n, 1] = np.nan, 0.0
+        then.object_type[w, n] = recorded.object_type[objects + n]
+        for axis in range(3):
+            then.size[w, n, axis] = recorded.size[objects + n, axis]
+        if then.present[w, n]:
+            for column in range(VALID):
+                value = recorded.log[first + n, column]
+                now.motion[w, n, column], then.motion[w, n, column] = value, value
+
+
+@kernel(allocates=False)
+def schedule(slots: Int64, at: int, place: Int64, first: Int32, begins: Int32, awaits: Bool) -> tuple[bool, bool]:
+    """Let episodes begin in the next step.
+
+    Args:
+        slots: (B,) their worlds.
+        at: Timestep of the logs; -1 for the first one with a valid ego.
+        place: (W, NUM_PLACES) see ``Recorded``.
+        first: (W + 1,) first agent of each world, of the episodes before.
+        begins: (W,) see ``StepArrays``; written.
+        awaits: (W,) worlds in which an agent is absent that may still appear; written if ``at`` is -1.
+
+    Returns:
+        Whether all slots will have as many agents as before, which is known if ``at`` is -1; whether an agent of any
+        world is absent then.
+    """
+    is_same, is_due = at < 0, False
     for b in range(len(slots)):
         w = slots[b]
-        has_begun[w] = True
-        count, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, OBJECTS]
-        start = recorded.place[w, FIRST_STEP] if at < 0 else at
-        now.timestep[w], then.timestep[w] = start, start
-        for n in range(driver.shape[1]):
-            driver[w, n] = recorded.driver[objects + n] if n < count else UNDRIVEN
-            now.present[w, n], now.route[w, n, 0], now.route[w, n, 1] = False, np.nan, 0.0
-            if n < count:
-                row = recorded.log[recorded.place[w, LOG] + start * count + n]
-                now.present[w, n] = row[VALID] != 0.0 and driver[w, n] != UNDRIVEN
-                for column in range(now.motion.shape[2]):
-                    now.motion[w, n, column] = row[column]
-                for axis in range(3):
-                    now.size[w, n, axis] = recorded.size[objects + n, axis]
-                now.object_type[w, n] = recorded.object_type[objects + n]
-        copy_world(w, driver.shape[1], now, then)
+        begins[w] = place[w, FIRST_STEP] if at < 0 else at
+        is_same &= place[w, FIRST_AGENTS] == first[w + 1] - first[w]
+        if at < 0:
+            awaits[w] = place[w, LATER_AGENTS] > 0
+    for w in range(len(awaits)):
+        is_due |= awaits[w]
+    return is_same, is_due
 
 
 @kernel(allocates=False)
 def list_agents(
-    place: Int64, driver: UInt8, present: Bool, is_agent: Bool, known: Int32, rows: Int32, first: Int32
-) -> tuple[bool, bool, bool]:
+    place: Int64, driver: UInt8, present: Bool, is_agent: Bool, known: Int32, rows: Int32, first: Int32, awaits: Bool
+) -> tuple[bool, bool]:
     """List the present agents.
 
     Args:
@@ -66,27 +93,27 @@ def list_agents(
         known: (A, 2) agents as listed last.
         rows: (W * N, 2) output: world and row of each agent.
         first: (W + 1,) first agent of each world as listed last; output.
+        awaits: (W,) output: worlds in which another agent is still absent.
 
     Returns:
-        Whether another agent is still absent; whether another object is an agent than before; whether a world has
-        another number of agents than before.
+        Whether another object is an agent than before; whether a world has another number of agents than before.
     """
-    count, is_due, is_other, is_resized = 0, False, False, False
+    count, is_other, is_resized = 0, False, False
     for w in range(driver.shape[0]):
         is_resized |= first[w] != count
-        first[w] = count
+        first[w], awaits[w] = count, False
         for n in range(place[w, NUM_OBJECTS]):
             if not is_agent[driver[w, n]]:
                 continue
             if not present[w, n]:
-                is_due = True
+                awaits[w] = True
                 continue
             rows[count, 0], rows[count, 1] = w, n
             is_other |= count >= len(known) or known[count, 0] != w or known[count, 1] != n
             count += 1
     is_resized |= first[driver.shape[0]] != count
     first[driver.shape[0]] = count
-    return is_due, is_other or count != len(known), is_resized
+    return is_other or count != len(known), is_resized
 
 
 @kernel(allocates=False)
@@ -106,14 +133,3 @@ def place_among(rows: Int32, others: Int32, place: Int32) -> None:
             b += 1
         is_there = b < len(others) and others[b, 0] == rows[a, 0] and others[b, 1] == rows[a, 1]
         place[a] = b if is_there else -1
-
-
-@device_function
-def copy_world(w: int, count: int, source: StateArrays, target: StateArrays) -> None:
-    """Copy presence and routes of the objects of a world, and the motion of those that are present."""
-    for n in range(count):
-        target.present[w, n] = source.present[w, n]
-        target.route[w, n, 0], target.route[w, n, 1] = source.route[w, n, 0], source.route[w, n, 1]
-        if source.present[w, n]:
-            for column in range(VALID):
-                target.motion[w, n, column] = source.motion[w, n, column]

@@ -37,8 +37,8 @@ NUMBERS = (
 
 _COMPLETION, _LATERAL, _COST, _CRASHES, _SPEED, _MEAN_SPEED, _DISTANCE, _MEAN_DISTANCE = 4, 5, 6, 7, 10, 11, 12, 13
 _VEHICLE, _PEDESTRIAN, _CYCLIST = int(ObjectType.VEHICLE), int(ObjectType.PEDESTRIAN), int(ObjectType.CYCLIST)
-_STEPS, _SPEEDS, _LOG_STEPS, _LOG_DISTANCES = 3, 4, 5, 6  # columns of totals, after three of crashes
-NUM_TOTALS = 7
+_STEPS, _SPEEDS, _LOG_STEPS, _LOG_DISTANCES, _LAST_DISTANCE = 3, 4, 5, 6, 7  # of totals, after three of crashes
+NUM_TOTALS = 8
 _NUM_TERMS = len(TERMS)
 
 
@@ -50,8 +50,8 @@ class StepResult(NamedTuple):
             offset from it [m]; crashes that begin in this step; crashes so far with vehicles, humans and objects;
             speed now and on average [m/s]; distance from the recorded position, last known and on average [m].
         status: (A,) codes of ``Status``.
-        totals: (W, N, 7) sums over the episode, by object: crashes with vehicles, humans and objects; steps,
-            speeds; steps with a recorded position, distances from it.
+        totals: (W, N, 8) sums over the episode, by object: crashes with vehicles, humans and objects; steps,
+            speeds; steps with a recorded position, distances from it, and the last of these.
     """
 
     numbers: Float64
@@ -165,9 +165,10 @@ def score(
         apart = np.hypot(row[X] - log_row[X], row[Y] - log_row[Y])
         total[_LOG_STEPS] += 1.0
         total[_LOG_DISTANCES] += apart
-        numbers[_DISTANCE] = apart
+        total[_LAST_DISTANCE] = apart
     numbers[_COST] = begun
     for kind in range(3):
         numbers[_CRASHES + kind] = total[kind]
     numbers[_SPEED], numbers[_MEAN_SPEED] = speed, total[_SPEEDS] / total[_STEPS]
+    numbers[_DISTANCE] = total[_LAST_DISTANCE]
     numbers[_MEAN_DISTANCE] = total[_LOG_DISTANCES] / larger(total[_LOG_STEPS], 1.0)

@@ -11,6 +11,7 @@ from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.boxes import write_boxes
+from scenarionet_sim.kernels.episodes import begin_world
 from scenarionet_sim.kernels.idm import Law, drive_along_paths
 from scenarionet_sim.kernels.minmax import larger
 from scenarionet_sim.kernels.motion import FOLLOW_PATH, move_objects
@@ -19,10 +20,11 @@ from scenarionet_sim.kernels.overlap import touch
 from scenarionet_sim.kernels.paths import PathRows, locate
 from scenarionet_sim.kernels.scoring import StepResult, score
 from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, take
-from scenarionet_sim.kernels.step_arrays import DrivenArrays, StepArrays
+from scenarionet_sim.kernels.step_arrays import BEGUN, GOES_ON, DrivenArrays, StepArrays
 from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
+    EGO,
     NUM_OBJECTS,
     OBJECTS,
     Recorded,
@@ -31,7 +33,7 @@ from scenarionet_sim.kernels.structures import (
 
 MOVE, DRIVE, LOCATE, SCORE, OBSERVE, ONLY_BEGUN = (1 << bit for bit in range(6))
 """Phases of a step, in order: traffic moves; agents drive by their actions; they are located and their contacts found;
-scored; observed. ``ONLY_BEGUN``: in worlds that have just begun an episode alone."""
+scored; observed. Episodes begin before. ``ONLY_BEGUN``: in worlds that have just begun an episode alone."""
 
 
 @kernel(nogil=True, allocates=False)
@@ -63,7 +65,7 @@ def step_worlds(
         given = kept(team, (phases, substeps, numbers, arrays))
         lost, w = -1, take(team.ranges, own)
         while w >= 0:
-            _move(w, given[0], given[2][0], given[3])
+            _begin_or_move(w, given[0], given[2], given[3])
             lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
             w = take(team.ranges, own)
         turn = end(team, own, turn, lost)
@@ -93,7 +95,7 @@ def step_reactive_worlds(
         given = kept(team, (phases, substeps, numbers, arrays))
         lost, w = -1, take(team.ranges, own)
         while w >= 0:
-            _move(w, given[0], given[2][0], given[3])
+            _begin_or_move(w, given[0], given[2], given[3])
             _drive_by_idm(w, given[0], given[2][0], given[3], memory)
             lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
             w = take(team.ranges, own)
@@ -112,7 +114,7 @@ def _finish(
     """Run the phases after the traffic's in a world; return an agent that is not located on its path, or -1."""
     dt, back, ahead, is_own = numbers
     agents, recorded, then, result = arrays.agents, arrays.recorded, arrays.then, arrays.result
-    a0, a1, has_begun, lost = agents.first[w], agents.first[w + 1], arrays.has_begun[w], -1
+    a0, a1, has_begun, lost = agents.first[w], agents.first[w + 1], arrays.begins[w] == BEGUN, -1
     if phases & ONLY_BEGUN and not has_begun:
         return lost
     if phases & DRIVE and not has_begun:
@@ -131,7 +133,7 @@ def _finish(
             _find_contacts(a, w, n, num_boxes, then, agents, scratch)
     if phases & SCORE:
         if has_begun:
-            _begin(w, a0, a1, recorded.place[w, NUM_OBJECTS], agents, result)
+            _clear_scores(w, a0, a1, is_own != 0.0, arrays)
         else:
             for a in range(a0, a1):
                 _score(a, w, agents.rows[a, 1], recorded, then, agents, arrays.task, result)
@@ -147,7 +149,7 @@ def _finish(
 @device_function(forceinline=True)
 def _drive_by_idm(w: int, phases: int, dt: float, arrays: StepArrays, memory: SightMemory) -> None:
     """Write the next state of objects that follow paths by IDM."""
-    if not phases & MOVE or arrays.has_begun[w]:
+    if not phases & MOVE or arrays.begins[w] == BEGUN:
         return
     recorded, traffic = arrays.recorded, arrays.traffic
     for policy in range(len(traffic.movement)):
@@ -160,12 +162,40 @@ def _drive_by_idm(w: int, phases: int, dt: float, arrays: StepArrays, memory: Si
 
 
 @device_function(forceinline=True)
-def _move(w: int, phases: int, dt: float, arrays: StepArrays) -> None:
-    """Write the next state of all objects, which is the current one where neither log nor velocity moves them."""
-    if not phases & MOVE or arrays.has_begun[w]:
-        return
+def _begin_or_move(w: int, phases: int, numbers: tuple[float, float, float, float], arrays: StepArrays) -> None:
+    """Begin an episode, or write the next state of all objects, which is the current one of those that IDM drives."""
     recorded, now, then, traffic = arrays.recorded, arrays.now, arrays.then, arrays.traffic
-    move_objects(w, recorded, now, then, traffic.driver, traffic.movement, dt)
+    if arrays.begins[w] >= 0:
+        begin_world(w, arrays.begins[w], recorded, now, then, traffic.driver)
+        _begin_agents(w, numbers[3] != 0.0, arrays)
+        arrays.begins[w] = BEGUN
+    elif phases & MOVE and arrays.begins[w] == GOES_ON:
+        move_objects(w, recorded, now, then, traffic.driver, traffic.movement, numbers[0])
+
+
+@device_function(forceinline=True)
+def _begin_agents(w: int, is_own: bool, arrays: StepArrays) -> None:
+    """Give the agents of a world new vehicles, and list those that are present: as many as the world had before."""
+    agents, a = arrays.agents, arrays.agents.first[w]
+    for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
+        if not _is_agent(w, n, is_own, arrays):
+            continue
+        for column in range(len(arrays.new_vehicle)):
+            arrays.vehicles[w, n, column] = arrays.new_vehicle[column]
+        if not is_own:
+            agents.route[w, n, 0], agents.route[w, n, 1] = np.nan, np.nan
+        if arrays.then.present[w, n] and a < agents.first[w + 1]:
+            agents.rows[a, 1] = n
+            a += 1
+
+
+@device_function(forceinline=True)
+def _is_agent(w: int, n: int, is_own: bool, arrays: StepArrays) -> bool:
+    """Return whether an object is an agent, present or not."""
+    is_agent: bool = (
+        arrays.agents.is_agent[arrays.traffic.driver[w, n]] if is_own else n == arrays.recorded.place[w, EGO]
+    )
+    return is_agent
 
 
 @device_function(forceinline=True)
@@ -202,11 +232,13 @@ def _find_contacts(
 
 
 @device_function(forceinline=True)
-def _begin(w: int, first: int, end: int, count: int, agents: DrivenArrays, result: StepResult) -> None:
-    """Clear the scores of a world of ``count`` objects; contacts at the beginning do not count as crashes."""
-    for n in range(count):
-        for column in range(result.totals.shape[2]):
-            result.totals[w, n, column] = 0.0
+def _clear_scores(w: int, first: int, end: int, is_own: bool, arrays: StepArrays) -> None:
+    """Clear the scores of the agents of a world; contacts at the beginning do not count as crashes."""
+    agents, result = arrays.agents, arrays.result
+    for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
+        if _is_agent(w, n, is_own, arrays):
+            for column in range(result.totals.shape[2]):
+                result.totals[w, n, column] = 0.0
     for a in range(first, end):
         for column in range(result.numbers.shape[1]):
             result.numbers[a, column] = 0.0

@@ -33,6 +33,7 @@ class DrivenArrays(NamedTuple):
     """Agents of W worlds in the order of their worlds and rows.
 
     Attributes:
+        is_agent: (256,) policies whose objects are agents.
         rows: (A, 2) world and row.
         first: (W + 1,) first agent of each world.
         actions: (A, 2) steering and throttle.
@@ -41,6 +42,7 @@ class DrivenArrays(NamedTuple):
         hits: (A,) types of those objects, as bits.
     """
 
+    is_agent: Bool
     rows: Int32
     first: Int32
     actions: Float64
@@ -51,22 +53,28 @@ class DrivenArrays(NamedTuple):
     hits: npt.NDArray[np.uint32]
 
 
+BEGUN, GOES_ON = -1, -2
+"""Of a world: its episode has begun and does not move in this step; its episode goes on."""
+
+
 class StepArrays(NamedTuple):
     """What a step reads and writes.
 
     Attributes:
-        has_begun: (W,) worlds that have just begun an episode: they do not move in this step.
+        begins: (W,) timesteps of the logs at which episodes begin in this step, in worlds that do not move in it;
+            ``BEGUN`` once they have begun, and ``GOES_ON`` in other worlds.
         recorded, lines: Worlds.
         now, then: Current and next state.
         traffic: Policies.
         agents: Agents and their contacts.
         vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
+        new_vehicle: (NUM_COLUMNS,) a vehicle at the beginning of an episode; empty if the backend sets the vehicles.
         task: (12,) see ``task.task_parameters``.
         result: Scores.
         sensing: Sensors.
     """
 
-    has_begun: Bool
+    begins: Int32
     recorded: Recorded
     lines: Lines
     now: StateArrays
@@ -74,6 +82,7 @@ class StepArrays(NamedTuple):
     traffic: Traffic
     agents: DrivenArrays
     vehicles: Float64
+    new_vehicle: Float64
     task: Float64
     result: StepResult
     sensing: Sensing

@@ -31,13 +31,13 @@ class StateArrays(NamedTuple):
 
 
 (
-    NUM_OBJECTS, NUM_STEPS, EGO, FIRST_STEP, DRIVERS, OBJECTS, LOG, LIGHTS, CELLS, BLOCKS,
-) = range(10)  # fmt: skip
+    NUM_OBJECTS, NUM_STEPS, EGO, FIRST_STEP, FIRST_AGENTS, LATER_AGENTS, DRIVERS, OBJECTS, LOG, LIGHTS, CELLS, BLOCKS,
+) = range(12)  # fmt: skip
 """Columns of ``Recorded.place``: numbers of objects and timesteps; row of the ego; first timestep with a valid ego;
-policies that drive at least one object, as bits; first rows in the arrays of objects, log, light states, cells, and
-blocks of cells."""
+numbers of agents that are present then, and that are not; policies that drive at least one object, as bits; first rows
+in the arrays of objects, log, light states, cells, and blocks of cells."""
 
-NUM_PLACES = 10
+NUM_PLACES = 12
 
 
 class Recorded(NamedTuple):

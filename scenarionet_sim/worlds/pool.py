@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int64, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, UInt8
 from scenarionet_sim.kernels.log import VALID
 from scenarionet_sim.kernels.structures import (
     BLOCKS,
     CELLS,
     DRIVERS,
     EGO,
+    FIRST_AGENTS,
     FIRST_STEP,
+    LATER_AGENTS,
     LIGHTS,
     LOG,
     NUM_OBJECTS,
@@ -25,8 +27,9 @@ from scenarionet_sim.kernels.structures import (
 from scenarionet_sim.worlds.blocks import Blocks
 from scenarionet_sim.worlds.world import World
 
-Prepare = Callable[[World, Hashable], tuple[World, UInt8]]
-"""Takes a world and the policies of an episode; returns the world as these need it, and each object's policy (N,)."""
+Prepare = Callable[[World, Hashable], tuple[World, UInt8, Bool]]
+"""Takes a world and the policies of an episode; returns the world as these need it, each object's policy (N,), and
+which objects are agents (N,)."""
 
 
 @dataclass(eq=False)
@@ -117,7 +120,7 @@ class WorldPool:
                 self.kinds[kind].remove(*block)
 
     def _store(self, original: World, policies: Hashable) -> PooledWorld:
-        world, driver = self._prepare(original, policies)
+        world, driver, are_agents = self._prepare(original, policies)
         count, grid = world.num_objects, world.roads.segment_grid
         path = self.kinds["path"].put({"path": world.paths.path})
         stops = self.kinds["stops"].put({"stop_arc": world.stops.stop_arc, "stop_light": world.stops.stop_light})
@@ -149,6 +152,8 @@ class WorldPool:
         place[LIGHTS], place[CELLS], place[BLOCKS] = blocks["lights"][0], blocks["cells"][0], blocks["blocks"][0]
         self.arrays = {name: array for kind in self.kinds.values() for name, array in kind.arrays.items()}
         self.max_objects = max(self.max_objects, count)
+        are_present = world.log[place[FIRST_STEP], :, VALID] != 0
+        place[FIRST_AGENTS], place[LATER_AGENTS] = (are_agents & are_present).sum(), (are_agents & ~are_present).sum()
         pooled = PooledWorld((original, policies), world, place, grid.frame, blocks)
         self._worlds[pooled.name] = pooled
         return pooled

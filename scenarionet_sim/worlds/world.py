@@ -110,7 +110,7 @@ class World:
 
     @classmethod
     def from_scenario(cls, scenario: ScenarioDescription, dt: float = STEP) -> World:
-        """Convert a scenario.
+        """Convert a scenario; no array of the world shares its memory, which is that of all its tracks.
 
         Args:
             scenario: The scenario.
@@ -126,7 +126,7 @@ class World:
             dt=dt,
             ego=scenario.ego_index,
             track_ids=tracks.ids,
-            object_type=tracks.object_type,
+            object_type=tracks.object_type.copy(),
             size=median_sizes(tracks.size, tracks.valid),
             log=log,
             top_speed=np.hypot(log[..., VX], log[..., VX + 1]).max(axis=0),
@@ -134,7 +134,7 @@ class World:
             stops=Stops.on(paths, lane, stop, roads),
             light_lane=lane,
             light_stop=stop,
-            light_state=scenario.lights.state,
+            light_state=scenario.lights.state.copy(),
             roads=roads,
             extents=extents,
             heights=Heights.from_map(scenario.map, _ground_level(log, tracks)) if scenario.has_z else None,

@@ -13,14 +13,14 @@ from scenarionet_sim.worlds.pool import PooledWorld, WorldPool
 from scenarionet_sim.worlds.world import World
 
 if TYPE_CHECKING:
-    from scenarionet_data.arrays.dtypes import UInt8
+    from scenarionet_data.arrays.dtypes import Bool, UInt8
     from scenarionet_sim.worlds.pool import Prepare
 
 
-def as_recorded(world: World, policies: Hashable) -> tuple[World, UInt8]:
-    """Return a world unchanged, with the first policy for every object."""
+def as_recorded(world: World, policies: Hashable) -> tuple[World, UInt8, Bool]:
+    """Return a world unchanged, with the first policy for every object, and no agent."""
     del policies
-    return world, np.zeros(world.num_objects, np.uint8)
+    return world, np.zeros(world.num_objects, np.uint8), np.zeros(world.num_objects, np.bool_)
 
 
 class WorldBatch:
@@ -75,13 +75,14 @@ class WorldBatch:
         """(W,) row of each ego."""
         return self.place[:, EGO]
 
-    def replace(self, slot: int, world: World | None, policies: Hashable = None) -> None:
-        """Put a world into a slot, or the same again, for an episode with some policies."""
-        old = self._slots[slot]
-        self._slots[slot] = new = self.pool.claim(old.key[0] if world is None else world, policies)
-        self.worlds[slot] = new.world
-        self.place[slot], self._frame[slot] = new.place, new.frame
-        self.pool.release(old)
+    def replace(self, slots: Sequence[int], worlds: Sequence[World | None], policies: Hashable = None) -> None:
+        """Put worlds into slots, or for None the same again, for episodes with some policies."""
+        for slot, world in zip(slots, worlds, strict=True):
+            old = self._slots[slot]
+            self._slots[slot] = new = self.pool.claim(old.key[0] if world is None else world, policies)
+            self.worlds[slot] = new.world
+            self.place[slot], self._frame[slot] = new.place, new.frame
+            self.pool.release(old)
         if self.pool.arrays is not self._arrays:
             self._collect()
 

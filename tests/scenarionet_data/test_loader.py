@@ -55,6 +55,32 @@ def lake(tmp_path_factory):
     return write_lake(root, [made(seed) for seed in range(6, COUNT)], name="b")
 
 
+def test_scenarios_keep_their_values_while_others_are_loaded(tmp_path):
+    """Their memory is used again, but not while anything refers to it."""
+    scenarios = [make_scenario(seed, num_objects=30, num_steps=60, num_lights=3) for seed in range(4)]
+    loader = ScenarioLoader(write_lake(tmp_path, scenarios))
+    expected = {scenario.id: scenario for scenario in scenarios}
+    rng, kept = random.Random(0), []
+    for _ in range(300):
+        scenario = loader[rng.randrange(4)]
+        whole = expected[scenario.id]
+        chosen = rng.choice(
+            [
+                (scenario, whole),
+                (scenario.tracks, whole.tracks),
+                (scenario.tracks.position[3:, :, 1], whole.tracks.position[3:, :, 1]),
+                (scenario.map.polyline.values[::2], whole.map.polyline.values[::2]),
+                None,
+            ]
+        )
+        kept += [chosen] if chosen else []
+        del scenario, chosen
+        if len(kept) > 20:
+            del kept[rng.randrange(len(kept))]
+    assert len(kept) == 20
+    assert [differences(found, wanted) for found, wanted in kept] == [[]] * len(kept)
+
+
 def seeds(scenarios):
     return [int(scenario.source.scenario_id[1:]) for scenario in scenarios]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from scenarionet_data import codec
 from scenarionet_data.arrays.dtypes import Float64, Int64
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.packed_columns import from_arrow, offsets_of
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import meets
@@ -24,6 +25,8 @@ from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 _MAX_MAPS = 4
+_NUMBERS = ("feature_type", "speed_limit", "is_intersection")
+"""Fields of map features with one number each."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +54,27 @@ class SharedMap:
         min_x, min_y, max_x, max_y = np.asarray(window) + corner
         rows = np.flatnonzero(meets(self.bounds, (min_x, min_y, max_x, max_y)))
         shift = self.origins[rows] - origin
-        line, outline = (_moved(points, rows, shift) for points in (self.features.polyline, self.features.polygon))
-        return replace(self._without_points.take(rows), polyline=line, polygon=outline)
+        values: dict[str, Any] = {name: getattr(self.features, name)[rows] for name in _NUMBERS}
+        values["width"] = self.features.width.take(rows)
+        for name in ("polyline", "polygon"):
+            values[name] = _moved(getattr(self.features, name), rows, shift)
+        return MapFeatures.read(values, _Chosen(self.features, rows))
 
-    @cached_property
-    def _without_points(self) -> MapFeatures:
-        none = Ragged.empty(len(self.features), 3)
-        return replace(self.features, polyline=none, polygon=none)
+
+class _Chosen:
+    """Fields of some features, of which only those are taken that are read: most of them are texts.
+
+    Args:
+        features: All features.
+        rows: (n,) int64 the chosen ones.
+    """
+
+    def __init__(self, features: MapFeatures, rows: Int64) -> None:
+        self._features, self._rows = features, rows
+
+    def __getitem__(self, field: str) -> Any:
+        values = getattr(self._features, field)
+        return values.take(self._rows) if isinstance(values, Ragged) else values[self._rows]
 
 
 class MapCache:
@@ -112,7 +129,7 @@ def _read(files: LakeFiles, name: str) -> SharedMap:
     boxes = [rows.column(name).to_numpy(zero_copy_only=False) for name in ("min_x", "min_y", "max_x", "max_y")]
     bounds = np.column_stack(boxes).astype(np.float64) + origins[:, [0, 1, 0, 1]]
     columns = from_arrow(rows, codec.LAYOUTS["maps"])
-    (features,) = codec.decode_maps(codec.ScenarioColumns(columns, [0, rows.num_rows]))
+    (features,) = codec.decode_maps(codec.ScenarioColumns(columns, [0, rows.num_rows], Memory(0)))
     return SharedMap(features, origins, bounds)
 
 

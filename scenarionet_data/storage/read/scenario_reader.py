@@ -51,7 +51,7 @@ class ScenarioReader:
     ) -> None:
         self._files = files
         self._snapshot = snapshot
-        self.memory = Memory()
+        self.memory, self._decoded = Memory(), Memory()
         self._readers = {
             table: ColumnReader(_layout(table, with_ids, columns), self.memory) for table in columns or TABLES
         }
@@ -91,33 +91,38 @@ class ScenarioReader:
             SchemaMismatch: A file has a schema version that cannot be read.
         """
         self.prefetch(metadata, wanted)
-        with snapshots.reading_from(self._files, self._snapshot):
+        try:
             return {table: self._read_table(table, metadata) for table in wanted}
+        except LakeError as error:
+            snapshots.check_expired(self._files, self._snapshot, error)
+            raise
 
     def _read_table(self, table: str, metadata: Sequence[Mapping[str, Any]]) -> ScenarioColumns | None:
         file, row_group, first_row, num_rows = _ADDRESS[table]
-        places = []
+        places, bounds, total = [], [0], 0
         for row in metadata:
             if row[file]:
                 places.append((RowGroupAddress(table, row[file], row[row_group]), row[first_row], row[num_rows]))
+            total += row[num_rows] or 0
+            bounds.append(total)
         if not places:
             return None
         starts, columns = self._row_groups_of(table, places)
-        spans, are_adjacent, end = [], True, starts[places[0][0]] + places[0][1]
+        spans: list[tuple[int, int]] = []
+        are_adjacent, end = True, 0
         for address, first, count in places:
             start = starts[address] + first
             if first < 0 or count < 0 or start + count > columns.num_rows:
                 raise LakeError("a file has fewer rows than its metadata; `scenarionet fsck` names it and the remedy")
-            are_adjacent &= start == end
+            are_adjacent &= not spans or start == end
             spans.append((start, count))
             end = start + count
         begin = spans[0][0]
         if not are_adjacent:
-            columns, begin = pick(columns, spans), 0
-        bounds = [begin]
-        for row in metadata:
-            bounds.append(bounds[-1] + (row[num_rows] or 0))
-        return ScenarioColumns(columns, bounds)
+            columns = pick(columns, spans)
+        elif begin:
+            bounds = [begin + bound for bound in bounds]
+        return ScenarioColumns(columns, bounds, self._decoded)
 
     def _row_groups_of(
         self, table: str, places: Sequence[tuple[RowGroupAddress, int, int]]

@@ -204,8 +204,13 @@ def reading_from(files: LakeFiles, snapshot: Snapshot) -> Iterator[None]:
     try:
         yield
     except LakeError as error:
-        if isinstance(error, NoSuchSnapshot) or has(files, snapshot):
-            raise
+        check_expired(files, snapshot, error)
+        raise
+
+
+def check_expired(files: LakeFiles, snapshot: Snapshot, error: LakeError) -> None:
+    """Raise NoSuchSnapshot if an error is due to an expired snapshot; see :func:`reading_from`."""
+    if not isinstance(error, NoSuchSnapshot) and not has(files, snapshot):
         raise NoSuchSnapshot(
             f"{files.root}: snapshot {snapshot.number} has expired while it was read (`scenarionet vacuum`); open the "
             "lake again: its newest snapshot holds what has been compacted or replaced since"

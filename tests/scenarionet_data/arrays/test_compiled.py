@@ -148,7 +148,7 @@ def test_compilation_is_announced_once_per_group(monkeypatch):
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setattr(compiled, "_announced", set())
-    for module in ("scenarionet_sim.kernels.rays", "scenarionet_sim.task.task", "scenarionet_data.codec.kernels"):
+    for module in ("scenarionet_sim.kernels.rays", "scenarionet_sim.task.task", "scenarionet_data.codec.track_kernels"):
         compiled._announce(module)
     with compiled.silent():
         compiled._announce("scenarionet_data.procedural.drive")

@@ -62,6 +62,26 @@ def test_blocks_of_other_sizes_make_room():
     assert memory.num_bytes == 2**16 and len({array.ctypes.data for array in held}) == 9
 
 
+def test_many_arrays_are_made_of_the_same_memory():
+    memory = Memory()
+    for _ in range(3):
+        arrays = [memory.empty(2**14, np.uint8) for _ in range(64)]
+        assert len({array.ctypes.data for array in arrays}) == 64
+        del arrays
+    assert memory.num_bytes == 64 * 2**14
+
+
+def test_room_is_found_some_time_after_arrays_were_dropped():
+    memory = Memory(limit=2**16)
+    in_use = [memory.empty(2**14, np.uint8) for _ in range(4)]
+    refused = [memory.empty(2**15, np.uint8) for _ in range(2)]
+    assert memory.num_bytes == 2**16 and len({array.ctypes.data for array in in_use + refused}) == 6
+    del in_use
+    for _ in range(4):
+        memory.empty(2**15, np.uint8)
+    assert memory.num_bytes == 2**15
+
+
 def test_scratch_is_the_same_until_more_is_needed():
     memory = Memory()
     small = memory.scratch(100)

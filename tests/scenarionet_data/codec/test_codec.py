@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data import codec
+from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.packed_columns import from_arrow
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import LakeError
@@ -107,7 +108,8 @@ def test_slice_of_many_rows_is_decoded(row_groups):
     first = sum(e.tracks.num_rows for e in encoded[:-1])
     rows = together.slice(first, encoded[-1].tracks.num_rows).to_batches()[0]
     columns = from_arrow(rows, codec.LAYOUTS["tracks"])
-    (tracks,) = codec.decode_tracks(codec.ScenarioColumns(columns, [0, rows.num_rows]), [scenarios[-1].num_timesteps])
+    decoded = codec.ScenarioColumns(columns, [0, rows.num_rows], Memory(0))
+    (tracks,) = codec.decode_tracks(decoded, [scenarios[-1].num_timesteps])
     assert differences(tracks, scenarios[-1].tracks) == []
     assert np.array_equal(tracks.valid, scenarios[-1].tracks.valid)
 

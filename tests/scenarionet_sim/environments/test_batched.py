@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.backends.fleet import Fleet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.policies import External, Idm, Replay, vehicles
 from scenarionet_sim.scenarios import Scenarios
-from scenarionet_sim.sensors import Lidar, LightAhead, Navigation, Surrounding
+from scenarionet_sim.sensors import BirdView, Lidar, LightAhead, Navigation, Surrounding
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario
@@ -34,8 +35,8 @@ def worlds() -> list[World]:
     return [World.from_scenario(scenario) for scenario in (*drives, make_scenario(1), make_scenario(2))]
 
 
-def make(form="flat", policies=ALL_DRIVE, sensors=SENSORS, threads=1):
-    config = EnvConfig(Scenarios("."), policies, Kinematic(), sensors=sensors)
+def make(form="flat", policies=ALL_DRIVE, sensors=SENSORS, threads=1, backend=None):
+    config = EnvConfig(Scenarios("."), policies, backend or Kinematic(), sensors=sensors)
     return BatchedEnvironment(config, Observation(sensors, form), worlds(), threads), Observation(sensors, form)
 
 
@@ -60,26 +61,35 @@ def test_compiled_sensors_observe_as_sensors_do(form):
             np.testing.assert_array_equal(found[name], wanted[name])
 
 
-def test_episode_that_begins_in_a_step_is_that_of_a_reset():
+@pytest.mark.parametrize(
+    ("policies", "backend", "sensors"),
+    [
+        ((Replay(), Idm(), External()), Kinematic(), SENSORS),
+        ((Replay(), Idm()), Kinematic(), SENSORS),
+        (ALL_DRIVE, Kinematic(), SENSORS),
+        (ALL_DRIVE, Kinematic(Fleet()), SENSORS),
+        ((Replay(), External()), Kinematic(), (*SENSORS[:-1], BirdView(16, 32.0, history=3), SENSORS[-1])),
+    ],
+    ids=["ego", "passenger", "vehicles", "fleet", "history"],
+)
+def test_episode_that_begins_in_a_step_is_that_of_a_reset(policies, backend, sensors):
     """Its world sits the step out; the others are not affected."""
-    policies = (Replay(), Idm(), External())
-    (core, _), (alone, _), (others, _) = (make(policies=policies) for _ in range(3))
-    actions = np.full((4, 2), 0.3)
+    core, alone, others = (make("dict", policies, sensors, backend=backend)[0] for _ in range(3))
     for env in (core, others):
         for _ in range(7):
-            env.step(actions)
-    core.begin_in_step([1, 3], [worlds()[0], worlds()[2]])
-    alone.begin([1, 3], [worlds()[0], worlds()[2]])
-    begun, rng = [1, 3], np.random.default_rng
+            env.step(np.full((len(env.agents), 2), 0.3))
+    core.begin_in_step([1, 3], [worlds()[2], worlds()[0]])
+    alone.begin([1, 3], [worlds()[2], worlds()[0]])
     for step in range(3):
-        core.step(actions)
-        others.step(actions)
-        if step:
-            alone.step(actions)
-        seen, first, rest = (env.observe(rng(0)) for env in (core, alone, others))
-        exact = slice(0, -20)  # without noise
-        np.testing.assert_array_equal(seen[begun, exact], first[begun, exact])
-        np.testing.assert_array_equal(seen[[0, 2], exact], rest[[0, 2], exact])
-        np.testing.assert_array_equal(core.numbers[begun], alone.numbers[begun])
-        np.testing.assert_array_equal(core.numbers[[0, 2]], others.numbers[[0, 2]])
+        for env in (core, others, alone) if step else (core, others):
+            env.step(np.full((len(env.agents), 2), 0.3))
+        for slot, env in ((0, others), (1, alone), (2, others), (3, alone)):
+            (here,), (wanted,) = (np.nonzero(other.agents[:, 0] == slot) for other in (core, env))
+            assert len(here)
+            np.testing.assert_array_equal(core.agents[here], env.agents[wanted])
+            np.testing.assert_array_equal(core.numbers[here], env.numbers[wanted])
+            np.testing.assert_array_equal(core.contacts[here], env.contacts[wanted])
+            seen, expected = (other.observe(np.random.default_rng(0)) for other in (core, env))
+            for name in list(seen)[:-1]:  # without noise
+                np.testing.assert_array_equal(seen[name][here], expected[name][wanted], name)
     assert core.simulation.state.timestep.tolist() == [10, 2, 10, 2]

@@ -96,8 +96,8 @@ def test_slots_share_a_world():
     np.testing.assert_array_equal(batch.place[0], batch.place[2])
     log = batch.recorded.log
     for _ in range(10):
-        batch.replace(1, small())
-        batch.replace(1, middle())
+        batch.replace([1], [small()])
+        batch.replace([1], [middle()])
     assert batch.recorded.log is log
 
 
@@ -108,7 +108,7 @@ def test_worlds_come_and_go_without_a_trace():
     sizes = []
     for _ in range(60):
         slot, world = int(rng.integers(2)), worlds[rng.integers(4)]
-        batch.replace(slot, world)
+        batch.replace([slot], [world])
         playing[slot] = world
         for number, expected in enumerate(playing):
             check(batch, number, expected)

@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import zstandard
 
-from scenarionet_data.arrays.columns import ColumnBlock, ColumnLayout, Columns
+from scenarionet_data.arrays.columns import FIRST, SIZE, ColumnBlock, ColumnLayout, Columns
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
@@ -53,6 +53,7 @@ class ColumnReader:
         self._left_to_arrow = compile_after
         self._memory = memory or Memory()
         self._levels = np.empty((4, 0), np.uint8)
+        self._pages = np.zeros((len(layout.columns), pages.NUM_PAGE_FIELDS), np.int64)
 
     def footer(self, url: str, metadata: pq.FileMetaData, *, has_checksums: bool = False) -> Footer:
         """Locate the columns in a file.
@@ -73,9 +74,11 @@ class ColumnReader:
         Raises:
             UnreadableFile: A page is damaged.
         """
-        if self._left_to_arrow > 0 and not is_compiled():
-            self._left_to_arrow -= len(groups)
-            return read_by_arrow(groups, self._layout)
+        if self._left_to_arrow > 0:
+            if not is_compiled():
+                self._left_to_arrow -= len(groups)
+                return read_by_arrow(groups, self._layout)
+            self._left_to_arrow = 0  # asking takes 5 us
         try:
             found = self._read(groups)
         except _Damaged as error:
@@ -87,50 +90,42 @@ class ColumnReader:
 
     def _read(self, groups: Sequence[RowGroup]) -> Columns | None:
         """Read with the kernels; None if there is something that they do not know."""
-        stored = [group.footer.stored(group.number) for group in groups]
-        for each in stored:
+        stored, largest, size = [], 0, 0
+        for group in groups:
+            each = group.footer.stored(group.number)
             if not each.can_decode:
                 return None
-        scratch, levels = self._scratch(stored)
+            stored.append(each)
+            largest, size = max(largest, each.largest), max(size, each.scratch)
+        if largest > self._levels.shape[1]:
+            self._levels = np.empty((4, largest), np.uint8)
         reserved = groups[0].footer.reserve(groups[0].number) if len(groups) == 1 else self._reserved(stored)
-        plan, out = reserved.columns.copy(), reserved.block(self._memory)
-        count, row = len(plan), 0
+        scratch, levels, found = self._memory.scratch(size), self._levels, self._pages
+        out, read, count, row = reserved.block(self._memory), unchecked(read_row_group), len(found), 0
         words: dict[str, tuple[str, ...]] = {}
-        for group, (chunks, num_rows, *_) in zip(groups, stored, strict=True):
-            found = np.zeros((count, pages.NUM_PAGE_FIELDS), np.int64)
-            arguments = group.content, group.base, chunks, scratch, levels, found, plan, row, num_rows, out
-            done = unchecked(read_row_group)(*arguments, False)
+        for (_, _, content, base), (chunks, num_rows, *_) in zip(groups, stored, strict=True):
+            done = read(content, base, chunks, scratch, levels, found, row, num_rows, out, False)
             if done > count:
-                self._decompress(group, found, scratch)
-                done = unchecked(read_row_group)(*arguments, True)
+                self._decompress(content, scratch)
+                done = read(content, base, chunks, scratch, levels, found, row, num_rows, out, True)
             if done == UNKNOWN:
                 return None
             if done < count:
                 raise self._damaged(done)
-            self._add_words(found, num_rows, out, words)
+            self._add_words(row, num_rows, out, words)
             row += num_rows
         return Columns(row, self._layout, out, words)
-
-    def _scratch(self, stored: Sequence[StoredGroup]) -> tuple[Array, Array]:
-        """Memory for pages, and for the levels of one of each shape."""
-        largest, size = 0, 0
-        for group in stored:
-            largest, size = max(largest, group.largest), max(size, group.scratch)
-        if largest > self._levels.shape[1]:
-            self._levels = np.empty((4, largest), np.uint8)
-        return self._memory.scratch(size), self._levels
 
     def _reserved(self, stored: Sequence[StoredGroup]) -> Reservation:
         """Places in memory of the values of several row groups."""
         chunks = np.sum([each.chunks for each in stored], axis=0)
         return Reservation.of(self._layout, chunks, sum([each.num_rows for each in stored]))
 
-    def _decompress(self, group: RowGroup, found: Array, scratch: Array) -> None:
+    def _decompress(self, content: Array, scratch: Array) -> None:
         """Decompress the pages in zstd to their places."""
-        content, target = group.content.data, scratch.data
-        for column in np.flatnonzero(found[:, pages.STORED_END]).tolist():
-            start, stop, first, last = found[column, _POSITIONS].tolist()
-            if not self._fills(content[first:last], target[start:stop]):
+        for column in np.flatnonzero(self._pages[:, pages.STORED_END]).tolist():
+            start, stop, first, last = self._pages[column, _POSITIONS].tolist()
+            if not self._fills(content.data[first:last], scratch.data[start:stop]):
                 raise self._damaged(column)
 
     def _fills(self, stored: memoryview, target: memoryview) -> bool:
@@ -143,17 +138,26 @@ class ColumnReader:
             return False
         return True
 
-    def _add_words(self, found: Array, num_rows: int, out: ColumnBlock, words: dict[str, tuple[str, ...]]) -> None:
-        """Add the dictionaries of a row group's pages; its indices become those in all words."""
+    def _add_words(self, row: int, num_rows: int, out: ColumnBlock, words: dict[str, tuple[str, ...]]) -> None:
+        """Add the dictionaries of a row group's pages; its indices become those in all words.
+
+        Args:
+            row: First row of the row group.
+            num_rows: Its number of rows.
+            out: The values, those of the row group last.
+            words: Words of each column, extended.
+        """
+        found = self._pages
         for name, place in self._dictionaries:
             first, size = found.item(place, pages.WORDS_PLACE), found.item(place, pages.WORDS_SIZE)
-            added = _words(out.text[first : first + size].tobytes())
-            known = words.setdefault(name, added)
-            if known != added:
-                end = out.firsts.item(place) + out.counts.item(place)
-                is_list = self._layout.are_lists[place]
-                start = end - (found.item(place, pages.COUNT) if is_list else num_rows)
-                indices = out.words[start:end].view(np.int32)
+            added = _words(out.memory[first : first + size].tobytes())
+            if not row:
+                words[name] = added
+            elif words[name] != added:
+                known = words[name]
+                end = out.columns.item(place, FIRST) + out.columns.item(place, SIZE)
+                start = end - (found.item(place, pages.COUNT) if self._layout.are_lists[place] else num_rows)
+                indices = out.memory[4 * start : 4 * end].view(np.int32)
                 indices[indices >= 0] += len(known)
                 words[name] = known + added
 

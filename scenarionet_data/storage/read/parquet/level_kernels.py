@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from scenarionet_data.arrays.columns import LIST, NULLABLE
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.byte_kernels import double_at, trailing_zeros, word_at
@@ -17,8 +18,6 @@ from scenarionet_data.storage.read.parquet.page_kernels import (
     COUNT,
     END,
     LEVELS,
-    LIST,
-    NULLABLE,
     START,
     VALUES,
 )

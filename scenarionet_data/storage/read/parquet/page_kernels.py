@@ -44,9 +44,6 @@ PLAIN, BYTE_STREAM_SPLIT, INDICES = 0, 9, 8
 SPARE = 4
 """Bytes allocated after the pages, because a 4-byte word may start at a page's last byte."""
 
-# Shapes of a column.
-NULLABLE, LIST = 1, 2
-
 
 @device_function
 def load_page(data: Array, base: int, chunk: Array, page: Array, scratch: Array, at: int, words: Array) -> int:

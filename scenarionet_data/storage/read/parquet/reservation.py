@@ -2,32 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from scenarionet_data.arrays.columns import BITS, INDICES, TEXTS, ColumnBlock, ColumnLayout
-from scenarionet_data.arrays.dtypes import Array, Int64
+from scenarionet_data.arrays.columns import (
+    BITS,
+    FIRST,
+    FIRST_BYTE,
+    INDICES,
+    KIND,
+    LAST_BYTE,
+    LENGTHS,
+    LIST,
+    NULLABLE,
+    NUM_COLUMN_FIELDS,
+    OFFSETS,
+    ROOM,
+    SHAPE,
+    TEXTS,
+    ColumnBlock,
+    ColumnLayout,
+)
+from scenarionet_data.arrays.dtypes import Bool, Int64
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.storage.read.parquet import page_kernels as pages
-from scenarionet_data.storage.read.parquet import value_kernels as values
+
+_WIDEST = 8
+"""Bytes of the widest elements."""
 
 
 class Reservation(NamedTuple):
     """Places of the values of C columns.
 
     Attributes:
-        columns: (C, NUM_COLUMN_FIELDS) int64 the columns for kernels, see ``value_kernels``.
-        firsts: (C,) int64, see ``ColumnBlock``.
-        size: Bytes of memory.
-        arrays: Shape, dtype and place in memory of each array of values.
+        columns: (C, NUM_COLUMN_FIELDS) int64, see ``ColumnBlock``; without any values yet.
+        size: Bytes of memory, a multiple of all widths.
     """
 
     columns: Int64
-    firsts: Int64
     size: int
-    arrays: Sequence[tuple[tuple[int, ...], type[np.generic], int]]
 
     @classmethod
     def of(cls, layout: ColumnLayout, chunks: Int64, num_rows: int) -> Self:
@@ -38,37 +52,55 @@ class Reservation(NamedTuple):
             chunks: (C, NUM_CHUNK_FIELDS) sum over the row groups, see ``page_kernels``.
             num_rows: Rows of them all.
         """
-        kinds = np.array(layout.kinds)
-        shapes = [pages.LIST * column.is_list + pages.NULLABLE * column.nullable for column in layout.columns]
-        columns, firsts = np.zeros((len(kinds), values.NUM_COLUMN_FIELDS), np.int64), np.zeros(len(kinds), np.int64)
+        shape = layout.derived.get(cls)
+        if shape is None:
+            shape = layout.derived[cls] = _Shape.of(layout)
+        columns, order, count = shape.columns.copy(), shape.order, len(layout.columns)
         room = np.where(layout.are_lists, chunks[:, pages.CHUNK_ROOM], num_rows)
-        sizes = np.where((kinds == TEXTS) | (kinds == INDICES), chunks[:, pages.CHUNK_SIZE], 0)
-        last_bytes = np.cumsum(sizes)
-        columns[:] = np.column_stack([shapes, kinds, room, last_bytes - sizes, last_bytes])
-        totals = []
-        for stored in (kinds == TEXTS, kinds == BITS, (kinds != TEXTS) & (kinds != BITS)):
-            counts = room[stored] + (kinds[stored] == TEXTS)  # of texts, the start of the first one as well
-            firsts[stored] = np.cumsum(counts) - counts
-            totals.append(int(counts.sum()))
-        num_ends, num_bits, num_words = totals
-        lists = 8 * num_ends  # the widest values first, so that all are aligned
-        words = lists + 4 * 2 * len(kinds) * (num_rows + 1)
-        bits = words + 4 * num_words
-        text = bits + num_bits
-        num_bytes = int(last_bytes[-1]) if len(kinds) else 0
-        arrays = (
-            ((2, len(kinds), num_rows + 1), np.int32, lists),
-            ((num_words,), np.uint32, words),
-            ((num_words,), np.float32, words),
-            ((num_bits,), np.int8, bits),
-            ((num_ends,), np.int64, 0),
-            ((num_bytes,), np.uint8, text),
-        )
-        return cls(columns, firsts, text + num_bytes, arrays)
+        lengths = (2 * num_rows + 1) * np.arange(count)
+        sizes = shape.widths * (room + shape.are_texts)  # of texts, the start of the first one as well
+        start = _aligned(4 * (2 * num_rows + 1) * count)
+        ends, num_bytes = start + sizes[order].cumsum(), shape.have_bytes * chunks[:, pages.CHUNK_SIZE]
+        first_bytes = start + int(sizes.sum()) + num_bytes.cumsum() - num_bytes
+        columns[:, LENGTHS], columns[:, OFFSETS], columns[:, ROOM] = lengths, lengths + num_rows, room
+        columns[order, FIRST] = (ends - sizes[order]) // shape.widths[order]
+        columns[:, FIRST_BYTE], columns[:, LAST_BYTE] = first_bytes, first_bytes + num_bytes
+        return cls(columns, _aligned(start + int(sizes.sum()) + int(num_bytes.sum())))
 
     def block(self, memory: Memory) -> ColumnBlock:
-        """Memory for the values, without any yet."""
-        whole = memory.bytes(self.size)
-        lists, *others = [np.ndarray(shape, kind, whole, at) for shape, kind, at in self.arrays]
-        counts: Array = np.zeros(len(self.firsts), np.int64)
-        return ColumnBlock(lists, self.firsts, counts, *others)
+        """Memory for the values."""
+        return ColumnBlock(self.columns.copy(), memory.bytes(self.size))
+
+
+class _Shape(NamedTuple):
+    """What reservations of a layout have in common.
+
+    Attributes:
+        columns: (C, NUM_COLUMN_FIELDS) int64 with SHAPE and KIND.
+        widths: (C,) int64 bytes of a value.
+        are_texts: (C,) bool.
+        have_bytes: (C,) bool whether there are bytes of texts or dictionaries.
+        order: (C,) int64 the columns, those of wide values first, so that all are aligned.
+    """
+
+    columns: Int64
+    widths: Int64
+    are_texts: Bool
+    have_bytes: Bool
+    order: Int64
+
+    @classmethod
+    def of(cls, layout: ColumnLayout) -> Self:
+        """Those of a layout."""
+        kinds = np.array(layout.kinds, np.int64)
+        columns = np.zeros((len(kinds), NUM_COLUMN_FIELDS), np.int64)
+        columns[:, SHAPE] = [LIST * column.is_list + NULLABLE * column.nullable for column in layout.columns]
+        columns[:, KIND] = kinds
+        are_texts = kinds == TEXTS
+        widths = np.where(are_texts, _WIDEST, np.where(kinds == BITS, 1, 4))
+        return cls(columns, widths, are_texts, are_texts | (kinds == INDICES), np.argsort(-widths, kind="stable"))
+
+
+def _aligned(size: int) -> int:
+    """The next multiple of the width of the widest elements."""
+    return -(-size // _WIDEST) * _WIDEST

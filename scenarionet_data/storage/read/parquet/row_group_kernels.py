@@ -6,7 +6,7 @@ decompressed between two calls. The kernels release the interpreter lock, so tha
 
 from __future__ import annotations
 
-from scenarionet_data.arrays.columns import ColumnBlock
+from scenarionet_data.arrays.columns import FIRST_BYTE, LAST_BYTE, ColumnBlock
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.page_kernels import (
@@ -23,8 +23,6 @@ from scenarionet_data.storage.read.parquet.page_kernels import (
 )
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 from scenarionet_data.storage.read.parquet.value_kernels import (
-    FIRST_BYTE,
-    LAST_BYTE,
     count_words,
     decode_page,
     fill_nulls,
@@ -44,7 +42,6 @@ def read_row_group(
     scratch: Array,
     levels: Array,
     pages: Array,
-    columns: Array,
     row: int,
     num_rows: int,
     out: ColumnBlock,
@@ -60,8 +57,7 @@ def read_row_group(
         chunks: (C, NUM_CHUNK_FIELDS) int64, see CHUNK_START; zeros for a column that the file lacks.
         scratch: uint8 memory for decompressed pages, see ``Footer.size``.
         levels: (4, m) uint8 memory for the levels of a page.
-        pages: (C, NUM_PAGE_FIELDS) int64 zeros, filled.
-        columns: (C, NUM_COLUMN_FIELDS) int64, see ``Reservation``.
+        pages: (C, NUM_PAGE_FIELDS) int64, filled.
         row: First row of the row group.
         num_rows: Its number of rows.
         out: Filled.
@@ -73,27 +69,29 @@ def read_row_group(
     """
     at, stored = 0, 0
     for column in range(len(pages)):
-        page = pages[column]
+        page, described = pages[column], out.columns[column]
         if is_decompressed:
             if page[STORED_END] == 0:
                 page[VALUES] = 0  # its levels are not the last ones any more
                 continue
         else:
+            for field in range(len(page)):
+                page[field] = 0
             if chunks[column, CHUNK_END] == 0:
-                fill_nulls(columns, column, row, num_rows, out)
+                fill_nulls(column, row, num_rows, out)
                 continue
-            words = out.text[columns[column, FIRST_BYTE] : columns[column, LAST_BYTE]]
+            words = out.memory[described[FIRST_BYTE] : described[LAST_BYTE]]
             page[START] = load_page(data, base, chunks[column], page, scratch, at, words)
             if page[START] == UNKNOWN:
                 return UNKNOWN
             if page[START] == DAMAGED:
                 return column
             if page[WORDS_SIZE]:
-                page[WORDS_PLACE], page[NUM_WORDS] = columns[column, FIRST_BYTE], count_words(words[: page[WORDS_SIZE]])
-                columns[column, FIRST_BYTE] += page[WORDS_SIZE]
+                page[WORDS_PLACE], page[NUM_WORDS] = described[FIRST_BYTE], count_words(words[: page[WORDS_SIZE]])
+                described[FIRST_BYTE] += page[WORDS_SIZE]
             if page[STORED_END]:
                 at, stored = page[END], stored + 1
                 continue
-        if not decode_page(scratch, levels, pages, columns, column, row, num_rows, out):
+        if not decode_page(scratch, levels, pages, column, row, num_rows, out):
             return column
     return len(pages) + stored

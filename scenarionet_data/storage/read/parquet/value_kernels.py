@@ -10,7 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.columns import BITS, INDICES, TEXTS, WORDS, ColumnBlock
+from scenarionet_data.arrays.byte_views import as_int32, as_int64
+from scenarionet_data.arrays.columns import (
+    BITS,
+    FIRST,
+    FIRST_BYTE,
+    INDICES,
+    KIND,
+    LAST_BYTE,
+    LENGTHS,
+    LIST,
+    OFFSETS,
+    ROOM,
+    SHAPE,
+    SIZE,
+    TEXTS,
+    WORDS,
+    ColumnBlock,
+)
 from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.storage.read.parquet.byte_kernels import byte_at, word_at
@@ -20,7 +37,6 @@ from scenarionet_data.storage.read.parquet.page_kernels import (
     COUNT,
     ENCODING,
     END,
-    LIST,
     NUM_WORDS,
     START,
     VALUES,
@@ -28,25 +44,13 @@ from scenarionet_data.storage.read.parquet.page_kernels import (
 from scenarionet_data.storage.read.parquet.text_kernels import copy_text
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN, count_at
 
-# Columns of an array of columns: LIST and NULLABLE, kind of the values, how many there is room for, and first and last
-# place of the bytes of texts and dictionaries.
-NUM_COLUMN_FIELDS = 5
-SHAPE, KIND, ROOM, FIRST_BYTE, LAST_BYTE = range(NUM_COLUMN_FIELDS)
-
-_NAN, _NO_WORD, _NO_BIT = np.uint32(0x7FC00000), np.uint32(0xFFFFFFFF), np.int8(-1)
+_NAN, _NO_WORD, _NO_BIT = 0x7FC00000, -1, np.uint8(255)
 """Values of rows that are null."""
 
 
 @device_function
 def decode_page(
-    data: Array,
-    levels: Array,
-    pages: Array,
-    columns: Array,
-    column: int,
-    row: int,
-    num_rows: int,
-    out: ColumnBlock,
+    data: Array, levels: Array, pages: Array, column: int, row: int, num_rows: int, out: ColumnBlock
 ) -> bool:
     """Decode lengths, offsets and values of a column behind those before; returns whether its page is consistent.
 
@@ -54,81 +58,88 @@ def decode_page(
         data: (n,) uint8 decompressed pages, followed by SPARE bytes.
         levels: (4, m) uint8 levels of the last page of each shape, for columns that repeat them.
         pages: (C, NUM_PAGE_FIELDS) int64.
-        columns: (C, NUM_COLUMN_FIELDS) int64.
         column: The column.
         row: First row of the row group.
         num_rows: Its number of rows.
         out: Filled.
     """
-    page, shape, kind = pages[column], columns[column, SHAPE], columns[column, KIND]
-    lengths, offsets = out.lists[0, column, row : row + num_rows], out.lists[1, column]
+    page, described, integers = pages[column], out.columns[column], as_int32(out.memory)
+    shape, kind, done = described[SHAPE], described[KIND], described[SIZE]
+    lengths = integers[described[LENGTHS] + row : described[LENGTHS] + row + num_rows]
+    offsets = integers[described[OFFSETS] + row : described[OFFSETS] + row + num_rows + 1]
     other = column - 1 if shape else -1
-    while other >= 0 and (columns[other, SHAPE] != shape or pages[other, VALUES] == 0):
+    while other >= 0 and (out.columns[other, SHAPE] != shape or pages[other, VALUES] == 0):
         other -= 1
     if other >= 0 and repeat_levels(data, page, levels[shape], pages[other]):
+        known = integers[out.columns[other, LENGTHS] + row :]
         for k in range(num_rows):
-            lengths[k] = out.lists[0, other, row + k]
+            lengths[k] = known[k]
     elif not read_levels(data, page, shape, lengths):
         return False
     elif shape:
         keep_levels(data, page, levels[shape])
-    done, count = out.counts[column], page[COUNT]
-    offsets[row] = done
+    count, end = page[COUNT], done
+    offsets[0] = done
     for k in range(num_rows):
-        offsets[row + k + 1] = offsets[row + k] + lengths[k]
+        end += lengths[k]
+        offsets[k + 1] = end
     places = count if shape & LIST else num_rows
-    if offsets[row + num_rows] - done != count or places > columns[column, ROOM] - done:
+    if end - done != count or places > described[ROOM] - done:
         return False
-    first = out.firsts[column] + done
-    out.counts[column] = done + places
-    is_consistent = _read_values(data, page, columns[column], first, count, out)
+    first = described[FIRST] + done
+    described[SIZE] = done + places
+    is_consistent = _read_values(data, page, described, first, count, out.memory)
     if places > count:
-        _spread(kind, lengths, first, count, out)
+        _spread(kind, lengths, first, count, out.memory)
     page[VALUES] -= page[START]  # the size of its levels
     return is_consistent
 
 
 @device_function
-def fill_nulls(columns: Array, column: int, row: int, num_rows: int, out: ColumnBlock) -> None:
+def fill_nulls(column: int, row: int, num_rows: int, out: ColumnBlock) -> None:
     """Add rows to a column that a file lacks."""
-    done = out.counts[column]
+    described, integers = out.columns[column], as_int32(out.memory)
+    done, kind = described[SIZE], described[KIND]
+    lengths = integers[described[LENGTHS] + row : described[LENGTHS] + row + num_rows]
+    offsets = integers[described[OFFSETS] + row :]
     for k in range(num_rows):
-        out.lists[0, column, row + k] = 0
-        out.lists[1, column, row + k] = done
-    out.lists[1, column, row + num_rows] = done
-    if not columns[column, SHAPE] & LIST:
-        first = out.firsts[column] + done
-        if columns[column, KIND] == TEXTS:
-            out.ends[first] = columns[column, FIRST_BYTE]
-        _spread(columns[column, KIND], out.lists[0, column, row : row + num_rows], first, 0, out)
-        out.counts[column] = done + num_rows
+        lengths[k] = 0
+        offsets[k] = done
+    offsets[num_rows] = done
+    if not described[SHAPE] & LIST:
+        first = described[FIRST] + done
+        if kind == TEXTS:
+            as_int64(out.memory)[first] = described[FIRST_BYTE]
+        _spread(kind, lengths, first, 0, out.memory)
+        described[SIZE] = done + num_rows
 
 
 @device_function
-def _spread(kind: int, lengths: Array, first: int, count: int, out: ColumnBlock) -> None:
+def _spread(kind: int, lengths: Array, first: int, count: int, memory: Array) -> None:
     """Move the values of a column to their rows; the others are null."""
+    words, ends = as_int32(memory), as_int64(memory)
     for row in range(len(lengths) - 1, -1, -1):  # in place, so from the last one
         if kind == TEXTS:
-            out.ends[first + row + 1] = out.ends[first + count]
+            ends[first + row + 1] = ends[first + count]
         count -= lengths[row]
         if kind == BITS:
-            out.bits[first + row] = out.bits[first + count] if lengths[row] else _NO_BIT
+            memory[first + row] = memory[first + count] if lengths[row] else _NO_BIT
         elif kind != TEXTS:
             null = _NAN if kind == WORDS else _NO_WORD
-            out.words[first + row] = out.words[first + count] if lengths[row] else null
+            words[first + row] = words[first + count] if lengths[row] else null
 
 
 @device_function
-def _read_values(data: Array, page: Array, column: Array, first: int, count: int, out: ColumnBlock) -> bool:
+def _read_values(data: Array, page: Array, column: Array, first: int, count: int, memory: Array) -> bool:
     """Decode the values of a page; returns whether it is consistent."""
     kind = column[KIND]
     if kind == WORDS:
-        return _read_words(data, page, out.words[first : first + count])
+        return _read_words(data, page, as_int32(memory)[first : first + count])
     if kind == BITS:
-        return _read_bits(data, page, out.bits[first : first + count])
+        return _read_bits(data, page, memory[first : first + count])
     if kind == INDICES:
-        return _read_indices(data, page, out.words[first : first + count])
-    return _read_texts(data, page, column, out.ends[first : first + count + 1], out.text)
+        return _read_indices(data, page, as_int32(memory)[first : first + count])
+    return _read_texts(data, page, column, as_int64(memory)[first : first + count + 1], memory)
 
 
 @device_function

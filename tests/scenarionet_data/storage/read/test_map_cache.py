@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import fields
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import meets
 from scenarionet_data.conversion import convert
 from scenarionet_data.storage.write.map_tiles import TILE
@@ -44,6 +46,12 @@ def test_crop_matches_converted_map(lake):
         assert np.array_equal(found.polyline.offsets, expected.polyline.offsets)
         for name in ("polyline", "polygon"):
             assert np.abs(getattr(found, name).values - getattr(expected, name).values).max() <= 1e-4
+        for name in (field.name for field in fields(expected) if field.name not in ("polyline", "polygon")):
+            ours, theirs = getattr(found, name), getattr(expected, name)
+            if isinstance(ours, Ragged):
+                assert ours.is_equal(theirs), name
+            else:
+                np.testing.assert_array_equal(ours, theirs, name)
 
 
 def test_map_statistics_cover_the_crop(lake):

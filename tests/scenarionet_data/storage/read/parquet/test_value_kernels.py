@@ -4,47 +4,69 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.arrays.columns import BITS, INDICES, TEXTS, WORDS, ColumnBlock
+from scenarionet_data.arrays.columns import (
+    BITS,
+    FIRST,
+    FIRST_BYTE,
+    INDICES,
+    KIND,
+    LAST_BYTE,
+    LENGTHS,
+    LIST,
+    NULLABLE,
+    NUM_COLUMN_FIELDS,
+    OFFSETS,
+    ROOM,
+    SHAPE,
+    SIZE,
+    TEXTS,
+    WORDS,
+    ColumnBlock,
+)
 from scenarionet_data.storage.read.parquet import page_kernels as pages
 from scenarionet_data.storage.read.parquet import row_group_kernels as kernels
 
 KINDS = st.sampled_from([WORDS, BITS, INDICES, TEXTS])
-SHAPES = st.sampled_from([0, pages.NULLABLE, pages.LIST, pages.LIST | pages.NULLABLE])
+SHAPES = st.sampled_from([0, NULLABLE, LIST, LIST | NULLABLE])
 GUARD = 7
+WIDTHS = {WORDS: 4, BITS: 1, INDICES: 4, TEXTS: 8}
 
 
-def memory(num_columns, num_rows, room, size):
-    """Memory for values, with guard values behind each array, and the arrays that hold both."""
-    arrays = [
-        np.full(count + 8, GUARD, kind)
-        for count, kind in [
-            (2 * num_columns * (num_rows + 1), np.int32), (num_columns, np.int64), (num_columns, np.int64),
-            (num_columns * room, np.uint32), (num_columns * room, np.int8), (num_columns * (room + 1), np.int64),
-            (num_columns * size, np.uint8),
-        ]
-    ]  # fmt: skip
-    lists, firsts, counts, words, bits, ends, text = (array[:-8] for array in arrays)
-    counts[:] = 0
-    return ColumnBlock(
-        lists.reshape(2, num_columns, num_rows + 1), firsts, counts, words, words.view(np.float32), bits, ends, text
-    ), arrays
+def memory(columns, num_rows, room, size):
+    """A block for columns of some shapes and kinds, with guard values behind each array; and where these are."""
+    described, used, end = np.zeros((len(columns), NUM_COLUMN_FIELDS), np.int64), [], 0
+
+    def place(width, count):
+        nonlocal end
+        first = -(-end // 8) * 8
+        used.append(slice(first, first + width * count))
+        end = first + width * count + 8
+        return first // width
+
+    for column, (shape, kind) in zip(described, columns, strict=True):
+        column[LENGTHS], column[OFFSETS] = place(4, num_rows), place(4, num_rows + 1)
+        column[FIRST] = place(WIDTHS[kind], room + (kind == TEXTS))
+        column[SHAPE], column[KIND], column[ROOM] = shape, kind, room
+        column[FIRST_BYTE] = place(1, size)
+        column[LAST_BYTE] = column[FIRST_BYTE] + size
+    content = np.full(-(-end // 8) * 8, GUARD, np.uint8)
+    is_guard = np.ones(len(content), np.bool_)
+    for each in used:
+        is_guard[each] = False
+    return ColumnBlock(described, content), is_guard
 
 
-def described(columns, room, size, block):
-    """Columns of some shapes and kinds; each has its own place in the values."""
-    for place, (_, kind) in enumerate(columns):
-        block.firsts[place] = place * (room + (kind == TEXTS))
-    return np.array(
-        [(*column, room, place * size, (place + 1) * size) for place, column in enumerate(columns)], np.int64
-    )
+def integers(block, place, count):
+    """Numbers of 4 bytes from a place in memory on."""
+    return block.memory.view(np.int32)[place : place + count]
 
 
-def decoded(data, found, columns, num_rows, block):
+def decoded(data, found, num_rows, block):
     """Decode decompressed pages; returns the first damaged column, or their number."""
     found[:, pages.STORED_END] = 1
     levels, chunks = np.zeros((4, len(data)), np.uint8), np.zeros((len(found), pages.NUM_CHUNK_FIELDS), np.int64)
     file = np.frombuffer(b"", np.uint8)
-    return kernels.read_row_group(file, 0, chunks, data, levels, found, columns, 0, num_rows, block, True)
+    return kernels.read_row_group(file, 0, chunks, data, levels, found, 0, num_rows, block, True)
 
 
 @given(
@@ -63,14 +85,14 @@ def test_arbitrary_pages_stay_in_bounds(contents, columns, levels, encoding, num
     found[1, pages.START] = found[0, pages.END]
     found[:, pages.LEVELS] = levels
     found[:, [pages.ENCODING, pages.NUM_WORDS]] = encoding, num_words
-    out, arrays = memory(2, num_rows, room, len(data))
-    done = decoded(data, found, described(columns, room, len(data), out), num_rows, out)
-    assert all((array[-8:] == GUARD).all() for array in arrays)
-    for column in range(done):
-        assert (out.lists[0, column, :-1] >= 0).all()
-        num_values = out.lists[0, column, :-1].sum()
-        assert num_values == out.lists[1, column, -1]
-        assert out.counts[column] == (num_values if columns[column][0] & pages.LIST else num_rows) <= room
+    out, is_guard = memory(columns, num_rows, room, len(data))
+    done = decoded(data, found, num_rows, out)
+    assert (out.memory[is_guard] == GUARD).all()
+    for column in out.columns[:done]:
+        lengths = integers(out, column[LENGTHS], num_rows)
+        assert (lengths >= 0).all()
+        assert lengths.sum() == integers(out, column[OFFSETS], num_rows + 1)[-1]
+        assert column[SIZE] == (lengths.sum() if column[SHAPE] & LIST else num_rows) <= room
 
 
 LEVELS_OF_LISTS = b"\2\0\0\0\3\x16"
@@ -85,7 +107,7 @@ FULL, HALF_EMPTY = b"\2\0\0\0\x10\1", b"\4\0\0\0\x08\1\x08\0"
         min_size=2,
         max_size=2,
     ),
-    shapes=st.lists(st.sampled_from([pages.LIST, pages.NULLABLE, 0]), min_size=2, max_size=2),
+    shapes=st.lists(st.sampled_from([LIST, NULLABLE, 0]), min_size=2, max_size=2),
     num_rows=st.sampled_from([5, 8]),
 )
 def test_columns_that_repeat_levels_are_read_as_if_alone(levels, shapes, num_rows):
@@ -97,12 +119,14 @@ def test_columns_that_repeat_levels_are_read_as_if_alone(levels, shapes, num_row
     found[1, pages.START], found[:, pages.LEVELS] = found[0, pages.END], 8
 
     def read(chosen):
-        out, _ = memory(len(chosen), num_rows, 8, 0)
-        columns = described([(shapes[column], WORDS) for column in chosen], 8, 0, out)
-        done = decoded(data, found[chosen].copy(), columns, num_rows, out)
+        out, _ = memory([(shapes[column], WORDS) for column in chosen], num_rows, 8, 0)
+        done = decoded(data, found[chosen].copy(), num_rows, out)
         return [
-            (out.lists[:, k].tolist(), count, out.words[8 * k : 8 * k + count].tolist())
-            for k, count in zip(range(done), out.counts.tolist(), strict=False)
+            [
+                integers(out, column[place], count).tolist()
+                for place, count in ((LENGTHS, num_rows), (OFFSETS, num_rows + 1), (FIRST, column[SIZE]))
+            ]
+            for column in out.columns[:done]
         ]
 
     alone = read([0])
