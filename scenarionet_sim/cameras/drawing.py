@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, Int64, UInt8
 from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.stage import Scenery, stage_of
@@ -16,6 +17,7 @@ from scenarionet_sim.kernels.cameras.frames import draw_frames
 from scenarionet_sim.kernels.cameras.layout import (
     BAND,
     BANDS,
+    GROUP,
     LANES,
     NUM_INSTANCE,
     NUM_LIGHTS,
@@ -43,15 +45,22 @@ CHANNELS: dict[str, tuple[int, type[np.generic]]] = {
 }
 """Channels: numbers per pixel and their type."""
 
-_TAILS = {name: (numbers,) if numbers > 1 else () for name, (numbers, _) in CHANNELS.items()}
-_NO_PICTURES = Pictures(*(np.empty((0, 0, *_TAILS[name]), dtype) for name, (_, dtype) in CHANNELS.items()))
+TAILS = {name: (numbers,) if numbers > 1 else () for name, (numbers, _) in CHANNELS.items()}
+
+
+def shape_of_channel(name: str, num_pixels: int) -> tuple[int, ...]:
+    """Return the shape of a channel of a frame, see ``Pictures``."""
+    return (3 * num_pixels,) if name == "rgb" else (num_pixels, *TAILS[name])
+
+
+_NO_PICTURES = Pictures(*(np.empty((0, *shape_of_channel(name, 0)), kind) for name, (_, kind) in CHANNELS.items()))
 
 MAX_TRIANGLES = 200_000
 _MAX_VERTICES = 2_000
 _MAX_INSTANCES = 2_000
 
-_FIXTURES = 512
-"""Fixtures that are measured at once."""
+_LISTED = 32 * GROUP
+"""Objects or fixtures that are listed at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,20 +114,20 @@ def draw(
         Arrays (B, H, W) or (B, H, W, numbers) by channel.
     """
     count, (height, width) = len(cameras), (optics.height, optics.width)
-    made = {name: np.empty((count, height * width, *_TAILS[name]), CHANNELS[name][1]) for name in channels}
+    made = {name: np.empty((count, *shape_of_channel(name, height * width)), CHANNELS[name][1]) for name in channels}
     pictures, stage = _NO_PICTURES._replace(**made), stage_of(batch, scenery)
     solids, meshes, ground = stage.solids(batch, state), library(), stage.ground
     options = optics.are_boxes, optics.reach, optics.flow_time
 
     def draw_parts(own: int, ranges: Int64) -> None:
-        draw_frames(
+        unchecked(draw_frames)(
             own, ranges, cameras, poses, optics.lens, optics.rays, optics.rings, (height, width), options, solids,
             ground, meshes, look, _scratch(width), pictures,
         )  # fmt: skip
 
     if count:
         _threads(threads).spread(draw_parts, count * -(-height // (BAND * BANDS)))
-    return {name: values.reshape(count, height, width, *_TAILS[name]) for name, values in made.items()}
+    return {name: values.reshape(count, height, width, *TAILS[name]) for name, values in made.items()}
 
 
 @lru_cache
@@ -149,11 +158,13 @@ def _scratch(width: int) -> FrameMemory:
             seen=np.empty(BAND * columns, np.int32),
             shades=np.zeros((NUM_SHADES, TILE + LANES), np.float32),
             cells=np.zeros(TILE, np.int32),
-            texels=np.zeros((3, TILE), np.int32),
+            texels=np.zeros(TILE, np.int32),
             box=np.zeros(7),
-            radii=np.empty(_FIXTURES, np.float32),
-            has_shadow=np.empty(_FIXTURES, np.int32),
-            sky=np.zeros((2, 4, columns // SKY_STEP + 2 + LANES), np.float32),
+            radii=np.empty(_LISTED, np.float32),
+            has_shadow=np.empty(_LISTED, np.int32),
+            listed=np.empty(_LISTED, np.int32),
+            nodes=np.zeros((3, columns // SKY_STEP + 2 + LANES), np.float32),
+            sky=np.zeros((2, 4, columns + SKY_STEP), np.float32),
         )
     return found
 

@@ -11,7 +11,7 @@ from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, Int64
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.cameras.surroundings import fixtures
 from scenarionet_sim.cameras.terrain import Terrain
-from scenarionet_sim.kernels.cameras.layout import Ground, Solids
+from scenarionet_sim.kernels.cameras.layout import GROUP, Ground, Solids
 from scenarionet_sim.worlds.blocks import Blocks
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
@@ -30,7 +30,7 @@ class BuiltScene:
 
     Attributes:
         terrain: The ground.
-        fixed, fixed_kind: See ``kernels.cameras.layout.Solids``.
+        fixed, fixed_kind: Fixtures in groups, see ``kernels.cameras.layout.Solids``.
     """
 
     terrain: Terrain
@@ -48,8 +48,17 @@ def scene_in(world: World, scenery: Scenery) -> BuiltScene:
     if scenery not in scenes:
         has_sidewalks, has_scenery, seed = scenery
         terrain = Terrain.of(world.roads, has_sidewalks=has_sidewalks)
-        scenes[scenery] = BuiltScene(terrain, *fixtures(world, terrain, seed, has_scenery=has_scenery))
+        scenes[scenery] = BuiltScene(terrain, *_grouped(*fixtures(world, terrain, seed, has_scenery=has_scenery)))
     return scenes[scenery]
+
+
+def _grouped(fixed: Float32, kind: Int32) -> tuple[Float32, Int32]:
+    """Return places (F, 7) and kinds (F, 4) of fixtures in groups, the last one filled up with some out of sight."""
+    rest = -len(fixed) % GROUP
+    nowhere = np.array([np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.float32)
+    fixed = np.concatenate([fixed, np.tile(nowhere, (rest, 1))])
+    kind = np.concatenate([kind, np.zeros((rest, 4), np.int32)])
+    return fixed.reshape(-1, GROUP, 7).transpose(0, 2, 1), kind.reshape(-1, GROUP, 4)
 
 
 def stage_of(batch: WorldBatch, scenery: Scenery) -> Stage:
@@ -78,7 +87,7 @@ class Stage:
             "cells": Blocks({"corner": np.uint8, "cell_start": np.int64}),
             "strokes": Blocks({"strokes": (np.float32, 6), "stroke_kind": np.uint8}),
             "heights": Blocks({"heights": np.float32}),
-            "fixed": Blocks({"fixed": (np.float32, 7), "fixed_kind": (np.int32, 4)}),
+            "fixed": Blocks({"fixed": (np.float32, 7, GROUP), "fixed_kind": (np.int32, GROUP, 4)}),
         }
         self._places: dict[World, tuple[dict[str, tuple[int, int]], Float64, Float64]] = {}
         self._slots: list[World] = []

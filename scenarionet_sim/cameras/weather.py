@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.kernels.cameras.layout import (
     CLOUD,
@@ -23,7 +23,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     WET,
     Look,
 )
-from scenarionet_sim.kernels.cameras.shading import NUM_LEVELS, light_of_level
+from scenarionet_sim.kernels.cameras.shading import OCTAVES
 from scenarionet_sim.kernels.cameras.sky import GRAIN_SIZE
 
 
@@ -146,11 +146,16 @@ def _grain() -> UInt8:
 
 
 @lru_cache
-def _tone() -> UInt8:
-    """Return the sRGB values (NUM_LEVELS,) of the levels of linear light (IEC 61966-2-1), highlights compressed."""
-    light = light_of_level(np.arange(NUM_LEVELS) + 0.5)
-    light = np.minimum(1.25 * light / (light + 0.75), 1.0)
-    value = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    tone: UInt8 = np.rint(255 * value).astype(np.uint8)
+def _tone() -> Float32:
+    """Return the tone curve, see ``Look.tone``; levels are to 0.2 those of sRGB with highlights compressed."""
+    curve = np.polynomial.Chebyshev.interpolate(_level, 8, domain=OCTAVES)
+    tone: Float32 = np.polynomial.chebyshev.cheb2poly(curve.coef).astype(np.float32)
+    tone[0] += 0.5
     tone.flags.writeable = False
     return tone
+
+
+def _level(octave: Float64) -> Float64:
+    """Return the level of linear light by its binary logarithm (IEC 61966-2-1)."""
+    light = np.minimum(1.25 * 2.0**octave / (2.0**octave + 0.75), 1.0)
+    return 255 * np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)

@@ -24,19 +24,17 @@ class Blocks:
     Rows of removed blocks are used again. Arrays are replaced when they grow, rows never move.
 
     Args:
-        columns: Dtype of each array, or dtype and length of its rows.
+        columns: Dtype of each array, or dtype and shape of its rows.
 
     Attributes:
-        arrays: The arrays by name, (R,) or (R, length).
+        arrays: The arrays by name, (R,) or (R, *shape).
         num_put: Number of blocks that were ever stored.
         last_put: First rows and ends of the last of them, for copies of the arrays elsewhere.
     """
 
-    def __init__(self, columns: Mapping[str, npt.DTypeLike | tuple[npt.DTypeLike, int]]) -> None:
+    def __init__(self, columns: Mapping[str, npt.DTypeLike | tuple[npt.DTypeLike, *tuple[int, ...]]]) -> None:
         parts = {name: column if isinstance(column, tuple) else (column,) for name, column in columns.items()}
-        self.arrays: dict[str, Array] = {
-            name: np.empty((0, *length), dtype) for name, (dtype, *length) in parts.items()
-        }
+        self.arrays: dict[str, Array] = {name: np.empty((0, *shape), dtype) for name, (dtype, *shape) in parts.items()}
         self.num_put = 0
         self.last_put: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED)
         self._num_rows = 0

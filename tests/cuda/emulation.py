@@ -11,7 +11,7 @@ from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_squ
 from scenarionet_sim.kernels.cameras.layout import NUM_SHADES
 from scenarionet_sim.kernels.cameras.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
 from scenarionet_sim.kernels.cameras.thread_layout import PixelMemory
-from scenarionet_sim.kernels.cameras.thread_pixels import draw_pixel, light_sky
+from scenarionet_sim.kernels.cameras.thread_pixels import draw_pixel, light_sky, stretch_sky
 
 LANES = 32
 
@@ -52,10 +52,17 @@ def bound(count, num_places, items, triangles):
 
 
 @kernel(divides_by_zero=True)
-def light(count, size, shots, look, sky):
+def light(count, size, shots, look, nodes):
+    for thread in range(count):
+        row = thread // nodes.shape[3]
+        light_sky(row // nodes.shape[1], row % nodes.shape[1], thread % nodes.shape[3], size, shots, look, nodes)
+
+
+@kernel(divides_by_zero=True)
+def stretch(count, nodes, sky):
     for thread in range(count):
         row = thread // sky.shape[3]
-        light_sky(row // sky.shape[1], row % sky.shape[1], thread % sky.shape[3], size, shots, look, sky)
+        stretch_sky(row // sky.shape[1], row % sky.shape[1], thread % sky.shape[3], nodes, sky)
 
 
 @kernel(divides_by_zero=True)
@@ -63,7 +70,7 @@ def draw(count, size, options, shots, motion, ground, look, items, triangles, sk
     height, width = size
     memory = PixelMemory(
         np.empty(1, np.float32), np.empty(1, np.int32), np.empty((NUM_SHADES, 1), np.float32), np.empty(1, np.int32),
-        np.empty((3, 1), np.int32),
+        np.empty(1, np.int32),
     )  # fmt: skip
     for thread in range(count):
         row = thread // width
@@ -97,6 +104,7 @@ KERNELS = SimpleNamespace(
     set_up=set_up,
     bound=bound,
     light=light,
+    stretch=stretch,
     draw=draw,
     shrink=shrink,
     add_noise=add_noise,

@@ -55,7 +55,8 @@ def assembler():
 
 
 @pytest.mark.parametrize(
-    "name", ["find", "list_found", "place_vertices", "set_up", "bound", "light", "draw", "shrink", "add_noise"]
+    "name",
+    ["find", "list_found", "place_vertices", "set_up", "bound", "light", "stretch", "draw", "shrink", "add_noise"],
 )
 def test_kernels_compile(name, signatures, without_card, tmp_path):
     from numba import cuda

@@ -15,11 +15,12 @@ from scenarionet_sim.cameras.cuda import kernels
 from scenarionet_sim.cameras.cuda.frames import DeviceFrames
 from scenarionet_sim.cameras.cuda.kernels import LANES, launch
 from scenarionet_sim.cameras.cuda.memory import DeviceMemory
-from scenarionet_sim.cameras.drawing import CHANNELS, Optics
+from scenarionet_sim.cameras.drawing import CHANNELS, TAILS, Optics, shape_of_channel
 from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.stage import Scenery, Stage, stage_of
 from scenarionet_sim.kernels.cameras.layout import (
     BAND,
+    GROUP,
     NUM_LIGHTS,
     NUM_VERTEX,
     SKY_STEP,
@@ -72,14 +73,14 @@ def draw(
     """
     count, size = len(cameras), (optics.height, optics.width)
     made: dict[str, Any] = {}
-    for name, (values, dtype) in CHANNELS.items():
-        tail = (values,) if values > 1 else ()
-        made[name] = cuda.device_array((count if name in channels else 0, size[0] * size[1], *tail), dtype)
+    for name, (_, dtype) in CHANNELS.items():
+        shape = shape_of_channel(name, size[0] * size[1])
+        made[name] = cuda.device_array((count if name in channels else 0, *shape), dtype)
     if count:
         with _drawing:
             memory = _memory_of(cuda.current_context())
             _draw(memory, batch, state, cameras, poses, optics, look, stage_of(batch, scenery), Pictures(**made))
-    return {name: DeviceFrames(made[name].reshape((count, *size, *made[name].shape[2:]))) for name in channels}
+    return {name: DeviceFrames(made[name].reshape((count, *size, *TAILS[name]))) for name in channels}
 
 
 @lru_cache
@@ -97,7 +98,7 @@ def _draw(
     is_colored = len(pictures.rgb) > 0
     options = optics.are_boxes, is_colored, optics.reach, optics.flow_time
     host_solids = stage.solids(batch, state)
-    num_items = state.motion.shape[1] + int(np.diff(host_solids.fixed_range, axis=1).max())
+    num_items = state.motion.shape[1] + GROUP * int(np.diff(host_solids.fixed_range, axis=1).max())
     ground, solids = _ground_on(memory, stage), _solids_on(memory, batch, stage, host_solids)
     meshes = Meshes(*(memory.constant(values) for values in library()))
     look = Look(memory.put("lights", look.lights), memory.constant(look.grain), memory.constant(look.tone))
@@ -113,18 +114,15 @@ def _draw(
     launch(kernels.place_vertices, lanes, places, is_colored, shots, meshes, look, items, triangles)
     launch(kernels.set_up, lanes, places, size, is_colored, num_objects, shots, meshes, look, items, triangles)
     launch(kernels.bound, num_frames * places, places, items, triangles)
-    rows, columns = _sky_nodes(size)
-    sky = memory.buffer("sky", (num_frames if is_colored else 0, rows, 4, columns), np.float32)
-    launch(kernels.light, sky.size // 4, size, shots, look, sky)
+    rows, lit = -(-size[0] // BAND) + 1, num_frames if is_colored else 0
+    nodes = memory.buffer("nodes", (lit, rows, 3, size[1] // SKY_STEP + 2), np.float32)
+    sky = memory.buffer("sky", (lit, rows, 4, size[1]), np.float32)
+    launch(kernels.light, nodes.size // 3, size, shots, look, nodes)
+    launch(kernels.stretch, sky.size // 4, nodes, sky)
     launch(
         kernels.draw, num_frames * size[0] * size[1], size, options, shots, solids.motion, ground, look, items,
         triangles, sky, pictures,
     )  # fmt: skip
-
-
-def _sky_nodes(size: tuple[int, int]) -> tuple[int, int]:
-    """Return the numbers of rows and columns of nodes of the sky."""
-    return -(-size[0] // BAND) + 1, size[1] // SKY_STEP + 2
 
 
 def _ground_on(memory: DeviceMemory, stage: Stage) -> Ground:

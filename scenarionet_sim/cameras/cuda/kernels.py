@@ -16,7 +16,7 @@ from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_squ
 from scenarionet_sim.kernels.cameras.layout import NUM_SHADES, Ground, Look, Meshes, Pictures, Solids
 from scenarionet_sim.kernels.cameras.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
 from scenarionet_sim.kernels.cameras.thread_layout import DrawingOptions, Items, PixelMemory, Shots, Triangles
-from scenarionet_sim.kernels.cameras.thread_pixels import draw_pixel, light_sky
+from scenarionet_sim.kernels.cameras.thread_pixels import draw_pixel, light_sky, stretch_sky
 
 cuda: Any = numba.cuda
 
@@ -27,7 +27,6 @@ LANES = 32
 """Threads that share the triangles of an instance."""
 
 _SHADES = NUM_SHADES, 1
-_LEVELS = 3, 1
 
 
 def launch(kernel: Any, count: int, *arguments: object) -> None:
@@ -95,13 +94,23 @@ def bound(count: int, num_places: int, items: Items, triangles: Triangles) -> No
 
 
 @cuda.jit
-def light(count: int, size: tuple[int, int], shots: Shots, look: Look, sky: Float32) -> None:
+def light(count: int, size: tuple[int, int], shots: Shots, look: Look, nodes: Float32) -> None:
     """One thread for each node of the sky of every frame."""
     thread = cuda.grid(1)
     if thread < count:
-        num_nodes = sky.shape[3]
+        num_rows, num_nodes = nodes.shape[1], nodes.shape[3]
         row = thread // num_nodes
-        light_sky(row // sky.shape[1], row % sky.shape[1], thread % num_nodes, size, shots, look, sky)
+        light_sky(row // num_rows, row % num_rows, thread % num_nodes, size, shots, look, nodes)
+
+
+@cuda.jit
+def stretch(count: int, nodes: Float32, sky: Float32) -> None:
+    """One thread for each column of the rows of the sky of every frame."""
+    thread = cuda.grid(1)
+    if thread < count:
+        num_rows, width = sky.shape[1], sky.shape[3]
+        row = thread // width
+        stretch_sky(row // num_rows, row % num_rows, thread % width, nodes, sky)
 
 
 @cuda.jit
@@ -115,7 +124,7 @@ def draw(
         height, width = size
         memory = PixelMemory(
             cuda.local.array(1, float32), cuda.local.array(1, int32), cuda.local.array(_SHADES, float32),
-            cuda.local.array(1, int32), cuda.local.array(_LEVELS, int32),
+            cuda.local.array(1, int32), cuda.local.array(1, int32),
         )  # fmt: skip
         row = thread // width
         draw_pixel(

@@ -107,8 +107,8 @@ def draw_frames(
                         seen, scratch,
                     )  # fmt: skip
                     expose(
-                        place, size, look.lights[frame], look.tone, seen, scratch.texels, scratch.shades,
-                        pictures.rgb[frame, place : place + num],
+                        place, size, look.lights[frame], look.tone, seen, scratch.shades,
+                        pictures.rgb[frame, 3 * place : 3 * (place + num)],
                     )  # fmt: skip
         part = take(ranges, own)
 
@@ -133,7 +133,7 @@ def color_tile(
                     shades[GROUND_X, first:end], shades[GROUND_Y, first:end], shade[first:end],
                 )  # fmt: skip
                 first, row, column = end, row + 1, 0
-        color_ground(slot, 1.0 / lens[FX], ground, light, grain, seen, scratch.cells, scratch.texels[0], shades)
+        color_ground(slot, 1.0 / lens[FX], ground, light, grain, seen, scratch.cells, scratch.texels, shades)
     if kinds & (SEES_TRIANGLE | SEES_SKY):
         first, row, column = 0, place // width, place % width
         while first < count:
@@ -143,5 +143,8 @@ def color_tile(
                     row, column - first, first, end, pose, lens, grid, scratch.colors, scratch.labels, seen, shades
                 )
             if kinds & SEES_SKY:
-                color_sky(row, column, first, end, size, pose, lens, rays, light, grain, seen, scratch.sky, shades)
+                color_sky(
+                    row, column, first, end, size, pose, lens, rays, light, grain, seen, scratch.nodes, scratch.sky,
+                    shades,
+                )  # fmt: skip
             first, row, column = end, row + 1, 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 from scenarionet_sim.kernels.cameras.fixtures import measure_fixtures
 from scenarionet_sim.kernels.cameras.ground import height_at
 from scenarionet_sim.kernels.cameras.layout import (
@@ -22,6 +22,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     EYE,
     FENCE,
     FY,
+    GROUP,
     HIDDEN,
     INSIDE,
     KIND,
@@ -122,9 +123,9 @@ def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids,
     """
     rows = solids.motion.shape[1]
     if item >= rows:
-        fixed = solids.fixed_range[slot, 0] + item - rows
+        group, place = solids.fixed_range[slot, 0] + (item - rows) // GROUP, (item - rows) % GROUP
         for column in range(7):
-            box[column] = solids.fixed[fixed, column]
+            box[column] = solids.fixed[group, column, place]
         return True
     if not solids.present[slot, item]:
         return False
@@ -161,7 +162,7 @@ def appearance_of(
     rows = solids.motion.shape[1]
     spin, steer, glow = 0.0, 0.0, -1
     if item >= rows:
-        kind = solids.fixed_kind[solids.fixed_range[slot, 0] + item - rows]
+        kind = solids.fixed_kind[solids.fixed_range[slot, 0] + (item - rows) // GROUP, (item - rows) % GROUP]
         if kind[3] >= 0:
             glow = lamp_of(solids, slot, kind[3])
         return int(kind[0]), int(kind[1]), int(kind[2]), glow, spin, steer
@@ -189,35 +190,60 @@ def add_solids(
     """Add all objects and fixtures of a world in view; return the numbers of instances and of shadows."""
     count, num_triangles, num_shadows = 0, 0, 0
     has_shadows = is_colored and light[SHADOW] > 0.0 and lens[KIND] == PINHOLE
-    rows, first = solids.motion.shape[1], int(solids.fixed_range[slot, 0])
-    num_items = rows + int(solids.fixed_range[slot, 1]) - first
-    radii, shadows, begin = scratch.radii, scratch.has_shadow, rows
-    for item in range(num_items):
-        is_object = item < rows
-        if not is_object and (item - begin) % len(radii) == 0:
-            begin = item
-            measure_fixtures(
-                smaller(num_items - begin, len(radii)), first + begin - rows, lens[KIND] == PINHOLE, pose, lens,
-                width * 1.0, height * 1.0, reach, light, solids.fixed, radii, shadows,
-            )  # fmt: skip
-        if not is_object and radii[item - begin] < LEAST_FIXED and not (has_shadows and shadows[item - begin] > 0):
-            continue
-        if not write_box(item, slot, pose, reach, solids, ground, box):
-            continue
+    rows = solids.motion.shape[1]
+    num_items = rows + GROUP * int(solids.fixed_range[slot, 1] - solids.fixed_range[slot, 0])
+    radii, shadows, listed, begin = scratch.radii, scratch.has_shadow, scratch.listed, 0
+    while begin < num_items:
+        is_object = begin < rows
+        end = smaller(begin + len(listed), rows if is_object else num_items)
         if is_object:
-            radius = screen_radius(box, pose, lens, width, height, reach)
-            has_shadow = has_shadows and casts_shadow(True, box, pose, lens, width, height, light)
+            num_listed = list_present(begin, end, solids.present[slot], listed)
         else:
-            radius, has_shadow = radii[item - begin] * 1.0, has_shadows and shadows[item - begin] > 0
-        if has_shadow:
-            num_shadows = add_shadow(box, pose, lens, width, height, light, scratch.shadows, num_shadows)
-        if radius < (LEAST if is_object else LEAST_FIXED) or (item == own and own_view == HIDDEN):
-            continue
-        mesh, semantic, paint, glow, spin, steer = appearance_of(
-            item, slot, own, own_view, are_boxes, is_colored, solids, box
-        )
-        num_triangles, count = add_instance(
-            meshes, mesh, paint, glow, item if is_object else -1, semantic, box, spin, steer, pose, lens, rings, width,
-            height, radius, light, scratch, (num_triangles, count), is_colored, has_normals,
-        )  # fmt: skip
+            measure_fixtures(
+                (end - begin) // GROUP, int(solids.fixed_range[slot, 0]) + (begin - rows) // GROUP,
+                lens[KIND] == PINHOLE, pose, lens, width * 1.0, height * 1.0, reach, light, solids.fixed, radii,
+                shadows,
+            )  # fmt: skip
+            num_listed = list_visible(end - begin, has_shadows, radii, shadows, listed)
+        for place in range(num_listed):
+            item, number = begin + listed[place], listed[place]
+            if not write_box(item, slot, pose, reach, solids, ground, box):
+                continue
+            if is_object:
+                radius = screen_radius(box, pose, lens, width, height, reach)
+                has_shadow = has_shadows and casts_shadow(True, box, pose, lens, width, height, light)
+            else:
+                radius, has_shadow = radii[number] * 1.0, has_shadows and shadows[number] > 0
+            if has_shadow:
+                num_shadows = add_shadow(box, pose, lens, width, height, light, scratch.shadows, num_shadows)
+            if radius < (LEAST if is_object else LEAST_FIXED) or (item == own and own_view == HIDDEN):
+                continue
+            mesh, semantic, paint, glow, spin, steer = appearance_of(
+                item, slot, own, own_view, are_boxes, is_colored, solids, box
+            )
+            num_triangles, count = add_instance(
+                meshes, mesh, paint, glow, item if is_object else -1, semantic, box, spin, steer, pose, lens, rings,
+                width, height, radius, light, scratch, (num_triangles, count), is_colored, has_normals,
+            )  # fmt: skip
+        begin = end
     return count, num_shadows
+
+
+@device_function(in_lanes=True)
+def list_present(first: int, end: int, present: Bool, listed: Int32) -> int:
+    """List objects that are present, counted from the first one; return their number."""
+    count = 0
+    for item in range(first, end):
+        listed[count] = item - first
+        count += 1 if present[item] else 0
+    return count
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def list_visible(num_items: int, has_shadows: bool, radii: Float32, shadows: Int32, listed: Int32) -> int:
+    """List fixtures that are in view or whose shadows are; return their number."""
+    count, least = 0, 0 if has_shadows else 1
+    for number in range(num_items):
+        listed[count] = number
+        count += 1 if (radii[number] >= LEAST_FIXED) | (shadows[number] > least) else 0
+    return count

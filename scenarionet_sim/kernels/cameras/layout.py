@@ -64,17 +64,17 @@ outline; and their number."""
 INSTANCE_ROW, SEMANTIC, MATERIAL = range(3)
 """Columns of ``FrameMemory.labels``: row in the state or -1, class, material."""
 
-VIEW, COLUMN, ROW, AWAY, NORMAL = 0, 3, 4, 5, 8
+VIEW, COLUMN, ROW, AWAY = 0, 3, 4, 5
 """First rows of ``FrameMemory.vertices``: right, below and ahead of the camera [m]; place on the screen [pixels], or
-azimuth [rad] and slope for a lidar; from the camera in the scenario's frame [m]; normal (unit vector) in that frame."""
+azimuth [rad] and slope for a lidar; from the camera in the scenario's frame [m]."""
 
-NUM_VERTEX = 11
+NUM_VERTEX = 8
 
-DIFFUSE, MIRROR, GLOSS = 0, 3, 6
-"""First rows of ``FrameMemory.lights``, linear RGB: light that arrives; what is mirrored; and mirrored in addition by
-the angle of view."""
+DIFFUSE, MIRROR, GLOSS, NORMAL = 0, 3, 6, 9
+"""First rows of ``FrameMemory.lights``. Linear RGB: light that arrives; what is mirrored; and mirrored in addition by
+the angle of view. Then the normal, a unit vector in the scenario's frame where the light is written."""
 
-NUM_LIGHTS = 9
+NUM_LIGHTS = 12
 
 (
     DISTANCE, RAY_X, RAY_Y, RAY_Z, FAR, GROUND_X, GROUND_Y, SHADE, RED, GREEN, BLUE, ACROSS, ALONG, FINE, COARSE,
@@ -104,6 +104,9 @@ LANES = 32
 
 TILE = 384
 """Most pixels of a band drawn at a time, a multiple of ``LANES``: their values stay in the processor's cache."""
+
+GROUP = 16
+"""Fixtures that are measured at once."""
 
 SKY_STEP = 8
 """The sky is computed at every eighth row and column, and interpolated between."""
@@ -141,9 +144,10 @@ class Solids(NamedTuple):
     Attributes:
         motion, size, object_type, present, timestep: Of the state, see ``State``.
         place, log, light_state: Of the recorded worlds, see ``kernels.structures.Recorded``.
-        fixed_range: (W, 2) first and end row of each slot's fixtures.
-        fixed: (F, 7) x, y, z [m] of the base, heading [rad], length, width, height [m].
-        fixed_kind: (F, 4) mesh, class, colour, and traffic light or -1.
+        fixed_range: (W, 2) first and end group of each slot's fixtures.
+        fixed: (F, 7, GROUP) x, y, z [m] of the base, heading [rad], length, width, height [m]; x is infinite in the
+            places of the last group that are left over.
+        fixed_kind: (F, GROUP, 4) mesh, class, colour, and traffic light or -1.
         light_color: (14,) colour of each light state, codes of ``LightColor``.
     """
 
@@ -195,12 +199,13 @@ class Look(NamedTuple):
     Attributes:
         lights: (B, NUM_LIGHT) light and weather of each frame.
         grain: (2, S * S) uint8 fine and coarse noise, row by row.
-        tone: (NUM_LEVELS,) uint8 sRGB values of linear light, see ``shading.light_of_level``.
+        tone: (9,) factors of the powers of the logarithm of linear light, scaled to -1 to 1 between
+            ``shading.OCTAVES``, whose sum is 0.5 more than the sRGB level.
     """
 
     lights: Float64
     grain: UInt8
-    tone: UInt8
+    tone: Float32
 
 
 SUN, SUNLIGHT, SKYLIGHT, BOUNCE, ZENITH, HORIZON = range(0, 18, 3)
@@ -234,10 +239,13 @@ class FrameMemory(NamedTuple):
         seen: (BAND * columns,) the nearest triangle or -1.
         shades: (NUM_SHADES, TILE + LANES) values of the pixels of a tile, see above.
         cells: (TILE,) cells of the ground.
-        texels: (3, TILE) texels of its noise in the first row; levels of colour.
+        texels: (TILE,) texels of its noise, and its surfaces.
         box: (7,) of an object.
-        radii, has_shadow: (F,) radii of fixtures on the screen [pixels], and 1 where they have shadows in view.
-        sky: (2, 4, columns / SKY_STEP + 2 + LANES) light of the sky at the nodes above and below a band, see ``sky``.
+        radii, has_shadow: (GROUPS * GROUP,) radii of fixtures on the screen [pixels], and 1 where they have shadows in
+            view.
+        listed: (GROUPS * GROUP,) objects or fixtures that may be in view.
+        nodes: (3, columns / SKY_STEP + 2 + LANES) light of the sky at the nodes of a row.
+        sky: (2, 4, columns + SKY_STEP) light of the sky in the rows above and below a band, see ``sky``.
     """
 
     vertices: Float64
@@ -258,6 +266,8 @@ class FrameMemory(NamedTuple):
     box: Float64
     radii: Float32
     has_shadow: Int32
+    listed: Int32
+    nodes: Float32
     sky: Float32
 
 
@@ -265,7 +275,7 @@ class Pictures(NamedTuple):
     """Outputs, row by row; arrays of channels that are not wanted have no frames.
 
     Attributes:
-        rgb: (B, H * W, 3) uint8.
+        rgb: (B, H * W * 3) uint8.
         depth: (B, H * W) float32 [m].
         semantic: (B, H * W) uint8 class.
         instance: (B, H * W) int32 row of the state, or -1.

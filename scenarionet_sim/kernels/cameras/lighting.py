@@ -32,6 +32,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     Meshes,
 )
 from scenarionet_sim.kernels.cameras.singles import single
+from scenarionet_sim.kernels.cameras.vertices import turn_normals
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 NUM_MATERIALS = 21
@@ -41,16 +42,20 @@ LEAST_AREA = 0.5
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def light_vertices(light: Float64, count: int, is_glossy: bool, vertices: Float64, lights: Float32) -> None:
+def light_vertices(
+    light: Float64, turn: tuple[float, float], count: int, is_glossy: bool, vertices: Float64, lights: Float32
+) -> None:
     """Write the light on the first vertices of a mesh in view.
 
     Args:
         light: Light of the frame.
+        turn: Cosine and sine of the heading of the mesh.
         count: Number of vertices.
         is_glossy: Whether a material of the mesh mirrors.
         vertices, lights: See ``FrameMemory``.
     """
-    nx, ny, nz = vertices[NORMAL], vertices[NORMAL + 1], vertices[NORMAL + 2]
+    nx, ny, nz = lights[NORMAL], lights[NORMAL + 1], lights[NORMAL + 2]
+    turn_normals(count, single(turn[0]), single(turn[1]), nx, ny, nz)
     _light_vertices(count, light, nx, ny, nz, lights[DIFFUSE], lights[DIFFUSE + 1], lights[DIFFUSE + 2])
     if is_glossy:
         _mirror(
@@ -61,7 +66,7 @@ def light_vertices(light: Float64, count: int, is_glossy: bool, vertices: Float6
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _light_vertices(
-    count: int, light: Float64, nx: Float64, ny: Float64, nz: Float64, red: Float32, green: Float32, blue: Float32
+    count: int, light: Float64, nx: Float32, ny: Float32, nz: Float32, red: Float32, green: Float32, blue: Float32
 ) -> None:
     """Write the light of sun, sky and ground that arrives (Lambert)."""
     sx, sy, sz = single(light[SUN]), single(light[SUN + 1]), single(light[SUN + 2])
@@ -73,7 +78,7 @@ def _light_vertices(
     )  # fmt: skip
     low_r, low_g, low_b = single(light[BOUNCE]), single(light[BOUNCE + 1]), single(light[BOUNCE + 2])
     for k in range(count):
-        x, y, z = single(nx[k]), single(ny[k]), single(nz[k])
+        x, y, z = nx[k], ny[k], nz[k]
         above, direct = 0.5 + 0.5 * z, larger(x * sx + y * sy + z * sz, 0.0)
         below = 1.0 - above
         red[k] = sun_r * direct + sky_r * above + low_r * below
@@ -83,8 +88,8 @@ def _light_vertices(
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _mirror(
-    count: int, light: Float64, away_x: Float64, away_y: Float64, away_z: Float64, nx: Float64, ny: Float64,
-    nz: Float64, mirror_r: Float32, mirror_g: Float32, mirror_b: Float32, gloss_r: Float32, gloss_g: Float32,
+    count: int, light: Float64, away_x: Float64, away_y: Float64, away_z: Float64, nx: Float32, ny: Float32,
+    nz: Float32, mirror_r: Float32, mirror_g: Float32, mirror_b: Float32, gloss_r: Float32, gloss_g: Float32,
     gloss_b: Float32,
 ) -> None:  # fmt: skip
     """Write what is mirrored towards the camera, and the part that depends on the angle of view, with the highlight.
@@ -103,7 +108,7 @@ def _mirror(
         0.22 * single(light[BOUNCE]), 0.22 * single(light[BOUNCE + 1]), 0.22 * single(light[BOUNCE + 2])
     )  # fmt: skip
     for k in range(count):
-        x, y, z = single(nx[k]), single(ny[k]), single(nz[k])
+        x, y, z = nx[k], ny[k], nz[k]
         vx, vy, vz = single(away_x[k]), single(away_y[k]), single(away_z[k])
         per = 1.0 / math.sqrt(vx * vx + vy * vy + vz * vz + 1e-9)
         vx, vy, vz = vx * per, vy * per, vz * per

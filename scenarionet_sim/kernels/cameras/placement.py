@@ -174,9 +174,13 @@ def add_instance(
             color_outline(meshes.colors[color_of(material, paint)], box, pose, light, colors)
             list_instance(num_triangles, num_triangles + 1, int(bounds[1]), int(bounds[3]), 1, scratch, num_instances)
             return num_triangles + 1, num_instances + 1
-    num_vertices = place_vertices(meshes, mesh, box, (cos, sin), spin, steer, pose, lens, scratch.vertices)
+    num_vertices = place_vertices(
+        meshes, mesh, box, (cos, sin), spin, steer, pose, lens, scratch.vertices, scratch.lights
+    )
     if is_colored:
-        light_vertices(light, num_vertices, meshes.ranges[mesh, IS_GLOSSY] > 0, scratch.vertices, scratch.lights)
+        light_vertices(
+            light, (cos, sin), num_vertices, meshes.ranges[mesh, IS_GLOSSY] > 0, scratch.vertices, scratch.lights
+        )
     after = add_mesh(
         meshes, mesh, paint, glow, row, semantic, lens, rings, width, height, light, scratch, num_triangles,
         is_colored, has_normals, radius < SMALL,

@@ -35,7 +35,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     SEES_TRIANGLE,
     Ground,
 )
-from scenarionet_sim.kernels.cameras.singles import single
+from scenarionet_sim.kernels.cameras.singles import single, single_of
 from scenarionet_sim.kernels.minmax import larger, smaller
 
 _GROUND, _SKY, _TRIANGLE = np.int32(SEES_GROUND), np.int32(SEES_SKY), np.int32(SEES_TRIANGLE)
@@ -112,14 +112,21 @@ def _aim_straight(
     first: int, end: int, left: float, step: float, v: float, pose: Float64, inverse: float, xs: Float32, ys: Float32,
     zs: Float32, squares: Float32, distances: Float32,
 ) -> None:  # fmt: skip
-    """Write rays of a pinhole; their rise is computed with 8 bytes, as it nearly vanishes at the horizon."""
-    rx, ry, rz = single(pose[RIGHT]), single(pose[RIGHT + 1]), pose[RIGHT + 2]
+    """Write rays of a pinhole.
+
+    Their rise, which nearly vanishes at the horizon, is the sum of two numbers of 4 bytes: the second one has what is
+    left of start and step when the first one is rounded.
+    """
+    rx, ry, u_step = single(pose[RIGHT]), single(pose[RIGHT + 1]), single(step)
+    bz, z_step = v * pose[DOWN + 2] + pose[FORWARD + 2] + left * pose[RIGHT + 2], step * pose[RIGHT + 2]
+    near_z, near_step = single(bz), single(z_step)
+    rest_z, rest_step = single(bz - near_z), single(z_step - near_step)
     bx, by = single(v * pose[DOWN] + pose[FORWARD]), single(v * pose[DOWN + 1] + pose[FORWARD + 1])
-    bz, rest = v * pose[DOWN + 2] + pose[FORWARD + 2], single(v) * single(v) + 1.0
+    start, rest, per_rise = single(left), single(v) * single(v) + 1.0, single(inverse)
     for k in range(first, end):
-        exact = left + step * k
-        z, u = exact * rz + bz, single(exact)
-        xs[k], ys[k], zs[k], squares[k], distances[k] = u * rx + bx, u * ry + by, z, u * u + rest, z * inverse
+        at = single_of(k)
+        u, z = start + u_step * at, (near_z + near_step * at) + (rest_z + rest_step * at)
+        xs[k], ys[k], zs[k], squares[k], distances[k] = u * rx + bx, u * ry + by, z, u * u + rest, z * per_rise
 
 
 @device_function(divides_by_zero=True, in_lanes=True)

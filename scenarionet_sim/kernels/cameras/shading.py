@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_sim.kernels.cameras.layout import (
     BLUE,
     DISTANCE,
@@ -27,15 +29,19 @@ from scenarionet_sim.kernels.cameras.layout import (
     RED,
     VIGNETTE,
 )
-from scenarionet_sim.kernels.cameras.singles import bits_of, rounded_down, single
+from scenarionet_sim.kernels.cameras.singles import bits_of, number_of, rounded_down, single, single_of
 from scenarionet_sim.kernels.minmax import larger, smaller
 
-_NONE = np.int32(0)
+OCTAVES = -12.0, math.log2(3.0)
+"""Binary logarithms of the linear light that is shown as black and as white."""
 
-NUM_LEVELS = 4096
-"""Levels of light, 256 for every doubling from 2^-13 to 8."""
-
-_HIGHEST, _STEP_BITS, _DARKEST_BITS = np.int32(NUM_LEVELS - 1), np.int32(15), np.int32((127 - 13) << 23)
+_DARKEST, _BRIGHTEST = 2.0 ** OCTAVES[0], 2.0 ** OCTAVES[1]
+_SCALE = 2.0 / (OCTAVES[1] - OCTAVES[0])
+_MANTISSA, _ONE_BITS = np.int32((1 << 23) - 1), np.int32(127 << 23)
+_PER_BIT, _SHIFT, _BEND, _BEND_STEP = (
+    _SCALE * factor for factor in (2.0**-23, 127 + sum(OCTAVES) / 2, 0.42086, -0.15639)
+)
+"""The bits of a float32 are its binary logarithm but for the bend of that between powers of two, here to 0.001."""
 
 PART = 32
 """Pixels of a row that are tested together for being beside a shadow."""
@@ -154,8 +160,8 @@ def _grade(
     reds: Float32, greens: Float32, blues: Float32,
 ) -> None:  # fmt: skip
     """Write light that is linear along a row."""
-    for k in range(first, end):
-        at = single(k - first)
+    for lane in range(end - first):
+        k, at = first + lane, single_of(lane)
         reds[k], greens[k], blues[k] = red + red_step * at, green + green_step * at, blue + blue_step * at
 
 
@@ -167,7 +173,7 @@ def _grade_few(
     """Write light that is linear along a row in at most ``LONG`` pixels that see a triangle; return how many."""
     count = LONG
     for lane in range(smaller(end - first, LONG)):
-        k, at = first + lane, single(lane)
+        k, at = first + lane, single_of(lane)
         is_same = seen[k] == triangle
         reds[k] = red + red_step * at if is_same else reds[k]
         greens[k] = green + green_step * at if is_same else greens[k]
@@ -196,16 +202,15 @@ def _open_windows(
 
 @device_function(forceinline=True, divides_by_zero=True)
 def expose(
-    first: int, size: tuple[int, int], light: Float64, tone: UInt8, seen: Int32, levels: Int32, shades: Float32,
-    picture: UInt8,
-) -> None:  # fmt: skip
-    """Add haze and write the colours of a tile into a part of a picture (count, 3).
+    first: int, size: tuple[int, int], light: Float64, tone: Float32, seen: Int32, shades: Float32, picture: UInt8
+) -> None:
+    """Add haze and write the colours of a tile into a part of a picture (3 * count,), pixel by pixel.
 
     Args:
         first: Number of the tile's first pixel in the picture.
         size: Height and width of the picture.
-        light, tone: Light of the frame, and levels of linear light.
-        seen, levels, shades: Memory of the tile.
+        light, tone: Light of the frame, and the tone curve.
+        seen, shades: Memory of the tile.
         picture: Output.
     """
     count, gains = len(seen), shades[GAIN]
@@ -216,17 +221,13 @@ def expose(
             row, column = (first + k) // size[1], (first + k) % size[1]
             below, beside = (row + 0.5) / size[0] - 0.5, (column + 0.5) / size[1] - 0.5
             gains[k] *= 1.0 - 2.0 * light[VIGNETTE] * (below * below + beside * beside)
-    _list_levels(
-        count, light, seen, shades[FAR], gains, shades[RED], shades[GREEN], shades[BLUE], levels[0], levels[1],
-        levels[2],
-    )  # fmt: skip
-    _write_levels(count, tone, levels[0], levels[1], levels[2], picture)
+    _develop(count, light, tone, seen, shades[FAR], gains, shades[RED], shades[GREEN], shades[BLUE], picture)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _list_levels(
-    count: int, light: Float64, seen: Int32, far: Float32, gains: Float32, red: Float32, green: Float32,
-    blue: Float32, reds: Int32, greens: Int32, blues: Int32,
+def _develop(
+    count: int, light: Float64, tone: Float32, seen: Int32, far: Float32, gains: Float32, red: Float32,
+    green: Float32, blue: Float32, picture: UInt8,
 ) -> None:  # fmt: skip
     """Blend what is far away with the light of the horizon; write the levels of linear light."""
     haze = single(light[HAZE])
@@ -234,25 +235,16 @@ def _list_levels(
     for k in range(count):
         mist = 0.0 if seen[k] == NOTHING else far[k] * haze
         clear, gain = 1.0 / (1.0 + mist * (1.0 + 0.5 * mist)), gains[k]
-        reds[k] = _level((r + clear * (red[k] - r)) * gain)
-        greens[k] = _level((g + clear * (green[k] - g)) * gain)
-        blues[k] = _level((b + clear * (blue[k] - b)) * gain)
+        picture[3 * k] = level_of((r + clear * (red[k] - r)) * gain, tone)
+        picture[3 * k + 1] = level_of((g + clear * (green[k] - g)) * gain, tone)
+        picture[3 * k + 2] = level_of((b + clear * (blue[k] - b)) * gain, tone)
 
 
-@device_function(forceinline=True, in_lanes=True)
-def _write_levels(count: int, tone: UInt8, reds: Int32, greens: Int32, blues: Int32, picture: UInt8) -> None:
-    for k in range(count):
-        picture[k, 0], picture[k, 1], picture[k, 2] = tone[reds[k]], tone[greens[k]], tone[blues[k]]
-
-
-@device_function(forceinline=True)
-def _level(light: float) -> int:
-    """Return the level of linear light, whose float32 is a logarithm in steps: exponent and first bits of mantissa."""
-    bits = np.int32(bits_of(light) - _DARKEST_BITS)
-    return smaller(larger(np.int32(bits >> _STEP_BITS), _NONE), _HIGHEST)  # type: ignore[return-value, type-var]
-
-
-def light_of_level(level: Array) -> Float64:
-    """Return the linear light of levels."""
-    bits = (level * (1 << int(_STEP_BITS))).astype(np.int32) + _DARKEST_BITS
-    return bits.view(np.float32).astype(np.float64)
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+def level_of(light: float, tone: Float32) -> int:
+    """Return the level of linear light, see ``Look.tone``."""
+    bits = bits_of(smaller(larger(light, _DARKEST), _BRIGHTEST))
+    rest = number_of(int((bits & _MANTISSA) | _ONE_BITS)) - 1.0
+    x = single(bits) * _PER_BIT - _SHIFT + (rest - rest * rest) * (_BEND + _BEND_STEP * rest)
+    low = tone[0] + x * (tone[1] + x * (tone[2] + x * tone[3]))
+    return np.int32(low + x * x * x * x * (tone[4] + x * (tone[5] + x * (tone[6] + x * (tone[7] + x * tone[8])))))  # type: ignore[return-value]

@@ -41,7 +41,7 @@ GRAIN_SIZE = 512
 """Side of the tables of noise [texels]; a power of two."""
 
 IS_LIT = 3
-"""Row of the sky's nodes that says in its first column whether they are lit."""
+"""Row of the sky's light that says in its first column whether it is there."""
 
 _LANES = 8
 
@@ -75,29 +75,27 @@ def sky_gradient(light: Float64, z: float) -> tuple[float, float, float]:
 @device_function(divides_by_zero=True, in_lanes=True)
 def color_sky(
     row: int, start: int, begin: int, stop: int, size: tuple[int, int], pose: Float64, lens: Float64, rays: Float64,
-    light: Float64, grain: UInt8, seen: Int32, nodes: Float32, shades: Float32,
+    light: Float64, grain: UInt8, seen: Int32, nodes: Float32, sky: Float32, shades: Float32,
 ) -> None:  # fmt: skip
-    """Write the light of the sky in a tile's pixels that are in a row from column ``start`` on, between nodes."""
+    """Write the light of the sky in a tile's pixels that are in a row from column ``start`` on.
+
+    It is interpolated between the light in the rows above and below of the band, ``sky``, and there between nodes.
+    """
+    if not _is_sky_seen(begin, stop, seen):
+        return
     top = row // BAND * BAND
-    share = single((row - top) * (1.0 / BAND))
-    first = begin
-    while first < stop:
-        column = start + first - begin
-        node = column // SKY_STEP
-        end = smaller(first + (node + 1) * SKY_STEP - column, stop)
-        if _is_sky_seen(first, end, seen):
-            for side in range(2):
-                if nodes[side, IS_LIT, 0] == 0.0:
-                    light_nodes(
-                        smaller(top + side * BAND, size[0] - 1), 0, num_nodes(size[1]), size[1], pose, lens, rays,
-                        light, grain, nodes[side],
-                    )  # fmt: skip
-                    nodes[side, IS_LIT, 0] = 1.0
-            _blend_nodes(
-                first, end, share, column - node * SKY_STEP - first, node, nodes[0], nodes[1], seen, shades[RED],
-                shades[GREEN], shades[BLUE],
+    for side in range(2):
+        if sky[side, IS_LIT, 0] == 0.0:
+            light_nodes(
+                smaller(top + side * BAND, size[0] - 1), 0, num_nodes(size[1]), size[1], pose, lens, rays, light,
+                grain, nodes,
             )  # fmt: skip
-        first = end
+            _stretch(nodes, size[1], sky[side])
+            sky[side, IS_LIT, 0] = 1.0
+    _blend_rows(
+        begin, stop, start - begin, single((row - top) * (1.0 / BAND)), sky[0], sky[1], seen, shades[RED],
+        shades[GREEN], shades[BLUE],
+    )  # fmt: skip
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
@@ -109,23 +107,33 @@ def _is_sky_seen(first: int, end: int, seen: Int32) -> bool:
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _blend_nodes(
-    first: int, end: int, share: float, shift: int, node: int, above: Float32, below: Float32, seen: Int32,
-    red: Float32, green: Float32, blue: Float32,
+def _stretch(nodes: Float32, width: int, sky: Float32) -> None:
+    """Write the light of a row of pixels between its nodes."""
+    for channel in range(3):
+        for node in range((width + SKY_STEP - 1) // SKY_STEP):
+            for lane in range(SKY_STEP):
+                sky[channel, node * SKY_STEP + lane] = between_nodes(nodes, channel, node, lane)
+
+
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+def between_nodes(nodes: Float32, channel: int, node: int, lane: int) -> float:
+    """Return the light of a pixel a number of columns right of a node."""
+    first = nodes[channel, node]
+    return float(first + (nodes[channel, node + 1] - first) * (1.0 / SKY_STEP) * single(lane))
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _blend_rows(
+    first: int, end: int, shift: int, share: float, above: Float32, below: Float32, seen: Int32, red: Float32,
+    green: Float32, blue: Float32,
 ) -> None:  # fmt: skip
-    """Write the light between four nodes where the sky is seen; pixel k is ``k + shift`` right of the left ones."""
-    r, g = above[0, node] + share * (below[0, node] - above[0, node]), above[1, node]
-    g += share * (below[1, node] - g)
-    b = above[2, node] + share * (below[2, node] - above[2, node])
-    to_r, to_g, to_b = above[0, node + 1], above[1, node + 1], above[2, node + 1]
-    step_r = (to_r + share * (below[0, node + 1] - to_r) - r) * (1.0 / 8.0)
-    step_g = (to_g + share * (below[1, node + 1] - to_g) - g) * (1.0 / 8.0)
-    step_b = (to_b + share * (below[2, node + 1] - to_b) - b) * (1.0 / 8.0)
+    """Write the light between two rows of pixels where the sky is seen, in pixels k in column ``k + shift``."""
     for k in range(first, end):
-        at, is_sky = single(k + shift), seen[k] == _NOTHING
-        red[k] = r + step_r * at if is_sky else red[k]
-        green[k] = g + step_g * at if is_sky else green[k]
-        blue[k] = b + step_b * at if is_sky else blue[k]
+        is_sky, column = seen[k] == _NOTHING, k + shift
+        r, g, b = above[0, column], above[1, column], above[2, column]
+        red[k] = r + share * (below[0, column] - r) if is_sky else red[k]
+        green[k] = g + share * (below[1, column] - g) if is_sky else green[k]
+        blue[k] = b + share * (below[2, column] - b) if is_sky else blue[k]
 
 
 @device_function(forceinline=True)
@@ -135,15 +143,14 @@ def num_nodes(width: int) -> int:
 
 
 @device_function(forceinline=True, in_lanes=True)
-def carry_sky(is_below: bool, width: int, nodes: Float32) -> None:
-    """Forget the light at the nodes of the band before, except for those at the top of a band right below it."""
-    if is_below:
-        for channel in range(4):
-            for node in range(num_nodes(width)):
-                nodes[0, channel, node] = nodes[1, channel, node]
-    else:
-        nodes[0, IS_LIT, 0] = 0.0
-    nodes[1, IS_LIT, 0] = 0.0
+def carry_sky(is_below: bool, width: int, sky: Float32) -> None:
+    """Forget the light of the band before, except for that at the top of a band right below it."""
+    sky[0, IS_LIT, 0] = sky[1, IS_LIT, 0] if is_below else single(0.0)
+    if sky[0, IS_LIT, 0] > 0.0:
+        for channel in range(3):
+            for column in range(width):
+                sky[0, channel, column] = sky[1, channel, column]
+    sky[1, IS_LIT, 0] = 0.0
 
 
 @device_function(divides_by_zero=True)
@@ -158,7 +165,7 @@ def light_nodes(
         first, end: Nodes.
         width: Of the picture.
         pose, lens, rays, light, grain: Camera and light.
-        nodes: (4, N) output.
+        nodes: (3, N) output.
     """
     y, step = (row + 0.5 - lens[CY]) / lens[FY], 1.0 / lens[FX]
     for k in range(first, end):

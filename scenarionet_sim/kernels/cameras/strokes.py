@@ -68,39 +68,42 @@ def _aim(count: int, ray_x: Float32, ray_y: Float32, view_x: Float32, view_y: Fl
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _draw_cell(ground: Ground, slot: int, cell: int, first: int, end: int, shades: Float32) -> None:
-    """Draw the strokes of a cell on a run of pixels."""
-    frame, across, along = ground.frame[slot], shades[ACROSS, first:end], shades[ALONG, first:end]
-    widest = 0.0
-    for k in range(len(across)):
-        widest = larger(widest, across[k] + along[k])
+    """Draw the strokes of a cell on a run of pixels; rows of pixels are passed whole, as to cut them takes longer."""
+    frame, widest = ground.frame[slot], _widest(first, end, shades[ACROSS], shades[ALONG])
     has_borders = False
     for n in range(ground.cell_start[cell], ground.cell_start[cell + 1]):
         kind, stroke = ground.stroke_kind[n], ground.strokes[n]
         if kind >= WHITE:
             target = WHITE_SHARE + (1 if kind == YELLOW else (2 if kind == KERB else 0))
-            _paint(stroke, frame, widest, first, end, shades, shades[target, first:end])
+            _paint(stroke, frame, widest, first, end, shades, shades[target])
         elif kind != CROSSWALK_BORDER:
             if not has_borders:
                 has_borders = True
                 for row in range(ROAD_EDGE, ROAD_EDGE + 2):
-                    edges = shades[row, first:end]
-                    for k in range(len(edges)):
+                    edges = shades[row]
+                    for k in range(first, end):
                         edges[k] = 1e9
             side = 0 if kind == ROAD_BORDER else 1
             number = cell - int(ground.place[slot, 0])
-            _cross(
-                stroke, frame, number, first, end, shades, shades[ON_ROAD + side, first:end],
-                shades[ROAD_EDGE + side, first:end],
-            )  # fmt: skip
+            _cross(stroke, frame, number, first, end, shades, shades[ON_ROAD + side], shades[ROAD_EDGE + side])
     if has_borders:
         for side in range(2):
-            _soften(shades[ROAD_EDGE + side, first:end], shades[ON_ROAD + side, first:end])
+            _soften(first, end, shades[ROAD_EDGE + side], shades[ON_ROAD + side])
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _soften(edges: Float32, shares: Float32) -> None:
+def _widest(first: int, end: int, across: Float32, along: Float32) -> float:
+    """Return the largest extent of the footprints of a run of pixels [m]."""
+    widest = single(0.0)
+    for k in range(first, end):
+        widest = larger(widest, across[k] + along[k])
+    return widest
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _soften(first: int, end: int, edges: Float32, shares: Float32) -> None:
     """Blend both sides of a border in the pixels that it passes through."""
-    for k in range(len(shares)):
+    for k in range(first, end):
         shares[k] += larger(0.5 - edges[k], 0.0) * (1.0 - 2.0 * shares[k])
 
 
@@ -109,32 +112,31 @@ def _paint(
     stroke: Float32, frame: Float64, widest: float, first: int, end: int, shades: Float32, shares: Float32
 ) -> None:
     """Cover a run of pixels, whose footprints are at most ``widest`` [m], with a painted rectangle."""
-    x0, y0, ux, uy = stroke[0] - frame[0], stroke[1] - frame[1], stroke[2] * 1.0, stroke[3] * 1.0
-    half, half_length, last = stroke[5] * 1.0, 0.5 * stroke[4], len(shares) - 1
-    xs, ys = shades[GROUND_X, first:end], shades[GROUND_Y, first:end]
+    x0, y0, ux, uy = single(stroke[0] - frame[0]), single(stroke[1] - frame[1]), stroke[2], stroke[3]
+    half, half_length, last = stroke[5], single(0.5) * stroke[4], end - 1
+    xs, ys = shades[GROUND_X], shades[GROUND_Y]
     limit = half + 0.5 * widest
-    left, right = (ys[0] - y0) * ux - (xs[0] - x0) * uy, (ys[last] - y0) * ux - (xs[last] - x0) * uy
+    left, right = (ys[first] - y0) * ux - (xs[first] - x0) * uy, (ys[last] - y0) * ux - (xs[last] - x0) * uy
     if smaller(left, right) > limit or larger(left, right) < -limit:
         return
     limit = half_length + 0.5 * widest
-    rear = (xs[0] - x0) * ux + (ys[0] - y0) * uy - half_length
+    rear = (xs[first] - x0) * ux + (ys[first] - y0) * uy - half_length
     front = (xs[last] - x0) * ux + (ys[last] - y0) * uy - half_length
     if smaller(rear, front) > limit or larger(rear, front) < -limit:
         return
     _cover(
-        single(x0), single(y0), single(ux), single(uy), single(half), single(half_length), xs, ys,
-        shades[VIEW_X, first:end], shades[VIEW_Y, first:end], shades[ACROSS, first:end], shades[ALONG, first:end],
-        shares,
+        first, end, x0, y0, ux, uy, half, half_length, xs, ys, shades[VIEW_X], shades[VIEW_Y], shades[ACROSS],
+        shades[ALONG], shares,
     )  # fmt: skip
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _cover(
-    x0: float, y0: float, ux: float, uy: float, half: float, half_length: float, xs: Float32, ys: Float32,
-    view_x: Float32, view_y: Float32, across: Float32, along: Float32, shares: Float32,
+    first: int, end: int, x0: float, y0: float, ux: float, uy: float, half: float, half_length: float, xs: Float32,
+    ys: Float32, view_x: Float32, view_y: Float32, across: Float32, along: Float32, shares: Float32,
 ) -> None:  # fmt: skip
     """Raise the shares of a rectangle in pixels to the part of their footprints that it covers."""
-    for k in range(len(xs)):
+    for k in range(first, end):
         straight, beside = abs(ux * view_x[k] + uy * view_y[k]), abs(ux * view_y[k] - uy * view_x[k])
         wide = straight * across[k] + beside * along[k] + 1e-6
         deep = straight * along[k] + beside * across[k] + 1e-6
@@ -163,26 +165,25 @@ def _cross(
         crossing = y0 + (corner_x - x0) / ex * ey
         above = crossing if corner_y < crossing else math.inf
     per_y = ex / ey if ey != 0.0 else 0.0
-    xs, ys = shades[GROUND_X, first:end], shades[GROUND_Y, first:end]
+    xs, ys = shades[GROUND_X], shades[GROUND_Y]
     _turn_over(
-        single(smaller(y0, y1)), single(larger(y0, y1)), single(x0), single(y0), single(per_y),
+        first, end, single(smaller(y0, y1)), single(larger(y0, y1)), single(x0), single(y0), single(per_y),
         single(corner_x), single(above), xs, ys, shares,
     )  # fmt: skip
     length = math.sqrt(ex * ex + ey * ey + 1e-12)
     _measure_edge(
-        single(x0), single(y0), single(ex / length), single(ey / length), single(length), xs, ys,
-        shades[VIEW_X, first:end], shades[VIEW_Y, first:end], shades[ACROSS, first:end], shades[ALONG, first:end],
-        edges,
+        first, end, single(x0), single(y0), single(ex / length), single(ey / length), single(length), xs, ys,
+        shades[VIEW_X], shades[VIEW_Y], shades[ACROSS], shades[ALONG], edges,
     )  # fmt: skip
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _turn_over(
-    low: float, high: float, x0: float, y0: float, per_y: float, left: float, above: float, xs: Float32,
-    ys: Float32, shares: Float32,
+    first: int, end: int, low: float, high: float, x0: float, y0: float, per_y: float, left: float, above: float,
+    xs: Float32, ys: Float32, shares: Float32,
 ) -> None:  # fmt: skip
     """Turn over the shares of a surface beyond a border."""
-    for k in range(len(xs)):
+    for k in range(first, end):
         crossing = x0 + (ys[k] - y0) * per_y
         is_right = (low <= ys[k]) & (ys[k] < high) & (left < crossing) & (crossing <= xs[k])
         before = shares[k]
@@ -191,11 +192,11 @@ def _turn_over(
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _measure_edge(
-    x0: float, y0: float, ux: float, uy: float, length: float, xs: Float32, ys: Float32, view_x: Float32,
-    view_y: Float32, across: Float32, along: Float32, edges: Float32,
+    first: int, end: int, x0: float, y0: float, ux: float, uy: float, length: float, xs: Float32, ys: Float32,
+    view_x: Float32, view_y: Float32, across: Float32, along: Float32, edges: Float32,
 ) -> None:  # fmt: skip
     """Write the distances to a border in footprints where it is nearer than others."""
-    for k in range(len(xs)):
+    for k in range(first, end):
         dx, dy = xs[k] - x0, ys[k] - y0
         at = dx * ux + dy * uy
         straight, beside = abs(ux * view_x[k] + uy * view_y[k]), abs(ux * view_y[k] - uy * view_x[k])

@@ -7,7 +7,7 @@ of one pixel. The steps of a call, each over all frames:
 2. ``list_items`` for every frame: those in view, and the places of their vertices and triangles.
 3. ``place_part`` and ``set_up_part`` for parts of every instance: its vertices, then its triangles; then
    ``bound_instance``.
-4. ``light_sky`` for every node of the sky.
+4. ``light_sky`` for every node of the sky, and ``stretch_sky`` between them.
 5. ``draw_pixel`` for every pixel.
 """
 
@@ -23,6 +23,7 @@ from scenarionet_sim.kernels.cameras.instances import (
     write_box,
 )
 from scenarionet_sim.kernels.cameras.layout import (
+    GROUP,
     HIDDEN,
     INSTANCE_ROW,
     IS_GLOSSY,
@@ -90,7 +91,7 @@ def find_item(
     box, kind = items.boxes[frame, item], items.kinds[frame, item]
     kind[MESH], kind[HAS_SHADOW] = -1, 0
     rows = solids.motion.shape[1]
-    if item >= rows + solids.fixed_range[slot, 1] - solids.fixed_range[slot, 0]:
+    if item >= rows + GROUP * (solids.fixed_range[slot, 1] - solids.fixed_range[slot, 0]):
         return
     if not write_box(item, slot, pose, reach, solids, ground, box):
         return
@@ -151,6 +152,7 @@ def place_part(
     first = triangles.first[frame, 1] + items.instances[frame, place, FIRST_VERTEX]
     for number in range(part, ranges[VERTEX_END] - ranges[VERTEX_FIRST], num_parts):
         vertex = triangles.vertices[:, first + number : first + number + 1]
+        lights = triangles.lights[:, first + number : first + number + 1]
         place_vertex(
             meshes,
             mesh,
@@ -163,10 +165,10 @@ def place_part(
             shots.poses[frame],
             shots.lens,
             vertex,
+            lights,
         )
         if is_colored:
-            lights = triangles.lights[:, first + number : first + number + 1]
-            light_vertices(look.lights[frame], 1, ranges[IS_GLOSSY] > 0, vertex, lights)
+            light_vertices(look.lights[frame], turn, 1, ranges[IS_GLOSSY] > 0, vertex, lights)
 
 
 @device_function(divides_by_zero=True)

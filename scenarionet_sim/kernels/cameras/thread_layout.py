@@ -85,8 +85,8 @@ class PixelMemory(NamedTuple):
     """Memory of a thread, see ``FrameMemory``, for tiles of one pixel.
 
     Attributes:
-        near, seen, cells: (1,).
-        shades, texels: (NUM_SHADES, 1), (3, 1).
+        near, seen, cells, texels: (1,).
+        shades: (NUM_SHADES, 1).
     """
 
     near: Float32

@@ -10,6 +10,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     BAND,
     KIND,
     PINHOLE,
+    SKY_STEP,
     FrameMemory,
     Ground,
     Look,
@@ -19,7 +20,7 @@ from scenarionet_sim.kernels.cameras.outlines import span_of_outline
 from scenarionet_sim.kernels.cameras.rows import look_along
 from scenarionet_sim.kernels.cameras.shading import expose
 from scenarionet_sim.kernels.cameras.singles import single
-from scenarionet_sim.kernels.cameras.sky import IS_LIT, light_nodes
+from scenarionet_sim.kernels.cameras.sky import IS_LIT, between_nodes, light_nodes
 from scenarionet_sim.kernels.cameras.thread_layout import (
     BOTTOM,
     END,
@@ -42,14 +43,22 @@ from scenarionet_sim.kernels.minmax import smaller
 
 @device_function(divides_by_zero=True)
 def light_sky(
-    frame: int, node_row: int, node: int, size: tuple[int, int], shots: Shots, look: Look, sky: Float32
+    frame: int, node_row: int, node: int, size: tuple[int, int], shots: Shots, look: Look, nodes: Float32
 ) -> None:
-    """Write the light of the sky at a node of ``sky`` (B, bands + 1, 4, nodes)."""
+    """Write the light of the sky at a node of ``nodes`` (B, bands + 1, 3, N)."""
     light_nodes(
         smaller(node_row * BAND, size[0] - 1), node, node + 1, size[1], shots.poses[frame], shots.lens, shots.rays,
-        look.lights[frame], look.grain, sky[frame, node_row],
+        look.lights[frame], look.grain, nodes[frame, node_row],
     )  # fmt: skip
-    sky[frame, node_row, IS_LIT, node] = 1.0
+
+
+@device_function(divides_by_zero=True)
+def stretch_sky(frame: int, node_row: int, column: int, nodes: Float32, sky: Float32) -> None:
+    """Write the light of the sky in a column of ``sky`` (B, bands + 1, 4, W) between two nodes."""
+    node, lane = column // SKY_STEP, column % SKY_STEP
+    for channel in range(3):
+        sky[frame, node_row, channel, column] = between_nodes(nodes[frame, node_row], channel, node, lane)
+    sky[frame, node_row, IS_LIT, column] = 1.0
 
 
 @device_function(divides_by_zero=True)
@@ -113,11 +122,10 @@ def draw_pixel(
             triangles.vertices, triangles.lights, triangles.edges, triangles.spans, triangles.colors, triangles.labels,
             triangles.bounds, items.instances[frame], items.shadows[frame], memory.texels, memory.near, seen,
             memory.shades, memory.cells, memory.texels, items.boxes[frame, 0], memory.near, items.drawn[frame],
-            sky[frame, band : band + 2],
+            items.drawn[frame], memory.shades, sky[frame, band : band + 2],
         )  # fmt: skip
         num_shadows = items.counts[frame, NUM_SHADOWS]
         color_tile(number, slot, pose, size, lens, rays, num_shadows, kinds, ground, light, look.grain, seen, scratch)
         expose(
-            number, size, light, look.tone, seen, memory.texels, memory.shades,
-            pictures.rgb[frame, number : number + 1],
+            number, size, light, look.tone, seen, memory.shades, pictures.rgb[frame, 3 * number : 3 * number + 3],
         )  # fmt: skip

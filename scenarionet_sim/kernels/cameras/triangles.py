@@ -34,7 +34,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     FrameMemory,
 )
 from scenarionet_sim.kernels.cameras.outlines import span_of_outline
-from scenarionet_sim.kernels.cameras.singles import single
+from scenarionet_sim.kernels.cameras.singles import single, single_of
 from scenarionet_sim.kernels.cameras.vertices import NEAREST, STEEP
 from scenarionet_sim.kernels.minmax import larger, smaller
 
@@ -233,7 +233,7 @@ def _cover(triangle: int, first: int, end: int, inverse: float, step: float, nea
     for block in range(first, end, SHORT):
         at = inverse + step * single(block - first)
         for k in range(smaller(end - block, SHORT)):
-            here, before = at + step * single(k), near[block + k]
+            here, before = at + step * single_of(k), near[block + k]
             seen[block + k] = number if here > before else seen[block + k]
             near[block + k] = larger(before, here)
 
