@@ -113,27 +113,24 @@ class _Blocks:
         """A block that nothing refers to: of the first, which are in the caches, or of the others in turn."""
         count = len(self._all)
         for place in range(min(count, _TRIED)):
-            block = self._all[place]
-            if sys.getrefcount(block) == _UNUSED:
-                return block
+            if _references(self._all, place) == _UNUSED:
+                return self._all[place]
         for _ in range(min(count - _TRIED, _TRIED)):
             self._next = self._next + 1 if self._next + 1 < count else _TRIED
-            block = self._all[self._next]
-            if sys.getrefcount(block) == _UNUSED:
-                return block
+            if _references(self._all, self._next) == _UNUSED:
+                return self._all[self._next]
         return None
 
     def drop_unused(self) -> None:
         """Drop the blocks that nothing refers to."""
-        counts = _references(self._all)
-        self._all = [block for block, count in zip(self._all, counts, strict=True) if count != _UNUSED]
+        self._all = [self._all[place] for place in range(len(self._all)) if _references(self._all, place) != _UNUSED]
         self._next = 0
 
 
-def _references(blocks: list[UInt8]) -> list[int]:
-    """Number of references to each block; views of views refer to the block itself."""
-    return [sys.getrefcount(block) for block in blocks]
+def _references(blocks: list[UInt8], place: int) -> int:
+    """Number of references to a block, those of this call included; views of views refer to the block itself."""
+    return sys.getrefcount(blocks[place])
 
 
-_UNUSED = _references([np.empty(0, np.uint8)])[0]
-"""References to a block that no array uses."""
+_UNUSED = _references([np.empty(0, np.uint8)], 0)
+"""References to a block that no array uses, which differ between versions of Python."""
