@@ -1,7 +1,6 @@
 """DuckDB over a snapshot: one connection, locked so that user SQL can only read the views of :mod:`.views`.
 
-Works with DuckDB 1.5 and 2. No extension is loaded or downloaded. DuckDB is imported where it is used: that takes
-0.1 s and 13 MB, and loading scenarios needs no query.
+Works with DuckDB 1.5 and 2. No extension is loaded or downloaded.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import duckdb
 import pyarrow as pa
 
 from scenarionet_data.errors import LakeError, QueryError
@@ -65,8 +65,6 @@ class Engine:
         user_columns: Mapping[str, int] | None = None,
         chosen: pa.Table | None = None,
     ) -> None:
-        import duckdb
-
         manifests.check_schemas(files, snapshot)
         self._files = files
         self._snapshot = snapshot
@@ -173,8 +171,6 @@ class Engine:
             try:
                 yield from rows
             except OSError as error:  # errors between two batches pass through Arrow
-                import duckdb
-
                 kind = duckdb.IOException if "IO Error" in str(error) else duckdb.Error
                 raise kind(str(error)) from error
 
@@ -191,8 +187,6 @@ class Engine:
     @contextmanager
     def _query(self, sql: str, tables: Mapping[str, Rows]) -> Iterator[None]:
         """Hold the connection for one query with its tables, and translate errors of DuckDB."""
-        import duckdb
-
         # A connection runs one query at a time.
         with snapshots.reading_from(self._files, self._snapshot), self._lock:
             for name, rows in tables.items():

@@ -1,19 +1,15 @@
-"""User SQL: reject everything but reads, find the names it uses, and locate syntax errors.
-
-DuckDB is imported where it is used, see :mod:`.engine`.
-"""
+"""User SQL: reject everything but reads, find the names it uses, and locate syntax errors."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import duckdb
 
 from scenarionet_data.errors import QueryError, UnsafeSql
-
-if TYPE_CHECKING:
-    import duckdb
 
 
 def only_select(connection: duckdb.DuckDBPyConnection, sql: str, given: Mapping[str, Any]) -> str:
@@ -30,8 +26,6 @@ def only_select(connection: duckdb.DuckDBPyConnection, sql: str, given: Mapping[
         UnsafeSql: It is not exactly one SELECT.
         QueryError: A parameter has no value.
     """
-    import duckdb
-
     _check_text(sql)
     statements = connection.extract_statements(sql)
     if len(statements) != 1:
@@ -52,8 +46,6 @@ def check_expression(where: str) -> None:
     Raises:
         UnsafeSql: It is not one expression; the message is from DuckDB.
     """
-    import duckdb
-
     _check_text(where)
     try:
         duckdb.SQLExpression(where)
@@ -80,8 +72,6 @@ def error_position(sql: str, before: str = "") -> str:
         sql: The user's SQL.
         before: SQL that completes it to a statement.
     """
-    import duckdb
-
     connection = duckdb.connect(config={"enable_external_access": False})  # parsing may read files
     connection.execute("SET errors_as_json = true")
     try:
