@@ -14,6 +14,9 @@ from scenarionet_data.arrays.texts import Texts
 WORDS, BITS, INDICES, TEXTS = range(4)
 """How values are stored: as numbers of 4 bytes, truth values, numbers of words in a dictionary, or texts."""
 
+WIDEST = 8
+"""Bytes of the widest elements of a block; its memory is a multiple of that."""
+
 NULLABLE, LIST = 1, 2
 """Shapes of a column."""
 

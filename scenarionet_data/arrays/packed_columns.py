@@ -17,6 +17,7 @@ from scenarionet_data.arrays.columns import (
     OFFSETS,
     SIZE,
     TEXTS,
+    WIDEST,
     WORDS,
     ColumnBlock,
     ColumnLayout,
@@ -24,9 +25,6 @@ from scenarionet_data.arrays.columns import (
 )
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.arrays.texts import Texts
-
-_WIDEST = 8
-"""Bytes of the widest elements."""
 
 
 def from_arrow(rows: pa.RecordBatch | pa.Table, layout: ColumnLayout) -> Columns:
@@ -115,7 +113,7 @@ class _Joined:
     def add(self, values: Array, kind: npt.DTypeLike) -> int:
         """Add an array; returns the place of its first element, counted in elements."""
         added = np.ascontiguousarray(values, kind)
-        gap = -self._size % _WIDEST
+        gap = -self._size % WIDEST
         place = self._size + gap
         self._parts += [np.zeros(gap, np.uint8), added.view(np.uint8)]
         self._size = place + added.nbytes
@@ -123,7 +121,7 @@ class _Joined:
 
     def whole(self) -> Array:
         """The memory; its size is a multiple of all widths, for kernels, which see it as an array of each."""
-        return np.concatenate([*self._parts, np.zeros(-self._size % _WIDEST, np.uint8)])
+        return np.concatenate([*self._parts, np.zeros(-self._size % WIDEST, np.uint8)])
 
 
 def _concatenated(values: Sequence[Array], kind: npt.DTypeLike) -> Array:

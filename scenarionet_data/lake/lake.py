@@ -395,11 +395,5 @@ class Lake(TaggableLake, ComparableLake):
         from scenarionet_data.export import export_database
 
         return export_database(
-            self,
-            database,
-            directory,
-            replace=replace,
-            original=original,
-            executor=executor,
-            on_progress=on_progress,
+            self, database, directory, replace=replace, original=original, executor=executor, on_progress=on_progress
         )

@@ -21,15 +21,13 @@ from scenarionet_data.arrays.columns import (
     ROOM,
     SHAPE,
     TEXTS,
+    WIDEST,
     ColumnBlock,
     ColumnLayout,
 )
 from scenarionet_data.arrays.dtypes import Bool, Int64
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.storage.read.parquet import page_kernels as pages
-
-_WIDEST = 8
-"""Bytes of the widest elements."""
 
 
 class Reservation(NamedTuple):
@@ -97,10 +95,10 @@ class _Shape(NamedTuple):
         columns[:, SHAPE] = [LIST * column.is_list + NULLABLE * column.nullable for column in layout.columns]
         columns[:, KIND] = kinds
         are_texts = kinds == TEXTS
-        widths = np.where(are_texts, _WIDEST, np.where(kinds == BITS, 1, 4))
+        widths = np.where(are_texts, WIDEST, np.where(kinds == BITS, 1, 4))
         return cls(columns, widths, are_texts, are_texts | (kinds == INDICES), np.argsort(-widths, kind="stable"))
 
 
 def _aligned(size: int) -> int:
     """The next multiple of the width of the widest elements."""
-    return -(-size // _WIDEST) * _WIDEST
+    return -(-size // WIDEST) * WIDEST
