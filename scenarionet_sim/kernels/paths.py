@@ -189,13 +189,13 @@ def locate(own: PathRows, back: float, ahead: float, row: Float64, route: Float6
         row[Z] = pose_on(own, segment_from(own, k, route[0]), route[0])[2]
 
 
-@kernel
+@kernel(allocates=False)
 def find_stops(
     path: Float32,
     path_offsets: Int32,
     lane: Int32,
     stop: Float32,
-    lane_points: Float32,
+    lane_path: Float32,
     lane_offsets: Int32,
     stops: Float32,
 ) -> None:
@@ -208,10 +208,10 @@ def find_stops(
         path, path_offsets: (P, 5), (N + 1,) paths of N objects, see ``Paths``.
         lane: (L,) row of each light's lane; -1 if the map lacks it, such a light governs no path.
         stop: (L, 2) [m], NaN if unknown.
-        lane_points, lane_offsets: (Q, 2) [m], (M + 1,) centrelines.
+        lane_path, lane_offsets: (Q, 5), (M + 1,) centrelines as paths; arc lengths are written here.
         stops: (N, L) of NaN; output: arc length [m] where a light governs a path.
     """
-    lanes = _with_arcs(lane_points, lane_offsets)
+    _measure(lane_path, lane_offsets)
     for n in range(len(path_offsets) - 1):
         own = PathRows(path, path_offsets[n], path_offsets[n + 1])
         if own.end - own.first < 2:
@@ -221,22 +221,18 @@ def find_stops(
             x, y, row = np.float64(stop[light, 0]), np.float64(stop[light, 1]), lane[light]
             if row < 0 or not (low_x <= x <= high_x and low_y <= y <= high_y):
                 continue
-            way = PathRows(lanes, lane_offsets[row], lane_offsets[row + 1])
+            way = PathRows(lane_path, lane_offsets[row], lane_offsets[row + 1])
             if way.end - way.first > 1:
                 stops[n, light] = _stop_on(own, way, x, y)
 
 
-@device_function(allocates=True)
-def _with_arcs(points: Float32, offsets: Int32) -> Float32:
-    """Return centrelines as paths (P, 5); z and heading are 0."""
-    path = np.zeros((len(points), 5), np.float32)
+@device_function
+def _measure(path: Float32, offsets: Int32) -> None:
+    """Write the arc lengths of paths."""
     for m in range(len(offsets) - 1):
-        for k in range(offsets[m], offsets[m + 1]):
-            path[k, X], path[k, Y] = points[k, 0], points[k, 1]
-            if k > offsets[m]:
-                step = np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
-                path[k, ARC] = path[k - 1, ARC] + larger(step, np.float32(1e-3))  # repeated points have no direction
-    return path
+        for k in range(offsets[m] + 1, offsets[m + 1]):
+            step = np.hypot(path[k, X] - path[k - 1, X], path[k, Y] - path[k - 1, Y])
+            path[k, ARC] = path[k - 1, ARC] + larger(step, np.float32(1e-3))  # repeated points have no direction
 
 
 @device_function

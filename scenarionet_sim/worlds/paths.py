@@ -92,7 +92,9 @@ class Stops:
         """
         found = np.full((len(paths.path_offsets) - 1, len(lane)), np.nan, np.float32)
         if len(lane):  # do not compile the kernel for maps without lights
-            find_stops(paths.path, paths.path_offsets, lane, stop, roads.lanes.values, roads.lanes.offsets, found)
+            lane_path = np.zeros((len(roads.lanes.values), 5), np.float32)
+            lane_path[:, :2] = roads.lanes.values
+            find_stops(paths.path, paths.path_offsets, lane, stop, lane_path, roads.lanes.offsets, found)
         order = np.argsort(found, axis=1, kind="stable")
         arcs = np.take_along_axis(found, order, axis=1)
         is_stop = ~np.isnan(arcs)
