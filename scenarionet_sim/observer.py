@@ -8,7 +8,8 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_sim.kernels.observation import Sensing
-from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, StepResult
+from scenarionet_sim.kernels.scoring import NUM_TOTALS, StepResult
+from scenarionet_sim.kernels.seats import Seats
 
 
 @dataclass(eq=False)
@@ -17,24 +18,33 @@ class Observer:
 
     Attributes:
         task: (12,) see ``task.task_parameters``.
-        result: Scores of the agents.
+        result: Scores of the agents, by place.
         sensing: Sensors of the agents.
-        phases: ``SCORE``, ``OBSERVE``, both or neither.
+        phases: Any of ``SCORE``, ``OBSERVE`` and ``SETTLE``.
+        seats: Flat buffers.
+        num_seats: Number of places of each world whose agents are observed; None for all.
+        is_stale: Whether the agents have changed since they were observed.
     """
 
     task: Float64
     result: StepResult
     sensing: Sensing
     phases: int
+    seats: Seats
+    num_seats: int | None = None
     is_stale: bool = False
-    """Whether the agents have changed since they were observed."""
 
     @classmethod
-    def nothing(cls) -> Observer:
-        """Return an observer that does nothing."""
-        numbers, totals = np.zeros((0, len(NUMBERS))), np.zeros((0, 0, NUM_TOTALS))
-        result = StepResult(numbers, np.zeros(0, np.uint8), totals)
-        return cls(np.zeros(12), result, Sensing.of_no_sensors(), 0)
+    def nothing(cls, num_worlds: int) -> Observer:
+        """Return an observer of W worlds that does nothing."""
+        result = StepResult.of(0, np.zeros((0, 0, NUM_TOTALS)))
+        return cls(np.zeros(12), result, Sensing.of_no_sensors(), 0, Seats.of(num_worlds, 0, 0))
 
-    def resize(self, num_agents: int, num_worlds: int, num_objects: int) -> None:
-        """Allocate the results for other agents, in worlds of up to a number of objects."""
+    def resize(self, num_places: int, num_worlds: int, num_objects: int) -> None:
+        """Make room for the results of agents at other places, or of worlds of up to another number of objects."""
+
+    def renew_results(self) -> None:
+        """Let the next step write its results to new arrays."""
+
+    def copy_results(self) -> None:
+        """Let results of some agents that come before the next step be written to copies of the last step's."""

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP, UInt8, UInt32
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.agents import PresentAgents, places
+from scenarionet_sim.agents import DrivenAgents
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
 from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
@@ -24,10 +24,11 @@ from scenarionet_sim.kernels.step import (
     MOVE,
     OBSERVE,
     ONLY_BEGUN,
+    SETTLE,
     step_reactive_worlds,
     step_worlds,
 )
-from scenarionet_sim.kernels.step_arrays import GOES_ON, StepArrays
+from scenarionet_sim.kernels.step_arrays import AT_FIRST, GOES_ON, StepArrays
 from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External, Policy, Replay
@@ -88,13 +89,13 @@ class Simulation:
         keep: int = 32,
         observer: Observer | None = None,
     ) -> None:
-        self.observer = observer or Observer.nothing()
+        self.observer = observer or Observer.nothing(len(worlds))
         self._dt = worlds[0].dt
         self._threads = Threads(threads)
         self._memory: list[tuple[Any, ...]] = []  # by thread
         self._memory_for: tuple[int, Any] = 0, None  # largest number of objects, kinds of sensors
         self._policies = SlotPolicies(tuple(policies), len(worlds))
-        self._agents = PresentAgents(self._policies.are_external, len(worlds), are_egos=has_passengers)
+        self._agents = DrivenAgents(self._policies.are_external, len(worlds), are_egos=has_passengers)
         self.batch = WorldBatch(worlds, self.policies, self._prepare, keep)
         shape = len(worlds), self.batch.max_objects
         self.state = State.empty(*shape)
@@ -126,34 +127,24 @@ class Simulation:
         return self._agents.rows
 
     @property
-    def awaits_agents(self) -> bool:
-        """Whether an agent is absent that may still appear."""
-        return self._agents.is_due
-
-    @property
-    def first_agents(self) -> Int32:
-        """(W + 1,) first agent of each world."""
-        return self._agents.first
-
-    def agents_of(self, slots: IntP) -> IntP:
-        """Return the indices of the agents of some worlds."""
-        first = self._agents.first
-        return np.concatenate([np.arange(first[slot], first[slot + 1]) for slot in slots.tolist()])
-
-    @property
     def actions(self) -> Float64:
         """(A, 2) actions of the last step."""
-        return self._agents.actions
+        return self._agents.actions[self._agents.places]
 
     @property
     def contacts(self) -> Bool:
         """(A, N) objects that each agent's box overlaps."""
-        return self._agents.contacts
+        return self._agents.contacts[self._agents.places]
 
     @property
     def hits(self) -> UInt32:
         """(A,) types of those objects, as bits."""
-        return self._agents.hits
+        return self._agents.hits[self._agents.places]
+
+    @property
+    def by_place(self) -> DrivenAgents:
+        """The agents by their places, at which observers write their results."""
+        return self._agents
 
     @property
     def dt(self) -> float:
@@ -178,13 +169,16 @@ class Simulation:
         """
         self.reset_slots([slot], [world], start)
 
-    def reset_slots(self, slots: Sequence[int], worlds: Sequence[World | None], start: int | None = None) -> None:
+    def reset_slots(
+        self, slots: Sequence[int] | IntP, worlds: Sequence[World | None], start: int | None = None
+    ) -> None:
         """Begin episodes in several slots, and observe the agents there; as :meth:`reset`."""
         self.begin(slots, worlds, start)
-        self._run(LOCATE | ONLY_BEGUN | self.observer.phases)
+        self.observer.copy_results()
+        self._run(LOCATE | ONLY_BEGUN | self.observer.phases & ~SETTLE)
         self._begins[:] = GOES_ON
 
-    def begin(self, slots: Sequence[int], worlds: Sequence[World | None], start: int | None = None) -> None:
+    def begin(self, slots: Sequence[int] | IntP, worlds: Sequence[World | None], start: int | None = None) -> None:
         """Begin episodes in several slots in the next step, in which their worlds do not move; as :meth:`reset`.
 
         The step has to come next: until then, the state of these slots is undefined.
@@ -192,9 +186,10 @@ class Simulation:
         self.batch.replace(slots, worlds, self.policies)
         self._policies.begin(slots)
         self._grow()
-        is_listed = self._agents.schedule(slots, start, self._begins, self.batch)
+        self._begins[slots] = AT_FIRST if start is None else start
+        self._agents.forget_list()
         has_new_vehicle = isinstance(self._session, KinematicSession) and len(self._session.new_vehicle)
-        if not (is_listed and has_new_vehicle and self._policies.are_compiled and self.state.history is None):
+        if not (has_new_vehicle and self._policies.are_compiled and self.state.history is None):
             self._begin_now(list(slots))
 
     def step(self, actions: npt.ArrayLike | None = None) -> None:
@@ -206,20 +201,38 @@ class Simulation:
         Raises:
             BadParameter: The number of actions differs from that of agents, or one is NaN.
         """
-        checked = checked_actions(np.zeros((len(self.agents), 2)) if actions is None else actions)
-        if len(checked) != len(self.agents):
-            raise BadParameter(f"{len(checked)} actions for {len(self.agents)} agents; pass one per agent")
-        self._agents.actions = checked
+        placed = np.zeros((self._agents.num_places, 2))
+        if actions is not None:
+            checked = checked_actions(actions)
+            if len(checked) != len(self.agents):
+                raise BadParameter(f"{len(checked)} actions for {len(self.agents)} agents; pass one per agent")
+            placed[self._agents.places] = checked
+        self.step_by_place(placed)
+
+    def step_by_place(self, actions: Float64) -> None:
+        """Advance every world by one timestep.
+
+        Args:
+            actions: (C, 2) by place, as ``checked_actions`` returns them; the simulation keeps the array.
+        """
+        self._agents.actions = actions
         if self.state.history is not None:
             self.state.history.push(self.state)
         self.state, self.previous = self.previous, self.state
         drive = DRIVE if isinstance(self._session, KinematicSession) and not self._agents.are_egos else 0
         rest = LOCATE | self.observer.phases
-        if self._is_compiled and not self._agents.is_due:
+        self.observer.renew_results()
+        if self._is_compiled:
             self._run(MOVE | drive | rest)
         else:
             self._step_in_parts(drive, rest)
+        self._agents.forget_list()
         self._begins[:] = GOES_ON
+
+    def settle(self) -> None:
+        """Let agents that ended leave their rows of flat buffers, if that is not a part of each step."""
+        self._run(SETTLE)
+        self._agents.forget_list()
 
     def retire(self, agents: npt.ArrayLike) -> None:
         """Remove agents from their worlds for the rest of the episode.
@@ -230,16 +243,19 @@ class Simulation:
         worlds, rows = np.asarray(agents, np.int32).reshape(-1, 2).T
         self.driver[worlds, rows] = UNDRIVEN
         self.state.present[worlds, rows] = self.previous.present[worlds, rows] = False
-        self._list_agents()
+        self._agents.remove(worlds, rows)
+        self.observer.is_stale = True
 
     def rest(self, slot: int) -> None:
         """Stop driving the objects of a slot, until its next episode begins."""
         self.driver[slot] = UNDRIVEN
-        self._list_agents()
+        self._agents.remove_all(slot)
+        self.observer.is_stale = True
 
     def observe(self) -> None:
-        """Let the observer observe the agents again, if they have changed since the last step."""
+        """Let the observer observe the agents again, if some have left since the last step."""
         if self.observer.is_stale:
+            self.observer.copy_results()
             self._run(OBSERVE)
 
     def close(self) -> None:
@@ -247,25 +263,13 @@ class Simulation:
         self._session.close()
         self._threads.close()
 
-    def are_agents_due(self) -> Bool:
-        """Return the worlds (W,) in which an agent is absent that may still appear."""
-        worlds, steps = self.batch.worlds, self.state.timestep.tolist()
-        due: Bool = np.zeros(len(worlds), np.bool_)
-        if not self.awaits_agents:
-            return due
-        absent = self._agents.drives(self.driver) & ~self.state.present
-        for slot in np.flatnonzero(absent.any(axis=1)).tolist():
-            later = worlds[slot].log_valid[steps[slot] + 1 :, absent[slot, : worlds[slot].num_objects]]
-            due[slot] = later.any()
-        return due
-
     @property
     def _is_compiled(self) -> bool:
         """Whether all policies and vehicles are part of the compiled step."""
         return self._policies.are_compiled and isinstance(self._session, KinematicSession)
 
     def _begin_now(self, slots: list[int]) -> None:
-        """Begin episodes before the next step: for what is outside of it, or if worlds have more agents or fewer."""
+        """Begin episodes before the next step, for what is outside of it."""
         self._run(0)
         for slot in slots:
             self._session.reset(slot, self.state)
@@ -273,10 +277,9 @@ class Simulation:
                 self._policies.begin_uncompiled(self.batch, self.state, slot)
         if self.state.history is not None:
             self.state.history.present[:, slots] = False
-        self._list_agents()
 
     def _step_in_parts(self, drive: int, rest: int) -> None:
-        """Step with policies or a backend outside of the compiled step, or with agents that appear."""
+        """Step with policies or a backend outside of the compiled step."""
         self._run(MOVE | drive)
         if not self._policies.are_compiled:
             goes_on = self._begins == GOES_ON
@@ -285,16 +288,7 @@ class Simulation:
         if not drive and len(self.agents) and not self._agents.are_egos:
             moves = self._begins[self.agents[:, 0]] == GOES_ON
             self._session.drive(self.state, self.agents[moves], self.actions[moves], self.dt)
-        acted = self.agents
-        if self._agents.is_due:
-            self._list_agents()
-        if self.agents is acted:
-            self._run(rest)
-            return
-        is_new = places(self.agents, acted) < 0
-        self._run(LOCATE)
-        self._agents.contacts_before[is_new] = self.contacts[is_new]  # a new agent's first contacts are no crashes
-        self._run(rest & ~LOCATE)
+        self._run(rest)
 
     def _run(self, phases: int) -> None:
         """Run phases of the compiled step in all worlds."""
@@ -304,24 +298,26 @@ class Simulation:
             if isinstance(session, KinematicSession)
             else _NO_VEHICLE
         )
-        agents = self._agents.arrays(self.previous, self.state)
+        agents, seats = self._agents.arrays(self.previous, self.state), observer.seats
         traffic = self._policies.traffic(self.driver)
+        counts = substeps, self._agents.row_at.shape[1] if observer.num_seats is None else observer.num_seats
         numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if self._agents.are_egos else 1.0
         moments = self.previous.moment, self.state.moment
         arrays = StepArrays(
             self._begins, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles, new_vehicle,
-            observer.task, observer.result, observer.sensing,
+            observer.task, observer.result, observer.sensing, seats,
         )  # fmt: skip
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
         self._allocate_memory()
 
         def run(own: int, team: Team) -> None:
-            step(own, team, phases, substeps, numbers, arrays, *self._memory[own])
+            step(own, team, phases, counts, numbers, arrays, *self._memory[own])
 
         lost = self._threads.share(run, len(self.batch))
         if phases & OBSERVE:
-            self.observer.is_stale &= bool(phases & ONLY_BEGUN)
-            require_located(lost, self.agents)
+            observer.is_stale &= bool(phases & ONLY_BEGUN)
+            if lost >= 0:
+                require_located(0, self.agents[self._agents.places == lost])
 
     def _allocate_memory(self) -> None:
         """Allocate the memory of the threads for the compiled step, if it is for other sensors or smaller worlds."""
@@ -335,12 +331,6 @@ class Simulation:
             for _ in range(self._threads.count)
         ]
 
-    def _list_agents(self) -> None:
-        """List the present agents, and let the observer know if they are others."""
-        if self._agents.update(self.driver, self.state.present, self.batch):
-            self.observer.resize(len(self.agents), *self.driver.shape)
-            self.observer.is_stale = True
-
     def _prepare(self, world: World, policies: Any) -> tuple[World, UInt8, Bool]:
         """Return a world as policies need it, the policy of each object, and the agents."""
         if abs(world.dt - self._dt) > 1e-3:
@@ -353,8 +343,10 @@ class Simulation:
 
     def _grow(self) -> None:
         """Make room for the largest world."""
-        self._agents.make_room(self.batch)
         more = self.batch.max_objects - self.driver.shape[1]
+        has_other_places = self._agents.make_room(self.batch)
+        if has_other_places or more > 0:
+            self.observer.resize(self._agents.num_places, len(self.batch), self.batch.max_objects)
         if more <= 0:
             return
         if isinstance(self._session, KinematicSession):

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, IntP, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.agents import places
+from scenarionet_sim.agents import DrivenAgents
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, StepResult, report_scores
-from scenarionet_sim.kernels.step import OBSERVE, SCORE
+from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, StepResult
+from scenarionet_sim.kernels.seats import Seats
+from scenarionet_sim.kernels.step import OBSERVE, SCORE, SETTLE
 from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.task.task import ARRIVED, DRIVING, OFF_ROUTE, TIMED_OUT, Status, task_parameters
+from scenarionet_sim.task.task import ARRIVED, OFF_ROUTE, TIMED_OUT, Status, task_parameters
 from scenarionet_sim.worlds.world import World
 
 ENDS = {"success": ARRIVED, "out_of_road": OFF_ROUTE, "timeout": TIMED_OUT}
@@ -33,27 +33,6 @@ INFOS = (*NUMBERS, *ENDS, "timestep", "scenario_id")
 _ENDS_OF = {int(status): tuple(status == code for code in ENDS.values()) for status in Status}
 
 
-@dataclass(frozen=True, eq=False)
-class StepOutcome:
-    """Result of a step for A agents, in arrays that later steps leave alone.
-
-    Attributes:
-        rewards: (A,) float64 sums of the terms.
-        terminated: (A,) agents that arrived or left their route.
-        truncated: (A,) agents whose time is over.
-        numbers: (14, A) float64 values by ``NUMBERS``.
-        ends: (3, A) bool by ``ENDS``.
-        num_ended: Number of agents that are terminated or truncated.
-    """
-
-    rewards: Float64
-    terminated: Bool
-    truncated: Bool
-    numbers: Float64
-    ends: Bool
-    num_ended: int
-
-
 class BatchedEnvironment:
     """W worlds with their agents: objects of ``External``, or without such a policy the ego of every world.
 
@@ -62,18 +41,26 @@ class BatchedEnvironment:
         observation: Sensors of the agents.
         worlds: One per slot.
         threads: Largest number of threads.
+        seats: Flat buffers to write the results to; None for new arrays in every step.
 
     Attributes:
         simulation: The worlds.
         agents: (A, 2) int32 world and row of each agent, sorted.
         contacts: (A, N) bool objects that each agent's box overlaps.
         numbers: (A, 14) float64 results of the last step, in the order of ``NUMBERS``.
-        terms: (A, 4) view of ``numbers``: weighted terms of the reward.
+        rewards: (A,) float64 sums of their terms.
         status: (A,) uint8 codes of ``task.Status``.
     """
 
-    def __init__(self, config: EnvConfig, observation: Observation, worlds: Sequence[World], threads: int = 1) -> None:
-        self._scorer = _Scorer(task_parameters(config.reward, config.termination), observation)
+    def __init__(
+        self,
+        config: EnvConfig,
+        observation: Observation,
+        worlds: Sequence[World],
+        threads: int = 1,
+        seats: Seats | None = None,
+    ) -> None:
+        self._scorer = _Scorer(task_parameters(config.reward, config.termination), observation, len(worlds), seats)
         has_agents = any(isinstance(policy, External) for policy in config.policies)
         self.simulation = Simulation(
             worlds, config.policies, config.backend, max(getattr(sensor, "history", 0) for sensor in config.sensors),
@@ -94,6 +81,11 @@ class BatchedEnvironment:
         self._scorer.phases = SCORE | OBSERVE if is_observing else SCORE
 
     @property
+    def result(self) -> StepResult:
+        """Result of the last step by place, see ``agents.DrivenAgents``."""
+        return self._scorer.result
+
+    @property
     def agents(self) -> Int32:
         """(A, 2) world and row of each agent, sorted."""
         return self.simulation.agents
@@ -106,25 +98,17 @@ class BatchedEnvironment:
     @property
     def numbers(self) -> Float64:
         """(A, 14) results of the last step, in the order of ``NUMBERS``."""
-        return self._scorer.result.numbers
+        return self.result.numbers[:, self.simulation.by_place.places].T
 
     @property
-    def terms(self) -> Float64:
-        """(A, 4) weighted terms of the reward."""
-        return self.numbers[:, : len(TERMS)]
+    def rewards(self) -> Float64:
+        """(A,) sums of the terms of the reward."""
+        return self.result.rewards[self.simulation.by_place.places]
 
     @property
     def status(self) -> UInt8:
         """(A,) codes of ``task.Status``."""
-        return self._scorer.result.status
-
-    def outcome(self) -> StepOutcome:
-        """Return the result of the last step."""
-        count = len(self.status)
-        numbers, rewards = np.empty((len(NUMBERS), count)), np.empty(count)
-        flags: Bool = np.empty((2 + len(ENDS), count), np.bool_)
-        num_ended = unchecked(report_scores)(self._scorer.result, rewards, numbers, flags[:2], flags[2:])
-        return StepOutcome(rewards, flags[0], flags[1], numbers, flags[2:], num_ended)
+        return self.result.status[self.simulation.by_place.places]
 
     @property
     def arc(self) -> Float64:
@@ -132,7 +116,7 @@ class BatchedEnvironment:
         arc: Float64 = self.simulation.route[self.agents[:, 0], self.agents[:, 1], 0]
         return arc
 
-    def begin(self, slots: Sequence[int], worlds: Sequence[World], start: int | None = None) -> None:
+    def begin(self, slots: Sequence[int] | IntP, worlds: Sequence[World], start: int | None = None) -> None:
         """Begin episodes in some slots; see :meth:`Simulation.reset`.
 
         Raises:
@@ -146,7 +130,7 @@ class BatchedEnvironment:
                 )
         self.simulation.reset_slots(slots, worlds, start)
 
-    def begin_in_step(self, slots: Sequence[int], worlds: Sequence[World]) -> None:
+    def begin_in_step(self, slots: Sequence[int] | IntP, worlds: Sequence[World]) -> None:
         """Begin episodes in some slots in the next step, which their worlds sit out."""
         self.simulation.begin(slots, worlds)
 
@@ -159,34 +143,44 @@ class BatchedEnvironment:
         Raises:
             BadParameter: The number of actions differs from that of agents, or one is NaN.
         """
-        acting = self.agents
         self.simulation.step(actions if self._has_actions else None)
-        if self.agents is not acting:
-            # Agents that appeared in this step earn nothing: they act from the next step on.
-            is_new = places(self.agents, acting) < 0
-            self.terms[is_new], self.status[is_new] = 0.0, DRIVING
+
+    def step_by_place(self, actions: Float64) -> None:
+        """Step, with actions by place; see :meth:`Simulation.step_by_place`."""
+        self.simulation.step_by_place(actions if self._has_actions else np.zeros_like(actions))
 
     def retire(self, agents: Array) -> None:
         """Remove agents (indices into ``agents``) from their worlds."""
         self.simulation.retire(self.agents[agents])
 
     def observe(self, rng: np.random.Generator, slots: IntP | None = None) -> Any:
-        """Return the observations of the agents, in arrays that the next step overwrites.
+        """Return the observations of the agents (A, ...).
+
+        Args:
+            rng: Source of the sensors' noise.
+            slots: See :meth:`observe_by_place`.
+        """
+        return self._observation.take(self.observe_by_place(rng, slots), self.simulation.by_place.places)
+
+    def observe_by_place(self, rng: np.random.Generator, slots: IntP | None = None) -> Any:
+        """Return the observations of the agents by place, undefined at free ones.
 
         Args:
             rng: Source of the sensors' noise.
             slots: Worlds whose agents were observed already and lack the sensors outside of the compiled step, if only
                 these are needed; None for all.
         """
-        simulation, observed = self.simulation, self._scorer.observed
+        simulation = self.simulation
         if slots is None:
             simulation.observe()
+        observed = self._scorer.observed
         if self._observation.is_compiled:
             return observed
-        state, rows = simulation.state, None if slots is None else simulation.agents_of(slots)
+        state, agents, rows = simulation.state, simulation.agents, self._scorer.rows_of(simulation.by_place)
+        is_needed = rows >= 0 if slots is None else (rows >= 0) & np.isin(agents[:, 0], slots)
         if not self._has_actions:  # the policy's own location on the path may differ
             state = replace(state, route=simulation.route)
-        self._observation.complete(observed, simulation.batch, state, self.agents, rng, rows)
+        self._observation.complete(observed, simulation.batch, state, agents[is_needed], rng, rows[is_needed])
         return observed
 
     def infos(self) -> list[dict[str, Any]]:
@@ -204,23 +198,55 @@ class BatchedEnvironment:
 
 
 class _Scorer(Observer):
-    """Scores agents by the task and observes them by their sensors, in arrays that steps overwrite.
+    """Scores agents by the task and observes them by their sensors.
 
     Args:
         task: See ``Observer``.
         observation: The sensors.
+        num_worlds: W.
+        seats: Flat buffers to write to; None for new arrays in every step.
     """
 
-    def __init__(self, task: Float64, observation: Observation) -> None:
-        self._observation = observation
+    def __init__(self, task: Float64, observation: Observation, num_worlds: int, seats: Seats | None) -> None:
+        self._observation, nothing = observation, Observer.nothing(num_worlds)
         self.observed, sensing = observation.allocate(0)
-        super().__init__(task, Observer.nothing().result, sensing, SCORE | OBSERVE)
+        super().__init__(task, nothing.result, sensing, SCORE | OBSERVE, seats or nothing.seats)
+        if seats is not None:
+            self.num_seats = len(seats.masks) // num_worlds
+            self.observed, self.sensing = seats.observations, observation.writing(seats.observations.reshape(-1))
+            self.phases |= SETTLE if observation.is_compiled else 0
 
-    def resize(self, num_agents: int, num_worlds: int, num_objects: int) -> None:
-        """Allocate results for other agents, all zero; totals of objects are kept."""
+    def resize(self, num_places: int, num_worlds: int, num_objects: int) -> None:
+        """Make room for results; totals of objects are kept, and the rest of agents at the same places."""
         totals = old = self.result.totals
         if old.shape[:2] != (num_worlds, num_objects):
             totals = np.zeros((num_worlds, num_objects, NUM_TOTALS))
             totals[: old.shape[0], : old.shape[1]] = old
-        self.result = StepResult(np.zeros((num_agents, len(NUMBERS))), np.zeros(num_agents, np.uint8), totals)
-        self.observed, self.sensing = self._observation.allocate(num_agents)
+        if num_places == len(self.result.status):
+            self.result = self.result._replace(totals=totals)
+            return
+        self.result, self.is_stale = StepResult.of(num_places, totals), True
+        for values in self.result[:-1]:
+            values[:] = 0
+        if self.num_seats is None:
+            self.observed, self.sensing = self._observation.allocate(num_places)
+
+    def renew_results(self) -> None:
+        if self.num_seats is None:
+            self.result = StepResult.of(len(self.result.status), self.result.totals)
+            self.observed, self.sensing = self._observation.allocate(len(self.result.status))
+
+    def copy_results(self) -> None:
+        if self.num_seats is None:
+            last, seen = self.result, self.observed
+            self.renew_results()
+            for values, old in zip(self.result[:-1], last[:-1], strict=True):
+                values[:] = old
+            self._observation.write(seen, self.observed)
+
+    def rows_of(self, agents: DrivenAgents) -> IntP:
+        """Return where agents (A,) are observed; -1 for those without a seat."""
+        if self.num_seats is None:
+            return agents.places
+        world, place = np.divmod(agents.places, agents.row_at.shape[1])
+        return np.where(place < self.num_seats, world * self.num_seats + place, -1)

@@ -11,11 +11,12 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 
-from scenarionet_data.arrays.dtypes import Bool, IntP
+from scenarionet_data.arrays.dtypes import Array, Bool, IntP
 from scenarionet_data.errors import ScenarioNetError
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
+from scenarionet_sim.kernels.seats import Seats
 from scenarionet_sim.scenarios.sampling import CurriculumSampler
 from scenarionet_sim.scenarios.stream import ScenarioStream
 from scenarionet_sim.worlds.world import World
@@ -38,14 +39,20 @@ class Episodes:
 
     Attributes:
         observation: Sensors of the agents.
+        seats: Flat buffers for the results of the agents, if they are set before the first world is played.
         rng: Source of the sensors' noise.
         seed: Seed of the series; None before the first ``restart`` of a random one.
         was_played: (number of scenarios,) bool scenarios that were drawn so far.
-        skipped: Why scenarios could not be read, and how often they were drawn, by id; see ``draw_playable``.
+        skipped: Why scenarios could not be read, and how often they were drawn, by id; see ``draw_all``.
     """
 
     def __init__(
-        self, config: EnvConfig, seed: int | None, num_slots: int = 1, prefetch: int | None = None, threads: int = 1
+        self,
+        config: EnvConfig,
+        seed: int | None,
+        num_slots: int = 1,
+        prefetch: int | None = None,
+        threads: int = 1,
     ) -> None:
         self.config, self.seed, self._threads = config, seed, threads
         self.observation = Observation(config.sensors, config.observation)
@@ -57,6 +64,7 @@ class Episodes:
         )  # fmt: skip
         self.was_played: Bool = np.zeros(len(self.ids), np.bool_)
         self.skipped: dict[str, tuple[str, int]] = {}
+        self.seats: Seats | None = None
         self._is_fresh = True
         self._core: BatchedEnvironment | None = None
         self._playing = np.zeros(num_slots, np.int64)
@@ -107,12 +115,30 @@ class Episodes:
         self._playing[slot] = index = self._stream.index(scenario_id)
         return self._stream.get(index)
 
-    def draw_playable(self, slot: int) -> World:
-        """Return the world of the next scenario of the series that can be read; note the others in ``skipped``.
+    def draw_all(self, slots: IntP, *, skips: bool = False) -> list[World]:
+        """Return the worlds to play in some slots: the next of the series.
+
+        Args:
+            slots: The slots.
+            skips: Skip scenarios that cannot be read, and note them in ``skipped``.
 
         Raises:
-            ScenarioNetError: None of as many scenarios as there are can be read; this is the last one's error.
+            ScenarioNetError: A scenario cannot be read, or none of as many as there are if those are skipped; this is
+                the last one's error.
         """
+        worlds: list[World] = []
+        while len(worlds) < len(slots):
+            indices, ready = self._stream.play_ready(len(slots) - len(worlds))
+            if ready:
+                self._playing[slots[len(worlds) : len(worlds) + len(ready)]] = indices
+                self.was_played[indices] = True
+                worlds += ready
+            if len(worlds) < len(slots):
+                worlds.append((self._draw_playable if skips else self.draw)(int(slots[len(worlds)])))
+        return worlds
+
+    def _draw_playable(self, slot: int) -> World:
+        """Return the world of the next scenario of the series that can be read; note the others in ``skipped``."""
         for _ in range(len(self.ids) - 1):
             try:
                 return self.draw(slot)
@@ -125,23 +151,21 @@ class Episodes:
     def prepare(self, worlds: list[World]) -> BatchedEnvironment:
         """Return the environment for these worlds."""
         if self._core is None:
-            self._core = BatchedEnvironment(self.config, self.observation, worlds, self._threads)
+            self._core = BatchedEnvironment(self.config, self.observation, worlds, self._threads, self.seats)
         return self._core
 
     def report(self, slot: int, success: float) -> None:
         """Report the result of a slot's episode: 1 for success, 0 for failure, or the share of successful agents."""
         self._sampler.report(int(self._playing[slot]), success)
 
-    def observe(self, slots: IntP | None = None) -> Any:
-        """Return the observations of the agents in arrays that the next step overwrites.
-
-        ``slots`` are as in ``BatchedEnvironment.observe``.
-        """
-        return self.core.observe(self.rng, slots)
+    def report_all(self, slots: IntP, success: Array) -> None:
+        """Report the results of the episodes of several slots, in their order."""
+        for scenario, share in zip(self._playing[slots].tolist(), success.tolist(), strict=True):
+            self._sampler.report(scenario, share)
 
     def observed(self) -> list[Any]:
         """Return a new observation of each agent."""
-        return self.observation.split(self.observation.copy(self.observe()))
+        return self.observation.split(self.core.observe(self.rng))
 
     def close(self) -> None:
         """Stop the thread and the physics; the next episode starts them again."""

@@ -16,9 +16,8 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.episodes import Episodes, action_space
-from scenarionet_sim.kernels.actions import actions_by_agent
-from scenarionet_sim.kernels.scoring import NUMBERS
-from scenarionet_sim.kernels.seats import Seats, seat_worlds, settle
+from scenarionet_sim.kernels.actions import actions_by_place
+from scenarionet_sim.kernels.seats import Seats
 from scenarionet_sim.policies import External
 from scenarionet_sim.threads import all_cores
 from scenarionet_sim.worlds.world import World
@@ -98,21 +97,20 @@ class FlatEnv:
         self.single_observation_space: spaces.Space[Any] = self._episodes.observation.space
         self.single_action_space = action_space()
         (width,) = self.single_observation_space.shape or (0,)
-        self._seats = seats_of = Seats.of(num_worlds, self.num_agents, width, len(NUMBERS))
+        self._episodes.seats = seats_of = Seats.of(num_worlds, seats, width)
         self.observations, self.last_observations = seats_of.observations, seats_of.last_observations
         self.rewards, self.terminals, self.truncations = seats_of.rewards, seats_of.terminals, seats_of.truncations
         self.arrivals, self.masks, self.last_numbers = seats_of.arrivals, seats_of.masks, seats_of.last_numbers
-        self._everywhere: Bool = np.ones(num_worlds, np.bool_)
-        self._nowhere, self._is_over = np.zeros((2, num_worlds), np.bool_)
+        self._can_end, self._is_over, self._ended = seats_of.can_end, seats_of.is_over, seats_of.ended
         self._ages: Int64 = np.zeros(num_worlds, np.int64)  # steps since the episodes began
         self._past: deque[Array] | None = deque() if keeps_past else None
 
     def reset(self, seed: int | None = None) -> tuple[Float32, list[dict[str, Any]]]:
         """Begin an episode in every world; a seed restarts the series of scenarios."""
         self._episodes.restart(seed)
-        worlds = [self._episodes.draw_playable(slot) for slot in range(self.num_worlds)]
-        core = self._episodes.prepare(worlds)
-        self._begin(core, list(range(self.num_worlds)), worlds)
+        slots = np.arange(self.num_worlds)
+        worlds = self._episodes.draw_all(slots, skips=True)
+        self._begin(self._episodes.prepare(worlds), slots, worlds)
         self._clear_results()
         if self._past is not None:
             self._past.clear()
@@ -130,14 +128,16 @@ class FlatEnv:
 
         Raises:
             ResetNeeded: No episode has begun.
-            BadParameter: An action is NaN.
+            BadParameter: The actions have another shape, or that of an agent is NaN.
         """
-        core, given = self._episodes.core, np.ascontiguousarray(actions)
+        core, given = self._episodes.core, np.asarray(actions)
+        if given.shape != (self.num_agents, 2):
+            raise BadParameter(f"actions of shape {given.shape}; expected {(self.num_agents, 2)}, one row per seat")
         if self._past is not None:
             self._past.append(np.where(self.masks[:, None], given, 0.0).astype(given.dtype))
-        over = self._advance(core, given, self._everywhere)
+        self._advance(core, given)
         self._ages += 1
-        infos = self._begin_next(core, over)
+        infos = self._begin_next(core, np.flatnonzero(self._is_over))
         while self._past and len(self._past) > self._ages.max():
             self._past.popleft()
         return self.observations, self.rewards, self.terminals, self.truncations, infos
@@ -145,11 +145,11 @@ class FlatEnv:
     @property
     def positions(self) -> Float64:
         """(num_agents, 2) positions in the scenario's frame [m]; NaN at rows without an agent."""
-        core, found = self._episodes.core, np.full((self.num_agents, 2), np.nan)
-        rows = self._seats.row_of[core.agents[:, 0], core.agents[:, 1]]
-        worlds, objects = core.agents[rows >= 0].T
-        found[rows[rows >= 0]] = core.simulation.state.position[worlds, objects]
-        return found
+        simulation, found = self._episodes.core.simulation, np.full((self.num_worlds, self.seats, 2), np.nan)
+        rows = simulation.by_place.row_at[:, : self.seats]
+        worlds, seats = np.nonzero((rows >= 0) & self.masks.reshape(-1, self.seats)[:, : rows.shape[1]])
+        found[worlds, seats] = simulation.state.position[worlds, rows[worlds, seats]]
+        return found.reshape(-1, 2)
 
     @property
     def level(self) -> int | None:
@@ -194,13 +194,15 @@ class FlatEnv:
         """
         worlds = self._episodes.restore(state.series)
         core = self._episodes.prepare(worlds)
-        self._begin(core, list(range(self.num_worlds)), worlds)
+        self._begin(core, np.arange(self.num_worlds), worlds)
         longest = len(state.actions)
         for step, actions in enumerate([*state.actions, None]):
             if len(due := np.flatnonzero(state.ages == longest - step)):
-                self._begin(core, due.tolist(), [worlds[slot] for slot in due])
+                self._begin(core, due, [worlds[slot] for slot in due])
+            self._can_end[:] = state.ages >= longest - step
             if actions is not None:
-                self._advance(core, actions, state.ages >= longest - step)
+                self._advance(core, actions)
+        self._can_end[:] = True
         self._clear_results()
         self._ages[:], self.observations[:] = state.ages, state.observations
         self._past = deque(state.actions)
@@ -218,55 +220,34 @@ class FlatEnv:
         self.rewards[:] = 0.0
         self.terminals[:] = self.truncations[:] = self.arrivals[:] = False
 
-    def _begin(self, core: BatchedEnvironment, slots: list[int], worlds: list[World]) -> None:
+    def _begin(self, core: BatchedEnvironment, slots: IntP, worlds: list[World]) -> None:
         """Begin episodes in some slots."""
         core.begin(slots, worlds)
-        simulation, begun = core.simulation, np.array(slots)
-        more = simulation.driver.shape[1] - self._seats.row_of.shape[1]
-        if more > 0:
-            row_of = np.pad(self._seats.row_of, ((0, 0), (0, more)), constant_values=-1)
-            self._seats = self._seats._replace(row_of=row_of)
-        observed = self._episodes.observe(begun)
-        unchecked(seat_worlds)(begun, core.agents, simulation.first_agents, observed, self._seats)
+        core.observe_by_place(self._episodes.rng, slots)
 
-    def _advance(self, core: BatchedEnvironment, given: Array, can_end: Bool) -> IntP:
-        """Drive for a timestep.
-
-        Args:
-            core: The worlds.
-            given: (num_agents, 2) actions.
-            can_end: (W,) worlds in which agents may end.
-
-        Returns:
-            The worlds in which agents ended and none is left.
-        """
-        rows, seats, simulation = core.agents, self._seats, core.simulation
-        actions = np.empty((len(rows), 2))
-        unchecked(actions_by_agent)(rows, seats.row_of, np.ascontiguousarray(given, np.float64), actions)
-        core.step(actions)
-        observed, agents, status = self._episodes.observe(), core.agents, core.status
-        retires, is_due = np.empty(len(agents), np.bool_), self._nowhere
-        if simulation.awaits_agents and status.any():
-            is_due = simulation.are_agents_due()
-        results = agents, status, core.numbers, observed, can_end, is_due
-        if not unchecked(settle)(*results, seats, self._is_over, retires):
-            return _NONE
-        if retires.any():
-            core.retire(np.flatnonzero(retires))
-        return np.flatnonzero(self._is_over)
+    def _advance(self, core: BatchedEnvironment, given: Array) -> None:
+        """Drive for a timestep by actions (num_agents, 2)."""
+        rows = core.simulation.by_place.row_at
+        actions = np.zeros((rows.size, 2))
+        invalid = unchecked(actions_by_place)(rows, np.ascontiguousarray(given, np.float64), actions)
+        if invalid >= 0:
+            raise BadParameter(f"an action is not a number: {given[invalid].tolist()}")
+        core.step_by_place(actions)
+        if not self._episodes.observation.is_compiled:
+            core.observe_by_place(self._episodes.rng)
+            core.simulation.settle()
 
     def _begin_next(self, core: BatchedEnvironment, slots: IntP) -> list[dict[str, Any]]:
         """Begin the next scenarios in some worlds; return the infos of the episodes that ended there."""
-        infos, over = [], slots.tolist()
-        for slot in over:
-            count, arrived = self._seats.ended[slot].tolist()
-            self._episodes.report(slot, arrived / max(count, 1))
-            played = core.simulation.batch.worlds[slot].scenario_id
-            infos.append({"slot": slot, "scenario_id": played, "agents": count, "success": arrived / max(count, 1)})
-        if over:
-            self._begin(core, over, [self._episodes.draw_playable(slot) for slot in over])
-            self._ages[slots] = 0
+        if not len(slots):
+            return []
+        counts, arrived = self._ended[slots].T
+        shares, played = arrived / np.maximum(counts, 1), core.simulation.batch.worlds
+        self._episodes.report_all(slots, shares)
+        infos = [
+            {"slot": slot, "scenario_id": played[slot].scenario_id, "agents": count, "success": share}
+            for slot, count, share in zip(slots.tolist(), counts.tolist(), shares.tolist(), strict=True)
+        ]
+        self._begin(core, slots, self._episodes.draw_all(slots, skips=True))
+        self._ages[slots] = 0
         return infos
-
-
-_NONE: IntP = np.zeros(0, np.intp)

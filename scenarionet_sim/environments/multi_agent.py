@@ -18,7 +18,7 @@ from scenarionet_sim.environments.config import MultiAgentConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.policies import External
-from scenarionet_sim.task.task import ARRIVED
+from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
 from scenarionet_sim.worlds.world import World
 
 Named = dict[str, Any]
@@ -60,7 +60,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         self._action_space = action_space()
         self.agents: list[str] = []
         self.possible_agents: list[str] = []
-        self._named_rows: Int32 | None = None
+        self._named_rows: Int32 = np.zeros((0, 2), np.int32)
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetParallelEnv], tuple[Any, ...]]:
         return type(self), (self.config, self.render_mode, self._episodes.seed)
@@ -85,7 +85,8 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         core = self._episodes.prepare([world])
         core.begin([0], [world], options.get("timestep"))
         self.possible_agents = self._find_possible(core, world)
-        self._coming, self._num_arrived, self._named_rows = set(self.possible_agents), 0, None
+        self._coming, self._num_arrived = set(self.possible_agents), 0
+        self.agents, self._named_rows = [], self._named_rows[:0]
         self._wait(core)
         if self._renderer.is_window:
             self._renderer.render(core)
@@ -114,13 +115,13 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         core = self.core
         core.step(np.array([actions[agent] for agent in self.agents], np.float64))
         self._name_agents(core)
-        status, outcome = core.status.copy(), core.outcome()
-        ends = outcome.terminated.tolist(), outcome.truncated.tolist()
-        values = self._seen(), outcome.rewards.tolist(), *ends, core.infos()
+        status, ended = core.status, core.status != DRIVING
+        is_late = status == TIMED_OUT
+        values = self._seen(), core.rewards.tolist(), (ended & ~is_late).tolist(), is_late.tolist(), core.infos()
         observations, rewards, terminated, truncated, infos = map(self._named, values)
-        if outcome.num_ended:
+        if ended.any():
             self._num_arrived += int((status == ARRIVED).sum())
-            core.retire(np.flatnonzero(status))
+            core.retire(np.flatnonzero(ended))
             self._wait(core)
             late = set(self.agents) - observations.keys()  # appeared during skipped timesteps
             if late:
@@ -171,7 +172,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
 
     def _name_agents(self, core: BatchedEnvironment) -> None:
         """Name the present agents, if they are others than last."""
-        if self._named_rows is core.agents:
+        if np.array_equal(self._named_rows, core.agents):
             return
         (world,), self._named_rows = core.simulation.batch.worlds, core.agents
         self.agents = list(map(str, world.track_ids[core.agents[:, 1]]))

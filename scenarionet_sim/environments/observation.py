@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium import spaces
 
-from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, IntP
+from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32
 from scenarionet_sim.kernels.observation import Sensing
 from scenarionet_sim.sensors.base import CompiledSensor, Sensor, compiled_form
 from scenarionet_sim.worlds.state import State
@@ -37,6 +37,8 @@ class Observation:
         self._sizes = [int(np.prod(sensor.shape)) for sensor in self._sensors]
         self._is_flat = form == "flat"
         self.names = _names(self._sensors)
+        self._first: list[int] = []
+        self._place, self._place_for = self._compiled.place, -1
         parts: dict[str, spaces.Space[Any]] = {
             name: sensor.space() for name, sensor in zip(self.names, self._sensors, strict=True)
         }
@@ -62,59 +64,62 @@ class Observation:
         return dict(zip(self.names, seen, strict=True))
 
     def allocate(self, num_agents: int) -> tuple[Any, Sensing]:
-        """Return arrays for the observations of agents, and what the compiled step needs to write them."""
-        sizes = np.array(self._sizes)
-        ends = np.cumsum(sizes)
-        values = np.zeros(num_agents * ends[-1], np.float32)
+        """Return arrays for the observations of agents, of undefined values, and the compiled sensors' part of them."""
+        if self._place_for != num_agents:
+            self._first, self._place, self._place_for = *self._lay_out(num_agents), num_agents
+        sizes, size = self._sizes, sum(self._sizes)
+        values = np.empty(num_agents * size, np.float32)
         if self._is_flat:
-            first, stride = ends - sizes, np.full_like(sizes, ends[-1])
-            observed: Any = values.reshape(num_agents, int(ends[-1]))
+            observed: Any = values.reshape(num_agents, size)
         else:
-            first, stride = (ends - sizes) * num_agents, sizes
             observed = {
                 name: values[at : at + num_agents * size].reshape(num_agents, *sensor.shape)
                 if sensor.dtype is np.float32
                 else sensor.empty(num_agents)
-                for name, sensor, at, size in zip(self.names, self._sensors, first, self._sizes, strict=True)
+                for name, sensor, at, size in zip(self.names, self._sensors, self._first, sizes, strict=True)
             }
-        return observed, self._sensing(values, first, stride)
+        return observed, self.writing(values)
 
-    def _sensing(self, values: Float32, first: IntP, stride: IntP) -> Sensing:
-        """Return the compiled sensors that write to an array."""
-        place = self._compiled.place.copy()
+    def writing(self, values: Float32) -> Sensing:
+        """Return the compiled sensors that write to an array for as many agents as :meth:`allocate` was called for."""
+        compiled = self._compiled
+        return Sensing(compiled.kind, self._place, compiled.scale, compiled.types, compiled.directions, values)
+
+    def _lay_out(self, num_agents: int) -> tuple[list[int], Int32]:
+        """Return the first value of each sensor, and ``Sensing.place``."""
+        sizes, place = np.array(self._sizes), self._compiled.place.copy()
+        first = np.cumsum(sizes) - sizes
+        stride = np.full_like(sizes, sizes.sum()) if self._is_flat else sizes
+        first = first if self._is_flat else first * num_agents
         place[:, 0], place[:, 1] = first[self._numbers], stride[self._numbers]
-        return self._compiled._replace(place=place, out=values)
+        return first.tolist(), place
 
     def complete(
-        self,
-        observed: Any,
-        batch: WorldBatch,
-        state: State,
-        agents: Int32,
-        rng: np.random.Generator,
-        rows: Array | None = None,
+        self, observed: Any, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, rows: Array
     ) -> None:
         """Write the observations of the sensors that are not part of the compiled step.
 
         Args:
             observed: As :meth:`allocate` returns them.
             batch, state, agents, rng: As :meth:`Sensor.observe` takes them.
-            rows: Indices into ``agents`` of those that observe; None for all.
+            rows: (A,) rows of the agents in the arrays.
         """
-        seen_by = agents if rows is None else agents[rows]
-        place = slice(None) if rows is None else rows
         ends = np.cumsum(self._sizes)
         for number in self._uncompiled:
             sensor, size, end = self._sensors[number], self._sizes[number], ends[number]
-            seen = sensor.observe(batch, state, seen_by, rng, sensor.empty(len(seen_by)))
+            seen = sensor.observe(batch, state, agents, rng, sensor.empty(len(agents)))
             if self._is_flat:
-                observed[place, end - size : end] = seen.reshape(len(seen_by), size)
+                observed[rows, end - size : end] = seen.reshape(len(agents), size)
             else:
-                observed[self.names[number]][place] = seen
+                observed[self.names[number]][rows] = seen
 
-    def copy(self, observed: Any) -> Any:
-        """Copy the observations of all agents."""
-        return observed.copy() if self._is_flat else {name: values.copy() for name, values in observed.items()}
+    def write(self, observed: Any, other: Any) -> None:
+        """Write observations to other arrays."""
+        if self._is_flat:
+            other[:] = observed
+        else:
+            for name, values in observed.items():
+                other[name][:] = values
 
     def split(self, observed: Any) -> list[Any]:
         """Split a batch into one observation per agent."""

@@ -118,7 +118,7 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         if self._renderer.is_window:
             self._renderer.render(core)
         observation = self._episodes.observed()[0]
-        return observation, sum(core.terms[0].tolist()), bool(is_over), bool(is_late), core.infos()[0]
+        return observation, float(core.rewards[0]), bool(is_over), bool(is_late), core.infos()[0]
 
     def __repr__(self) -> str:
         return f"ScenarioNetEnv({len(self)} scenarios, {self.config!r})"

@@ -10,12 +10,14 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Object, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, IntP, Object, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.environments.batched import ENDS, INFOS, BatchedEnvironment, StepOutcome
+from scenarionet_sim.backends.base import checked_actions
+from scenarionet_sim.environments.batched import INFOS, BatchedEnvironment
 from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
+from scenarionet_sim.kernels.scoring import HAS_ARRIVED, TERMINATED, TRUNCATED
 from scenarionet_sim.threads import all_cores
 from scenarionet_sim.worlds.world import World
 
@@ -70,7 +72,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self.single_observation_space, self.single_action_space = self._episodes.observation.space, action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._ended: list[int] = []  # slots that begin another episode in the next step
+        self._ended: IntP = _NONE  # slots that begin another episode in the next step
         self._scenario_ids: Object = np.full(num_envs, "", dtype=object)
         everywhere = np.ones(num_envs, np.bool_)
         everywhere.flags.writeable = False  # one array for all infos
@@ -95,13 +97,13 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         first = next(iter(seed), None) if isinstance(seed, Sequence) else seed
         if self._episodes.restart(first):
             self._np_random, self._np_random_seed = self._episodes.rng, self._episodes.seed
-        worlds = self._drawn(list(range(self.num_envs)))
+        slots = np.arange(self.num_envs)
+        worlds = self._drawn(slots)
         core = self._episodes.prepare(worlds)
-        if len(core.agents) != self.num_envs:
-            raise BadParameter("expected one agent per world; use External(objects=ego) to drive the egos alone")
-        core.begin(range(self.num_envs), worlds)
-        self._ended = []
-        return self._observed(), self._infos(core.outcome())
+        self._check_agents(core)
+        core.begin(slots, worlds)
+        self._ended = _NONE
+        return self._observed(), self._infos()
 
     def step(self, actions: npt.ArrayLike) -> tuple[Any, Float64, Bool, Bool, dict[str, Any]]:
         """Drive every world for one timestep.
@@ -115,17 +117,21 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             LakeError: The next scenario cannot be read.
         """
         core = self.core
-        if self._ended:
+        checked = checked_actions(actions)
+        if len(checked) != self.num_envs:
+            raise BadParameter(f"{len(checked)} actions for {self.num_envs} agents; pass one per agent")
+        if len(self._ended):
             core.begin_in_step(self._ended, self._drawn(self._ended))
-        core.step(actions)
-        outcome = core.outcome()
-        self._ended = np.flatnonzero(outcome.terminated | outcome.truncated).tolist() if outcome.num_ended else []
-        for slot in self._ended:
-            self._episodes.report(slot, float(outcome.ends[_SUCCESS, slot]))
-        observed, infos = self._observed(), self._infos(outcome)
-        if self._ended and self._mode is AutoresetMode.SAME_STEP:
+            self._check_agents(core)
+        core.step_by_place(checked)
+        result = core.result
+        self._ended = np.flatnonzero(result.status)
+        if len(self._ended):
+            self._episodes.report_all(self._ended, result.flags[HAS_ARRIVED, self._ended])
+        observed, infos = self._observed(), self._infos()
+        if len(self._ended) and self._mode is AutoresetMode.SAME_STEP:
             observed, infos = self._begin_others(observed, infos)
-        return observed, outcome.rewards, outcome.terminated, outcome.truncated, infos
+        return observed, result.rewards, result.flags[TERMINATED], result.flags[TRUNCATED], infos
 
     def render(self) -> tuple[UInt8, ...] | None:
         """Return an image (H, W, 3) uint8 of each world from above, centred on its ego; None without a render mode.
@@ -151,39 +157,44 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         """
         return self._episodes.core
 
-    def _drawn(self, slots: list[int]) -> list[World]:
+    def _drawn(self, slots: IntP) -> list[World]:
         """Draw the next scenarios for some slots."""
-        worlds = [self._episodes.draw(slot) for slot in slots]
+        worlds = self._episodes.draw_all(slots)
         self._scenario_ids = self._scenario_ids.copy()  # earlier infos have the array from before
-        for slot, world in zip(slots, worlds, strict=True):
-            self._scenario_ids[slot] = world.scenario_id
+        self._scenario_ids[slots] = [world.scenario_id for world in worlds]
         return worlds
 
+    def _check_agents(self, core: BatchedEnvironment) -> None:
+        """Raise unless each world has one agent."""
+        if core.simulation.by_place.num_places != self.num_envs:
+            raise BadParameter("expected one agent per world; use External(objects=ego) to drive the egos alone")
+
     def _observed(self) -> Any:
-        return self._episodes.observation.copy(self._episodes.observe())
+        return self.core.observe_by_place(self._episodes.rng)
 
     def _begin_others(self, last_seen: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """Begin the next scenarios in the slots that ended; return the observations and infos."""
-        slots, last = np.array(self._ended), np.full(self.num_envs, None, dtype=object)
+        slots, last = self._ended, np.full(self.num_envs, None, dtype=object)
         observation = self._episodes.observation
         for slot, seen in zip(slots, observation.split(observation.take(last_seen, slots)), strict=True):
             last[slot] = seen
-        self.core.begin(self._ended, self._drawn(self._ended))
-        self._ended = []
-        observed = observation.copy(self._episodes.observe(slots))
+        self.core.begin(slots, self._drawn(slots))
+        self._ended = _NONE
+        observed = self.core.observe_by_place(self._episodes.rng, slots)
         ended = np.zeros(self.num_envs, np.bool_)
         ended[slots] = True
         final = {name: ended.copy() if name.startswith("_") else values for name, values in infos.items()}
-        return observed, self._infos(self.core.outcome()) | {
+        return observed, self._infos() | {
             "final_obs": last, "_final_obs": ended.copy(), "final_info": final, "_final_info": ended,
         }  # fmt: skip
 
-    def _infos(self, outcome: StepOutcome) -> dict[str, Any]:
+    def _infos(self) -> dict[str, Any]:
         """Return the infos of all slots as arrays (W,), each with a mask."""
-        timestep = self.core.simulation.state.timestep.copy()
+        result, timestep = self.core.result, self.core.simulation.state.timestep.copy()
         infos = self._template.copy()
-        infos.update(zip(INFOS, (*outcome.numbers, *outcome.ends, timestep, self._scenario_ids), strict=True))
+        values = *result.numbers, *result.flags[HAS_ARRIVED:], timestep, self._scenario_ids
+        infos.update(zip(INFOS, values, strict=True))
         return infos
 
 
-_SUCCESS = list(ENDS).index("success")
+_NONE: IntP = np.zeros(0, np.intp)

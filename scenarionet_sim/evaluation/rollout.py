@@ -11,12 +11,10 @@ from scenarionet_data.arrays.dtypes import Array, Bool, Float64, IntP
 from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
 from scenarionet_sim.kernels.log import HEADING, VX, VY
 from scenarionet_sim.kernels.recording import EpisodeArrays, record_moments
-from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.task.task import DRIVING
 from scenarionet_sim.worlds.world import World
 
 _ENDS = {code: name for name, code in ENDS.items()}
-_COMPLETION = NUMBERS.index("route_completion")
 _MOMENTS = 512
 """Moments of an episode that a recorder has room for at first; those that are not written take no memory."""
 
@@ -104,11 +102,10 @@ class RolloutRecorder:
 
     def add(self, slots: IntP) -> None:
         """Record the current moment of some slots (K,), in order."""
-        core, simulation = self._core, self._core.simulation
+        core, simulation, agents = self._core, self._core.simulation, self._core.simulation.by_place
         self._make_room(int(self._episodes.last[slots].max()) + 2)
         unchecked(record_moments)(
-            slots, np.searchsorted(core.agents[:, 0], slots), core.agents, simulation.batch.place,
-            simulation.state.moment, simulation.route, core.contacts, core.numbers, _COMPLETION, core.status,
+            slots, simulation.batch.place, simulation.state.moment, simulation.route, agents.contacts, core.result,
             self._episodes,
         )  # fmt: skip
 

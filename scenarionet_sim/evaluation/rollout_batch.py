@@ -111,7 +111,7 @@ class RolloutBatch:
                     elif seats:
                         core.simulation.rest(slot)
                 if not is_over.any():
-                    core.step(self._actions(core, seats))
+                    core.step_by_place(self._actions(core, seats))
                     recorder.add(slots)
         finally:
             core.close()
@@ -137,27 +137,21 @@ class RolloutBatch:
         return self._drivers_by_slot.get(slot)
 
     def _actions(self, core: BatchedEnvironment, seats: Mapping[int, _Slot]) -> Float64:
-        """Return the actions (A, 2) of all agents: zeros where a policy drives, and in slots that rest."""
-        actions, driver = np.zeros((len(core.agents), 2)), self._drivers.driver
+        """Return the actions (C, 2) of all agents by place: zeros where a policy drives, and in slots that rest."""
+        actions, driver = np.zeros((core.simulation.by_place.num_places, 2)), self._drivers.driver
         if driver is None:
             return actions
         core.simulation.observe()
-        agents = _agents_by_slot(core)
-        rows = np.array([agents[slot] for slot in seats])
+        places = np.array(list(seats))  # each world has one agent
         for slot, seat in seats.items():
-            seen = core.observe(seat.rng, np.array([slot]))
+            seen = core.observe_by_place(seat.rng, np.array([slot]))
         if isinstance(driver, BatchDriver):
-            actions[rows] = _checked(driver.act_batch(seen[rows]), len(rows))
+            actions[places] = _checked(driver.act_batch(seen[places]), len(places))
             return actions
-        for row, seat in zip(rows, seats.values(), strict=True):
+        for slot, seat in seats.items():
             if seat.driver is not None:
-                actions[row] = _checked(seat.driver.act(seen[row]), 1)
+                actions[slot] = _checked(seat.driver.act(seen[slot]), 1)
         return actions
-
-
-def _agents_by_slot(core: BatchedEnvironment) -> dict[int, int]:
-    """Return the index of each slot's agent."""
-    return {slot: agent for agent, slot in enumerate(core.agents[:, 0].tolist())}
 
 
 def _checked(actions: npt.ArrayLike, count: int) -> Float64:

@@ -6,6 +6,7 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_sim.kernels.minmax import larger, smaller
 
 
 @kernel(allocates=False)
@@ -24,16 +25,26 @@ def clip_actions(actions: Float64) -> int:
 
 
 @kernel(allocates=False)
-def actions_by_agent(agents: Int32, row_of: Int32, given: Float64, actions: Float64) -> None:
-    """Take the actions of agents from rows.
+def actions_by_place(rows: Int32, given: Float64, actions: Float64) -> int:
+    """Take the actions of agents from the rows of flat buffers, clipped to [-1, 1].
 
     Args:
-        agents: (A, 2) world and row in it of each agent.
-        row_of: (W, N) row of each object in ``given``; -1 without one.
-        given: (R, 2) actions.
-        actions: (A, 2) output; zero for agents without a row.
+        rows: (W, K) row of the agent at each place; -1 at a free one.
+        given: (W * S, 2) actions; those of rows without an agent are ignored.
+        actions: (W * K, 2) of zeros; output, for agents with a row.
+
+    Returns:
+        The first row with a NaN, or -1.
     """
-    for a in range(len(agents)):
-        row = row_of[agents[a, 0], agents[a, 1]]
-        for k in range(2):
-            actions[a, k] = given[row, k] if row >= 0 else 0.0
+    invalid, num_seats = -1, len(given) // len(rows)
+    for w in range(len(rows) - 1, -1, -1):
+        for k in range(smaller(rows.shape[1], num_seats) - 1, -1, -1):
+            if rows[w, k] < 0:
+                continue
+            at = w * num_seats + k
+            for axis in range(2):
+                value = given[at, axis]
+                if np.isnan(value):
+                    invalid = at
+                actions[w * rows.shape[1] + k, axis] = smaller(larger(value, -1.0), 1.0)
+    return invalid

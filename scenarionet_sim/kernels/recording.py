@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from scenarionet_data.arrays.compiled import kernel
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64, IntP, UInt8
-from scenarionet_sim.kernels.structures import NUM_OBJECTS, StateArrays
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, IntP, UInt8
+from scenarionet_sim.kernels.scoring import COMPLETION, StepResult
+from scenarionet_sim.kernels.structures import EGO, NUM_OBJECTS, StateArrays
 
 
 class EpisodeArrays(NamedTuple):
@@ -35,39 +36,33 @@ class EpisodeArrays(NamedTuple):
 @kernel(allocates=False)
 def record_moments(
     slots: IntP,
-    agents: IntP,
-    rows: Int32,
     place: Int64,
     now: StateArrays,
     route: Float64,
     contacts: Bool,
-    numbers: Float64,
-    completion: int,
-    status: UInt8,
+    result: StepResult,
     episodes: EpisodeArrays,
 ) -> None:
-    """Append the current moment of some slots.
+    """Append the current moment of some slots, which have one agent each: the ego.
 
     Args:
-        slots, agents: (K,) the slots, and the agent of each.
-        rows: (A, 2) world and row of the agents.
+        slots: (K,) the slots.
         place: See ``Recorded``.
         now: The state.
         route: (W, N, 2) location of the agents on their paths.
-        contacts: (A, N) objects that they touch.
-        numbers, completion: (A, ...) results of the step, and the column with the completed share of the route.
-        status: (A,) results of the step.
+        contacts: (W, N) objects that they touch.
+        result: Results of the step.
         episodes: With room for the moment.
     """
     for k in range(len(slots)):
-        w, a = slots[k], agents[k]
+        w = slots[k]
         m = episodes.last[w] + 1
         episodes.last[w] = m
         for n in range(place[w, NUM_OBJECTS]):
             for column in range(now.motion.shape[2]):
                 episodes.motion[w, m, n, column] = now.motion[w, n, column]
-            episodes.present[w, m, n], episodes.contacts[w, m, n] = now.present[w, n], contacts[a, n]
-        episodes.arc[w, m] = route[w, rows[a, 1], 0]
-        episodes.completion[w] = numbers[a, completion]
+            episodes.present[w, m, n], episodes.contacts[w, m, n] = now.present[w, n], contacts[w, n]
+        episodes.arc[w, m] = route[w, place[w, EGO], 0]
+        episodes.completion[w] = result.numbers[COMPLETION, w]
         if m and not episodes.status[w]:
-            episodes.status[w], episodes.end_step[w] = status[a], m
+            episodes.status[w], episodes.end_step[w] = result.status[w], m

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VALID, VX, VY, X, Y
@@ -18,7 +18,7 @@ ROAD_USERS = np.uint32(sum(1 << kind for kind in (ObjectType.VEHICLE, ObjectType
 """Bits of the types that count as vehicles and humans; all others are objects."""
 
 TERMS = ("displacement", "smoothness", "collision", "terminal")
-"""Terms of the reward: the first columns of ``StepResult.numbers``."""
+"""Terms of the reward: the first rows of ``StepResult.numbers``."""
 
 NUMBERS = (
     *TERMS,
@@ -33,60 +33,79 @@ NUMBERS = (
     "distance_to_log",
     "mean_distance_to_log",
 )
-"""Columns of ``StepResult.numbers``."""
+"""Rows of ``StepResult.numbers``."""
 
-_COMPLETION, _LATERAL, _COST, _CRASHES, _SPEED, _MEAN_SPEED, _DISTANCE, _MEAN_DISTANCE = 4, 5, 6, 7, 10, 11, 12, 13
+COMPLETION, _LATERAL, _COST, _CRASHES, _SPEED, _MEAN_SPEED, _DISTANCE, _MEAN_DISTANCE = 4, 5, 6, 7, 10, 11, 12, 13
 _VEHICLE, _PEDESTRIAN, _CYCLIST = int(ObjectType.VEHICLE), int(ObjectType.PEDESTRIAN), int(ObjectType.CYCLIST)
 _STEPS, _SPEEDS, _LOG_STEPS, _LOG_DISTANCES, _LAST_DISTANCE = 3, 4, 5, 6, 7  # of totals, after three of crashes
 NUM_TOTALS = 8
 _NUM_TERMS = len(TERMS)
 
 
+TERMINATED, TRUNCATED, HAS_ARRIVED, HAS_LEFT, IS_LATE = range(5)
+"""Rows of ``StepResult.flags``: it arrived or left its route; its time is over; each of these three by itself."""
+
+NUM_FLAGS = 5
+
+
 class StepResult(NamedTuple):
-    """Result of a step for A agents.
+    """Result of a step for agents at C places, undefined at free ones.
 
     Attributes:
-        numbers: (A, 14) weighted terms of the reward, which add up to it; completed share of the route; lateral
-            offset from it [m]; crashes that begin in this step; crashes so far with vehicles, humans and objects;
-            speed now and on average [m/s]; distance from the recorded position, last known and on average [m].
-        status: (A,) codes of ``Status``.
+        rewards: (C,) sums of the terms.
+        numbers: (14, C) weighted terms of the reward; completed share of the route; lateral offset from it [m];
+            crashes that begin in this step; crashes so far with vehicles, humans and objects; speed now and on
+            average [m/s]; distance from the recorded position, last known and on average [m].
+        flags: (5, C) see ``TERMINATED``.
+        status: (C,) codes of ``Status``.
         totals: (W, N, 8) sums over the episode, by object: crashes with vehicles, humans and objects; steps,
             speeds; steps with a recorded position, distances from it, and the last of these.
     """
 
+    rewards: Float64
     numbers: Float64
+    flags: Bool
     status: UInt8
     totals: Float64
+
+    @classmethod
+    def of(cls, num_places: int, totals: Float64) -> StepResult:
+        """Allocate results, of undefined values."""
+        return cls(
+            np.empty(num_places), np.empty((len(NUMBERS), num_places)), np.empty((NUM_FLAGS, num_places), np.bool_),
+            np.empty(num_places, np.uint8), totals,
+        )  # fmt: skip
 
 
 Touched = tuple[Bool, Bool, np.uint32]
 
 
-@kernel(allocates=False)
-def report_scores(result: StepResult, rewards: Float64, numbers: Float64, ended: Bool, ends: Bool) -> int:
-    """Write the result of a step as one array per number.
+@device_function
+def clear_score(a: int, result: StepResult) -> None:
+    """Write the result of an agent whose episode begins."""
+    for k in range(len(result.numbers)):
+        result.numbers[k, a] = 0.0
+    _end(a, DRIVING, result)
 
-    Args:
-        result: Result of A agents.
-        rewards: (A,) output: sums of the terms.
-        numbers: (14, A) output: columns of ``result.numbers``.
-        ended: (2, A) output: agents that arrived or left their route; agents whose time is over.
-        ends: (3, A) output: agents that arrived, left their route, are out of time.
 
-    Returns:
-        Number of agents that ended.
-    """
-    count = 0
-    for a in range(len(result.status)):
-        status, rewards[a] = result.status[a], 0.0
-        for k in range(result.numbers.shape[1]):
-            numbers[k, a] = result.numbers[a, k]
-            if k < _NUM_TERMS:
-                rewards[a] += result.numbers[a, k]
-        ends[0, a], ends[1, a], ends[2, a] = status == ARRIVED, status == OFF_ROUTE, status == TIMED_OUT
-        ended[0, a], ended[1, a] = ends[0, a] or ends[1, a], ends[2, a]
-        count += status != DRIVING
-    return count
+@device_function
+def excuse(a: int, result: StepResult) -> None:
+    """Take the reward and the end from the result of an agent that has appeared in this step."""
+    for k in range(_NUM_TERMS):
+        result.numbers[k, a] = 0.0
+    _end(a, DRIVING, result)
+
+
+@device_function
+def _end(a: int, status: int, result: StepResult) -> None:
+    """Write the status of an agent, and the reward from its terms."""
+    result.status[a], result.rewards[a] = status, 0.0
+    for k in range(_NUM_TERMS):
+        result.rewards[a] += result.numbers[k, a]
+    has_arrived, has_left, is_late = status == ARRIVED, status == OFF_ROUTE, status == TIMED_OUT
+    flags = result.flags
+    flags[HAS_ARRIVED, a], flags[HAS_LEFT, a], flags[IS_LATE, a] = has_arrived, has_left, is_late
+    flags[TERMINATED, a], flags[TRUNCATED, a] = has_arrived or has_left, is_late
 
 
 @device_function
@@ -103,7 +122,7 @@ def score(
     task: Float64,
     result: StepResult,
 ) -> None:
-    """Write the result of a step for agent ``a``, row ``n`` of world ``w``.
+    """Write the result of a step for the agent at place ``a``, row ``n`` of world ``w``.
 
     An agent both beyond the end of its route and off it has left it: it must arrive on the route. A crash begins when
     an agent touches an object that it did not touch a step before. The distance from the recording is measured in
@@ -128,7 +147,7 @@ def score(
     contacts, before, hits = touched
     count, num_steps = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS]
     row, t, path_row = now.motion[w, n], now.timestep[w], recorded.place[w, OBJECTS] + n
-    numbers, total = result.numbers[a], result.totals[w, n]
+    numbers, total = result.numbers, result.totals[w, n]
     speed = np.hypot(row[VX], row[VY])
     first, end = recorded.path_offsets[path_row], recorded.path_offsets[path_row + 1]
     length = recorded.path[end - 1, ARC] if end > first else 0.0
@@ -146,10 +165,11 @@ def score(
         collision = p_road_user
     elif hits:
         collision = p_object
-    numbers[0] = c1 * (route[0] - route_before[0]) if status == DRIVING else 0.0
-    numbers[1] = c2 * smaller(0.0, 1.0 / speed - abs(steering)) if speed >= slow else c2 * 0.0
-    numbers[2], numbers[3] = c3 * collision, terminal
-    numbers[_COMPLETION], numbers[_LATERAL], result.status[a] = done, route[1], status
+    numbers[0, a] = c1 * (route[0] - route_before[0]) if status == DRIVING else 0.0
+    numbers[1, a] = c2 * smaller(0.0, 1.0 / speed - abs(steering)) if speed >= slow else c2 * 0.0
+    numbers[2, a], numbers[3, a] = c3 * collision, terminal
+    numbers[COMPLETION, a], numbers[_LATERAL, a] = done, route[1]
+    _end(a, status, result)
     begun = 0
     if hits:
         for m in range(count):
@@ -166,9 +186,9 @@ def score(
         total[_LOG_STEPS] += 1.0
         total[_LOG_DISTANCES] += apart
         total[_LAST_DISTANCE] = apart
-    numbers[_COST] = begun
+    numbers[_COST, a] = begun
     for kind in range(3):
-        numbers[_CRASHES + kind] = total[kind]
-    numbers[_SPEED], numbers[_MEAN_SPEED] = speed, total[_SPEEDS] / total[_STEPS]
-    numbers[_DISTANCE] = total[_LAST_DISTANCE]
-    numbers[_MEAN_DISTANCE] = total[_LOG_DISTANCES] / larger(total[_LOG_STEPS], 1.0)
+        numbers[_CRASHES + kind, a] = total[kind]
+    numbers[_SPEED, a], numbers[_MEAN_SPEED, a] = speed, total[_SPEEDS] / total[_STEPS]
+    numbers[_DISTANCE, a] = total[_LAST_DISTANCE]
+    numbers[_MEAN_DISTANCE, a] = total[_LOG_DISTANCES] / larger(total[_LOG_STEPS], 1.0)

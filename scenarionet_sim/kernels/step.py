@@ -9,31 +9,34 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_sim.kernels.agents import DrivenArrays, admit_agents, is_agent_of, list_agents
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.boxes import write_boxes
 from scenarionet_sim.kernels.episodes import begin_world
 from scenarionet_sim.kernels.idm import Law, drive_along_paths
-from scenarionet_sim.kernels.minmax import larger
+from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.motion import FOLLOW_PATH, move_objects
 from scenarionet_sim.kernels.observation import Scratch, observe
 from scenarionet_sim.kernels.overlap import touch
 from scenarionet_sim.kernels.paths import PathRows, locate
-from scenarionet_sim.kernels.scoring import StepResult, score
+from scenarionet_sim.kernels.scoring import StepResult, clear_score, excuse, score
+from scenarionet_sim.kernels.seats import seat_agents, settle
 from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, take
-from scenarionet_sim.kernels.step_arrays import BEGUN, GOES_ON, DrivenArrays, StepArrays
+from scenarionet_sim.kernels.step_arrays import AT_FIRST, BEGUN, GOES_ON, StepArrays
 from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
-    EGO,
+    FIRST_STEP,
     NUM_OBJECTS,
     OBJECTS,
     Recorded,
     StateArrays,
 )
 
-MOVE, DRIVE, LOCATE, SCORE, OBSERVE, ONLY_BEGUN = (1 << bit for bit in range(6))
-"""Phases of a step, in order: traffic moves; agents drive by their actions; they are located and their contacts found;
-scored; observed. Episodes begin before. ``ONLY_BEGUN``: in worlds that have just begun an episode alone."""
+MOVE, DRIVE, LOCATE, SCORE, OBSERVE, SETTLE, ONLY_BEGUN = (1 << bit for bit in range(7))
+"""Phases of a step, in order: traffic moves; agents drive by their actions; those that have appeared get places, and
+all are located and their contacts found; scored; observed; those that ended leave. Episodes begin before.
+``ONLY_BEGUN``: in worlds that have just begun an episode alone."""
 
 
 @kernel(nogil=True, allocates=False)
@@ -41,7 +44,7 @@ def step_worlds(
     own: int,
     team: Team,
     phases: int,
-    substeps: int,
+    counts: tuple[int, int],
     numbers: tuple[float, float, float, float],
     arrays: StepArrays,
     scratch: Scratch,
@@ -52,17 +55,17 @@ def step_worlds(
         own: Number of the thread.
         team: Threads that share the worlds; all but the leader's arguments are taken from the leader.
         phases: Phases of the step.
-        substeps: Substeps of the vehicle model.
+        counts: Substeps of the vehicle model; number of places of each world whose agents are observed.
         numbers: Length of the step [s]; search window on a path behind and ahead of an agent [m]; 1 if the routes
             of the agents are those of the state, 0 if they have a location of their own.
         arrays: What the step reads and writes.
         scratch: Memory of this thread.
     """
     if own == LEADER:
-        keep(team, (phases, substeps, numbers, arrays))
+        keep(team, (phases, counts, numbers, arrays))
     turn = begin(team, own, 0)
     while turn:
-        given = kept(team, (phases, substeps, numbers, arrays))
+        given = kept(team, (phases, counts, numbers, arrays))
         lost, w = -1, take(team.ranges, own)
         while w >= 0:
             _begin_or_move(w, given[0], given[2], given[3])
@@ -76,7 +79,7 @@ def step_reactive_worlds(
     own: int,
     team: Team,
     phases: int,
-    substeps: int,
+    counts: tuple[int, int],
     numbers: tuple[float, float, float, float],
     arrays: StepArrays,
     scratch: Scratch,
@@ -85,14 +88,14 @@ def step_reactive_worlds(
     """Advance worlds in which objects follow paths by IDM: a kernel of its own, as replays need not compile that.
 
     Args:
-        own, team, phases, substeps, numbers, arrays, scratch: See :func:`step_worlds`.
+        own, team, phases, counts, numbers, arrays, scratch: See :func:`step_worlds`.
         memory: Memory of this thread.
     """
     if own == LEADER:
-        keep(team, (phases, substeps, numbers, arrays))
+        keep(team, (phases, counts, numbers, arrays))
     turn = begin(team, own, 0)
     while turn:
-        given = kept(team, (phases, substeps, numbers, arrays))
+        given = kept(team, (phases, counts, numbers, arrays))
         lost, w = -1, take(team.ranges, own)
         while w >= 0:
             _begin_or_move(w, given[0], given[2], given[3])
@@ -106,7 +109,7 @@ def step_reactive_worlds(
 def _finish(
     w: int,
     phases: int,
-    substeps: int,
+    counts: tuple[int, int],
     numbers: tuple[float, float, float, float],
     arrays: StepArrays,
     scratch: Scratch,
@@ -114,35 +117,52 @@ def _finish(
     """Run the phases after the traffic's in a world; return an agent that is not located on its path, or -1."""
     dt, back, ahead, is_own = numbers
     agents, recorded, then, result = arrays.agents, arrays.recorded, arrays.then, arrays.result
-    a0, a1, has_begun, lost = agents.first[w], agents.first[w + 1], arrays.begins[w] == BEGUN, -1
+    has_begun, lost, num_places = arrays.begins[w] == BEGUN, -1, agents.rows.shape[1]
     if phases & ONLY_BEGUN and not has_begun:
         return lost
+    first = w * num_places
     if phases & DRIVE and not has_begun:
-        for a in range(a0, a1):
-            n, action = agents.rows[a, 1], agents.actions[a]
-            vehicle, row = arrays.vehicles[w, n], then.motion[w, n]
-            drive_bicycle(action[0], action[1], dt, substeps, vehicle, then.size[w, n, 0], row)
+        for k in range(num_places):
+            n = agents.rows[w, k]
+            if n >= 0:
+                vehicle, row, action = arrays.vehicles[w, n], then.motion[w, n], agents.actions[first + k]
+                drive_bicycle(action[0], action[1], dt, counts[0], vehicle, then.size[w, n, 0], row)
+    if phases & LOCATE and not has_begun:
+        admit_agents(w, recorded, arrays.now, then, arrays.traffic.driver, agents)
     num_boxes = 0
-    if phases & (LOCATE | OBSERVE) and a1 > a0:
+    if phases & (LOCATE | OBSERVE) and _has_agents(w, agents):
         count = recorded.place[w, NUM_OBJECTS]
         num_boxes = write_boxes(count, then.motion[w], then.size[w], then.present[w], scratch.boxes)
     if phases & LOCATE:
-        for a in range(a0, a1):
-            n = agents.rows[a, 1]
-            _locate(w, n, back, ahead, is_own != 0.0, recorded, then, agents)
-            _find_contacts(a, w, n, num_boxes, then, agents, scratch)
+        for k in range(num_places):
+            n = agents.rows[w, k]
+            if n >= 0:
+                _locate(w, n, back, ahead, is_own != 0.0, recorded, then, agents)
+                _find_contacts(first + k, w, n, num_boxes, then, agents, scratch)
+                if has_begun or agents.is_new[w, k]:  # what it touches from the beginning is no crash
+                    _remember_contacts(first + k, agents)
     if phases & SCORE:
         if has_begun:
-            _clear_scores(w, a0, a1, is_own != 0.0, arrays)
-        else:
-            for a in range(a0, a1):
-                _score(a, w, agents.rows[a, 1], recorded, then, agents, arrays.task, result)
+            _clear_totals(w, is_own == 0.0, arrays)
+        for k in range(num_places):
+            n = agents.rows[w, k]
+            if n >= 0 and has_begun:
+                clear_score(first + k, result)
+            elif n >= 0:
+                _score(first + k, w, n, recorded, then, agents, arrays.task, result)
+                if agents.is_new[w, k]:
+                    excuse(first + k, result)
     if phases & OBSERVE:
-        for a in range(a0, a1):
-            n = agents.rows[a, 1]
+        for k in range(smaller(num_places, counts[1])):
+            n = agents.rows[w, k]
+            if n < 0:
+                continue
             if np.isnan(agents.route[w, n, 0]):
-                lost = a
-            observe(a, w, n, num_boxes, recorded, arrays.lines, then, agents.route, arrays.sensing, scratch)
+                lost = first + k
+            at = w * counts[1] + k
+            observe(at, w, n, num_boxes, recorded, arrays.lines, then, agents.route, arrays.sensing, scratch)
+    if phases & SETTLE:
+        settle(w, recorded, arrays.now, then, arrays.traffic.driver, agents, result, arrays.seats)
     return lost
 
 
@@ -164,38 +184,37 @@ def _drive_by_idm(w: int, phases: int, dt: float, arrays: StepArrays, memory: Si
 @device_function(forceinline=True)
 def _begin_or_move(w: int, phases: int, numbers: tuple[float, float, float, float], arrays: StepArrays) -> None:
     """Begin an episode, or write the next state of all objects, which is the current one of those that IDM drives."""
-    recorded, now, then, traffic = arrays.recorded, arrays.now, arrays.then, arrays.traffic
-    if arrays.begins[w] >= 0:
-        begin_world(w, arrays.begins[w], recorded, now, then, traffic.driver)
-        _begin_agents(w, numbers[3] != 0.0, arrays)
+    recorded, now, then, traffic, at = arrays.recorded, arrays.now, arrays.then, arrays.traffic, arrays.begins[w]
+    if at >= 0 or at == AT_FIRST:
+        start = at if at >= 0 else recorded.place[w, FIRST_STEP]
+        begin_world(w, start, recorded, now, then, traffic.driver)
+        _begin_agents(w, numbers[3] == 0.0, arrays)
         arrays.begins[w] = BEGUN
-    elif phases & MOVE and arrays.begins[w] == GOES_ON:
+    elif phases & MOVE and at == GOES_ON:
         move_objects(w, recorded, now, then, traffic.driver, traffic.movement, numbers[0])
 
 
 @device_function(forceinline=True)
-def _begin_agents(w: int, is_own: bool, arrays: StepArrays) -> None:
-    """Give the agents of a world new vehicles, and list those that are present: as many as the world had before."""
-    agents, a = arrays.agents, arrays.agents.first[w]
+def _begin_agents(w: int, are_egos: bool, arrays: StepArrays) -> None:
+    """Give the agents of a world places, rows of flat buffers and new vehicles."""
+    agents, driver = arrays.agents, arrays.traffic.driver
+    list_agents(w, are_egos, arrays.recorded, arrays.then, driver, agents)
+    seat_agents(w, arrays.seats, agents)
     for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
-        if not _is_agent(w, n, is_own, arrays):
-            continue
-        for column in range(len(arrays.new_vehicle)):
-            arrays.vehicles[w, n, column] = arrays.new_vehicle[column]
-        if not is_own:
-            agents.route[w, n, 0], agents.route[w, n, 1] = np.nan, np.nan
-        if arrays.then.present[w, n] and a < agents.first[w + 1]:
-            agents.rows[a, 1] = n
-            a += 1
+        if is_agent_of(w, n, are_egos, arrays.recorded, driver, agents):
+            for column in range(len(arrays.new_vehicle)):
+                arrays.vehicles[w, n, column] = arrays.new_vehicle[column]
+            if are_egos:
+                agents.route[w, n, 0], agents.route[w, n, 1] = np.nan, np.nan
 
 
-@device_function(forceinline=True)
-def _is_agent(w: int, n: int, is_own: bool, arrays: StepArrays) -> bool:
-    """Return whether an object is an agent, present or not."""
-    is_agent: bool = (
-        arrays.agents.is_agent[arrays.traffic.driver[w, n]] if is_own else n == arrays.recorded.place[w, EGO]
-    )
-    return is_agent
+@device_function
+def _has_agents(w: int, agents: DrivenArrays) -> bool:
+    """Return whether a world has an agent."""
+    has_agents = False
+    for k in range(agents.rows.shape[1]):
+        has_agents |= agents.rows[w, k] >= 0
+    return has_agents
 
 
 @device_function(forceinline=True)
@@ -232,19 +251,13 @@ def _find_contacts(
 
 
 @device_function(forceinline=True)
-def _clear_scores(w: int, first: int, end: int, is_own: bool, arrays: StepArrays) -> None:
-    """Clear the scores of the agents of a world; contacts at the beginning do not count as crashes."""
-    agents, result = arrays.agents, arrays.result
+def _clear_totals(w: int, are_egos: bool, arrays: StepArrays) -> None:
+    """Clear the sums over the episodes of the agents of a world."""
+    totals = arrays.result.totals
     for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
-        if _is_agent(w, n, is_own, arrays):
-            for column in range(result.totals.shape[2]):
-                result.totals[w, n, column] = 0.0
-    for a in range(first, end):
-        for column in range(result.numbers.shape[1]):
-            result.numbers[a, column] = 0.0
-        result.status[a] = 0
-        for m in range(agents.contacts.shape[1]):
-            agents.contacts_before[a, m] = agents.contacts[a, m]
+        if is_agent_of(w, n, are_egos, arrays.recorded, arrays.traffic.driver, arrays.agents):
+            for column in range(totals.shape[2]):
+                totals[w, n, column] = 0.0
 
 
 @device_function(forceinline=True)
@@ -259,8 +272,14 @@ def _score(
     result: StepResult,
 ) -> None:
     """Score an agent, and remember its contacts."""
-    contacts, before, steering = agents.contacts[a], agents.contacts_before[a], agents.actions[a, 0]
-    touched, route, route_before = (contacts, before, agents.hits[a]), agents.route[w, n], agents.route_before[w, n]
+    touched = agents.contacts[a], agents.contacts_before[a], agents.hits[a]
+    steering, route, route_before = agents.actions[a, 0], agents.route[w, n], agents.route_before[w, n]
     score(a, w, n, steering, touched, then, route, route_before, recorded, task, result)
-    for m in range(len(contacts)):
-        before[m] = contacts[m]
+    _remember_contacts(a, agents)
+
+
+@device_function(forceinline=True)
+def _remember_contacts(a: int, agents: DrivenArrays) -> None:
+    """Keep what an agent touches for the next step."""
+    for m in range(agents.contacts.shape[1]):
+        agents.contacts_before[a, m] = agents.contacts[a, m]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Float64, Int32, UInt8
+from scenarionet_sim.kernels.agents import DrivenArrays
 from scenarionet_sim.kernels.observation import Sensing
 from scenarionet_sim.kernels.scoring import StepResult
+from scenarionet_sim.kernels.seats import Seats
 from scenarionet_sim.kernels.structures import Lines, Recorded, StateArrays
 
 
@@ -29,40 +28,17 @@ class Traffic(NamedTuple):
     colors: UInt8
 
 
-class DrivenArrays(NamedTuple):
-    """Agents of W worlds in the order of their worlds and rows.
-
-    Attributes:
-        is_agent: (256,) policies whose objects are agents.
-        rows: (A, 2) world and row.
-        first: (W + 1,) first agent of each world.
-        actions: (A, 2) steering and throttle.
-        route, route_before: (W, N, 2) location on their paths, see ``State``; after the step, and before it.
-        contacts, contacts_before: (A, N) objects that they touch.
-        hits: (A,) types of those objects, as bits.
-    """
-
-    is_agent: Bool
-    rows: Int32
-    first: Int32
-    actions: Float64
-    route: Float64
-    route_before: Float64
-    contacts: Bool
-    contacts_before: Bool
-    hits: npt.NDArray[np.uint32]
-
-
-BEGUN, GOES_ON = -1, -2
-"""Of a world: its episode has begun and does not move in this step; its episode goes on."""
+BEGUN, GOES_ON, AT_FIRST = -1, -2, -3
+"""Of a world: its episode has begun and does not move in this step; its episode goes on; an episode begins at the first
+timestep with a valid ego."""
 
 
 class StepArrays(NamedTuple):
     """What a step reads and writes.
 
     Attributes:
-        begins: (W,) timesteps of the logs at which episodes begin in this step, in worlds that do not move in it;
-            ``BEGUN`` once they have begun, and ``GOES_ON`` in other worlds.
+        begins: (W,) timesteps of the logs at which episodes begin in this step, or ``AT_FIRST``, in worlds that do not
+            move in it; ``BEGUN`` once they have begun, and ``GOES_ON`` in other worlds.
         recorded, lines: Worlds.
         now, then: Current and next state.
         traffic: Policies.
@@ -72,6 +48,7 @@ class StepArrays(NamedTuple):
         task: (12,) see ``task.task_parameters``.
         result: Scores.
         sensing: Sensors.
+        seats: Flat buffers.
     """
 
     begins: Int32
@@ -86,3 +63,4 @@ class StepArrays(NamedTuple):
     task: Float64
     result: StepResult
     sensing: Sensing
+    seats: Seats

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64, UInt8
 
 
@@ -30,14 +32,36 @@ class StateArrays(NamedTuple):
     timestep: Int32
 
 
-(
-    NUM_OBJECTS, NUM_STEPS, EGO, FIRST_STEP, FIRST_AGENTS, LATER_AGENTS, DRIVERS, OBJECTS, LOG, LIGHTS, CELLS, BLOCKS,
-) = range(12)  # fmt: skip
+NUM_OBJECTS, NUM_STEPS, EGO, FIRST_STEP, DRIVERS, OBJECTS, LOG, LIGHTS, CELLS, BLOCKS = range(10)
 """Columns of ``Recorded.place``: numbers of objects and timesteps; row of the ego; first timestep with a valid ego;
-numbers of agents that are present then, and that are not; policies that drive at least one object, as bits; first rows
-in the arrays of objects, log, light states, cells, and blocks of cells."""
+policies that drive at least one object, as bits; first rows in the arrays of objects, log, light states, cells, and
+blocks of cells."""
 
-NUM_PLACES = 12
+NUM_PLACES = 10
+
+
+FREE = -1
+
+
+class StoredWorlds(NamedTuple):
+    """The worlds of a ``WorldPool`` by number, of which some are free.
+
+    Attributes:
+        place: (P, NUM_PLACES) where their rows are, see ``Recorded``.
+        frame: (P, 5) see ``Lines``.
+        users: (P,) number of slots that play each of them; ``FREE`` for a free number.
+        used: (P,) when a slot last stopped playing it.
+    """
+
+    place: Int64
+    frame: Float64
+    users: Int64
+    used: Int64
+
+    @classmethod
+    def of_none(cls) -> StoredWorlds:
+        """Return the arrays of no worlds."""
+        return cls(np.zeros((0, NUM_PLACES), np.int64), np.zeros((0, 5)), *np.zeros((2, 0), np.int64))
 
 
 class Recorded(NamedTuple):

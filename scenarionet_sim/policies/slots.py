@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float64, IntP, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.kernels.episodes import UNDRIVEN
@@ -63,7 +63,7 @@ class SlotPolicies:
         external[[number for number, policy in enumerate(self.of_next) if isinstance(policy, External)]] = True
         return external
 
-    def begin(self, slots: Sequence[int]) -> None:
+    def begin(self, slots: Sequence[int] | IntP) -> None:
         """Let episodes that begin in some slots have the next policies."""
         if self._are_replaced:
             for slot in slots:

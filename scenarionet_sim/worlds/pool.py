@@ -7,25 +7,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, UInt8
+from scenarionet_sim.kernels.episodes import play_worlds
 from scenarionet_sim.kernels.log import VALID
 from scenarionet_sim.kernels.structures import (
     BLOCKS,
     CELLS,
     DRIVERS,
     EGO,
-    FIRST_AGENTS,
     FIRST_STEP,
-    LATER_AGENTS,
+    FREE,
     LIGHTS,
     LOG,
     NUM_OBJECTS,
-    NUM_PLACES,
     NUM_STEPS,
     OBJECTS,
+    StoredWorlds,
 )
 from scenarionet_sim.worlds.blocks import Blocks
 from scenarionet_sim.worlds.world import World
+
+_FEWEST = 32
+"""Numbers of worlds that there is room for at first."""
 
 Prepare = Callable[[World, Hashable], tuple[World, UInt8, Bool]]
 """Takes a world and the policies of an episode; returns the world as these need it, each object's policy (N,), and
@@ -39,18 +43,12 @@ class PooledWorld:
     Attributes:
         key: The world as recorded, and the policies it was prepared for.
         world: As these need it.
-        place: (NUM_PLACES,) where its rows are, see ``kernels.structures.Recorded``.
-        frame: (5,) the frame of its grid of lines.
         blocks: First row and end of its block of each kind.
-        users: Number of slots that play it.
     """
 
     key: tuple[World, Hashable]
     world: World
-    place: Int64
-    frame: Float64
     blocks: dict[str, tuple[int, int]]
-    users: int = 0
 
     @property
     def name(self) -> tuple[int, int]:
@@ -72,13 +70,18 @@ class WorldPool:
     Attributes:
         kinds: The arrays of all worlds, by kind of block.
         arrays: The same by name, as ``kernels.structures.Recorded`` and ``Lines`` describe them.
-        max_objects: Largest number of objects of any world so far.
+        worlds: The worlds by number; numbers of removed ones are used again.
+        stored: Where their rows are, and which are played.
+        max_objects, max_agents: Largest number of objects, and of agents, of any world so far.
     """
 
     def __init__(self, prepare: Prepare, keep: int) -> None:
         self._prepare, self._keep = prepare, keep
-        self._worlds: dict[tuple[int, int], PooledWorld] = {}  # by identity of world and policies
-        self._unused: dict[tuple[int, int], PooledWorld] = {}  # no slot plays these; the last released last
+        self._numbers: dict[tuple[int, int], int] = {}  # by identity of world and policies
+        self.worlds: dict[int, PooledWorld] = {}
+        self.stored = StoredWorlds.of_none()
+        self._free: list[int] = []
+        self._num_played = 0
         self.kinds = {
             "objects": Blocks({
                 "driver": np.uint8, "object_type": np.uint8, "size": (np.float32, 3), "top_speed": np.float32,
@@ -94,32 +97,35 @@ class WorldPool:
             "segments": Blocks({"segments": (np.float32, 4), "segment_type": np.uint8}),
         }  # fmt: skip
         self.arrays: dict[str, Array] = {}
-        self.max_objects = 0
+        self.max_objects = self.max_agents = 0
 
     def __len__(self) -> int:
-        return len(self._worlds)
+        return len(self._numbers)
 
-    def claim(self, world: World, policies: Hashable) -> PooledWorld:
-        """Return a world for a slot to play with some policies; store it if it is new."""
-        name = id(world), id(policies)
-        found = self._worlds.get(name) or self._store(world, policies)
-        self._unused.pop(name, None)
-        found.users += 1
-        return found
+    def number(self, world: World, policies: Hashable) -> int:
+        """Return the number of a world for some policies; store it if it is new."""
+        found = self._numbers.get((id(world), id(policies)))
+        return self._store(world, policies) if found is None else found
 
-    def release(self, pooled: PooledWorld) -> None:
-        """Take a world back from a slot."""
-        pooled.users -= 1
-        if pooled.users:
-            return
-        self._unused[pooled.name] = pooled
-        while len(self._unused) > self._keep:
-            oldest = self._unused.pop(next(iter(self._unused)))
-            del self._worlds[oldest.name]
-            for kind, block in oldest.blocks.items():
-                self.kinds[kind].remove(*block)
+    def play(self, slots: Int64, numbers: Int64, playing: Int64, place: Int64, frame: Float64) -> None:
+        """Put worlds into slots, and remove those that no slot has played for longest; see ``play_worlds``."""
+        self._num_played += 1
+        num_unused = unchecked(play_worlds)(slots, numbers, self._num_played, self.stored, playing, place, frame)
+        if num_unused > self._keep:
+            unused = np.flatnonzero(self.stored.users == 0)
+            longest = np.argsort(self.stored.used[unused], kind="stable")
+            for number in unused[longest[: num_unused - self._keep]].tolist():
+                self._remove(number)
 
-    def _store(self, original: World, policies: Hashable) -> PooledWorld:
+    def _remove(self, number: int) -> None:
+        removed = self.worlds.pop(number)
+        del self._numbers[removed.name]
+        for kind, block in removed.blocks.items():
+            self.kinds[kind].remove(*block)
+        self.stored.users[number] = FREE
+        self._free.append(number)
+
+    def _store(self, original: World, policies: Hashable) -> int:
         world, driver, are_agents = self._prepare(original, policies)
         count, grid = world.num_objects, world.roads.segment_grid
         path = self.kinds["path"].put({"path": world.paths.path})
@@ -144,19 +150,29 @@ class WorldPool:
             "lights": self.kinds["lights"].put({"light_state": world.light_state.ravel()}),
             "cells": self.kinds["cells"].put({"cell_types": grid.cell_types, "cell_rank": grid.cell_rank}),
         }  # fmt: skip
-        place = np.empty(NUM_PLACES, np.int64)
+        self.arrays = {name: array for kind in self.kinds.values() for name, array in kind.arrays.items()}
+        self.max_objects, self.max_agents = max(self.max_objects, count), max(self.max_agents, int(are_agents.sum()))
+        number = self._free.pop() if self._free else self._new_number()
+        self.worlds[number] = pooled = PooledWorld((original, policies), world, blocks)
+        self._numbers[pooled.name] = number
+        self.stored.frame[number], place = grid.frame, self.stored.place[number]
+        self.stored.users[number], self.stored.used[number] = 0, self._num_played
         place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego
         place[FIRST_STEP] = int(np.argmax(world.log[:, world.ego, VALID] != 0))
         place[DRIVERS] = np.bitwise_or.reduce(np.left_shift(1, driver[driver < 63], dtype=np.int64), initial=0)
         place[OBJECTS], place[LOG] = blocks["objects"][0], blocks["log"][0]
         place[LIGHTS], place[CELLS], place[BLOCKS] = blocks["lights"][0], blocks["cells"][0], blocks["blocks"][0]
-        self.arrays = {name: array for kind in self.kinds.values() for name, array in kind.arrays.items()}
-        self.max_objects = max(self.max_objects, count)
-        are_present = world.log[place[FIRST_STEP], :, VALID] != 0
-        place[FIRST_AGENTS], place[LATER_AGENTS] = (are_agents & are_present).sum(), (are_agents & ~are_present).sum()
-        pooled = PooledWorld((original, policies), world, place, grid.frame, blocks)
-        self._worlds[pooled.name] = pooled
-        return pooled
+        return number
+
+    def _new_number(self) -> int:
+        """Return a number that was never used, with room for it."""
+        number, room = len(self.worlds), len(self.stored.users)
+        if number == room:
+            more = max(room, _FEWEST)
+            self.stored = StoredWorlds(
+                *(np.concatenate([old, np.full((more, *old.shape[1:]), FREE, old.dtype)]) for old in self.stored)
+            )
+        return number
 
 
 def _with_end(rows: Array) -> Array:

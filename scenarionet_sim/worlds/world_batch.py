@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, Int64
+from scenarionet_data.arrays.dtypes import Array, Float64, Int64
 from scenarionet_sim.kernels.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, Lines, Recorded
-from scenarionet_sim.worlds.pool import PooledWorld, WorldPool
+from scenarionet_sim.worlds.pool import WorldPool
 from scenarionet_sim.worlds.world import World
 
 if TYPE_CHECKING:
@@ -44,13 +44,10 @@ class WorldBatch:
         self.pool = WorldPool(prepare, keep)
         self.place: Int64 = np.zeros((len(worlds), NUM_PLACES), np.int64)
         self._frame: Float64 = np.zeros((len(worlds), 5))
-        self._slots: list[PooledWorld] = []
-        self.worlds: list[World] = []
-        for slot, world in enumerate(worlds):
-            self._slots.append(self.pool.claim(world, policies))
-            self.worlds.append(self._slots[slot].world)
-            self.place[slot], self._frame[slot] = self._slots[slot].place, self._slots[slot].frame
-        self._collect()
+        self._playing: Int64 = np.full(len(worlds), -1, np.int64)
+        self.worlds = list(worlds)
+        self._arrays: dict[str, Array] = {}
+        self.replace(range(len(worlds)), worlds, policies)
 
     def __len__(self) -> int:
         return len(self.worlds)
@@ -59,6 +56,11 @@ class WorldBatch:
     def max_objects(self) -> int:
         """Largest number of objects of any world so far."""
         return self.pool.max_objects
+
+    @property
+    def max_agents(self) -> int:
+        """Largest number of agents of any world so far, present or not."""
+        return self.pool.max_agents
 
     @property
     def num_objects(self) -> Int64:
@@ -75,15 +77,17 @@ class WorldBatch:
         """(W,) row of each ego."""
         return self.place[:, EGO]
 
-    def replace(self, slots: Sequence[int], worlds: Sequence[World | None], policies: Hashable = None) -> None:
+    def replace(self, slots: Sequence[int] | Int64, worlds: Sequence[World | None], policies: Hashable = None) -> None:
         """Put worlds into slots, or for None the same again, for episodes with some policies."""
-        for slot, world in zip(slots, worlds, strict=True):
-            old = self._slots[slot]
-            self._slots[slot] = new = self.pool.claim(old.key[0] if world is None else world, policies)
-            self.worlds[slot] = new.world
-            self.place[slot], self._frame[slot] = new.place, new.frame
-            self.pool.release(old)
-        if self.pool.arrays is not self._arrays:
+        slots, pool = np.asarray(slots, np.int64), self.pool
+        numbers = np.array([
+            pool.number(pool.worlds[self._playing[slot]].key[0] if world is None else world, policies)
+            for slot, world in zip(slots, worlds, strict=True)
+        ])  # fmt: skip
+        pool.play(slots, numbers, self._playing, self.place, self._frame)
+        for slot, number in zip(slots.tolist(), numbers.tolist(), strict=True):
+            self.worlds[slot] = pool.worlds[number].world
+        if pool.arrays is not self._arrays:
             self._collect()
 
     def _collect(self) -> None:

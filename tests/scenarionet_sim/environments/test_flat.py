@@ -47,11 +47,7 @@ def test_several_agents_per_world_equal_the_parallel_environment(only):
     observations, _ = alone.reset(seed=0)
     infos: list[dict] = []
     for step in range(150):
-        row_of = {
-            track: flat._seats.row_of[0, row]
-            for row, track in enumerate(_tracks(flat))
-            if flat._seats.row_of[0, row] >= 0
-        }
+        row_of = _seats_by_track(flat)
         assert row_of.keys() == set(alone.agents)
         for agent, seen in observations.items():
             if agent in row_of:
@@ -71,8 +67,11 @@ def test_several_agents_per_world_equal_the_parallel_environment(only):
     flat.close()
 
 
-def _tracks(flat: FlatEnv) -> list[str]:
-    return list(map(str, flat._episodes.core.simulation.batch.worlds[0].track_ids))
+def _seats_by_track(flat: FlatEnv) -> dict[str, int]:
+    """Track id of the agent at each seat of the first world."""
+    simulation = flat._episodes.core.simulation
+    track_ids, rows = simulation.batch.worlds[0].track_ids, simulation.by_place.row_at[0, : flat.seats].tolist()
+    return {str(track_ids[row]): seat for seat, row in enumerate(rows) if row >= 0}
 
 
 def test_what_has_no_buffers_is_refused(only):

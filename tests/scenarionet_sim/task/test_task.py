@@ -11,7 +11,7 @@ import pytest
 from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VX, VY
-from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, TERMS, StepResult, score
+from scenarionet_sim.kernels.scoring import COMPLETION, NUM_TOTALS, TERMS, StepResult, score
 from scenarionet_sim.kernels.structures import NUM_OBJECTS, NUM_PLACES, NUM_STEPS, OBJECTS, StateArrays
 from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Status, is_terminated, task_parameters
 from tests.fixtures.recorded import recorded
@@ -53,10 +53,13 @@ def scored(task=SINGLE_AGENT, **changes):
     present, timestep = np.ones((count, 1), np.bool_), np.array(step["timestep"], np.int32)
     now = StateArrays(motion, route, present, np.ones((count, 1, 3)), np.ones((count, 1), np.uint8), timestep)
     nothing = np.zeros((count, 1), np.bool_)
-    result = StepResult(np.zeros((count, len(NUMBERS))), np.zeros(count, np.uint8), np.zeros((count, 1, NUM_TOTALS)))
+    result = StepResult.of(count, np.zeros((count, 1, NUM_TOTALS)))
     steering, hits = np.array(step["steering"], np.float64), np.array(step["hits"], np.uint32)
     score_agents(steering, nothing, hits, now, before, worlds, task_parameters(*task), result)
-    terms, completion = result.numbers[:, :4], result.numbers[:, 4]
+    terms, completion = result.numbers[:4].T, result.numbers[COMPLETION]
+    np.testing.assert_array_equal(result.rewards, sum(result.numbers[:4]))
+    ends = [result.status == code for code in (Status.ARRIVED, Status.OFF_ROUTE, Status.TIMED_OUT)]
+    np.testing.assert_array_equal(result.flags, [ends[0] | ends[1], ends[2], *ends])
     if count > 1:
         return terms, result.status, completion
     return dict(zip(TERMS, terms[0].tolist(), strict=True)), Status(result.status[0]), completion[0]
