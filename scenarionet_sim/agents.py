@@ -107,7 +107,7 @@ class DrivenAgents:
         """Return everything as kernels take it."""
         routes = (self._own_route, self._own_route_before) if self.are_egos else (now.route, before.route)
         return DrivenArrays(
-            self._is_agent, self.row_at, self._is_new, self._awaits, self.actions, *routes, self.contacts,
+            self._is_agent, self.row_at, self._is_new, self._awaits, *routes, self.contacts,
             self._contacts_before, self.hits,
         )  # fmt: skip
 

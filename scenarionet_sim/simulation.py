@@ -28,8 +28,9 @@ from scenarionet_sim.kernels.step import (
     step_reactive_worlds,
     step_worlds,
 )
-from scenarionet_sim.kernels.step_arrays import AT_FIRST, GOES_ON, StepArrays
+from scenarionet_sim.kernels.step_arrays import AT_FIRST, GOES_ON, Exchange, StepArrays
 from scenarionet_sim.kernels.strip import SightMemory
+from scenarionet_sim.kernels.structures import Series
 from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External, Policy, Replay
 from scenarionet_sim.policies.slots import SlotPolicies, prepared
@@ -105,7 +106,11 @@ class Simulation:
         self.previous = self.state.twin()
         self.driver: UInt8 = np.full(shape, UNDRIVEN, np.uint8)
         self._session = (backend or Kinematic()).open(self.batch)
+        self._substeps = self._session.substeps if isinstance(self._session, KinematicSession) else 1
         self._begins: Int32 = np.full(len(worlds), GOES_ON, np.int32)
+        has_new_vehicle = isinstance(self._session, KinematicSession) and len(self._session.new_vehicle) > 0
+        self._begins_in_step = has_new_vehicle and self._policies.are_compiled and not history
+        self._arrays: dict[int, StepArrays] = {}  # by the timesteps of the current state
         self.reset_slots(range(len(worlds)), worlds)
 
     def __repr__(self) -> str:
@@ -174,9 +179,7 @@ class Simulation:
     ) -> None:
         """Begin episodes in several slots, and observe the agents there; as :meth:`reset`."""
         self.begin(slots, worlds, start)
-        self.observer.copy_results()
-        self._run(LOCATE | ONLY_BEGUN | self.observer.phases & ~SETTLE)
-        self._begins[:] = GOES_ON
+        self.observe_begun()
 
     def begin(self, slots: Sequence[int] | IntP, worlds: Sequence[World | None], start: int | None = None) -> None:
         """Begin episodes in several slots in the next step, in which their worlds do not move; as :meth:`reset`.
@@ -184,13 +187,30 @@ class Simulation:
         The step has to come next: until then, the state of these slots is undefined.
         """
         self.batch.replace(slots, worlds, self.policies)
-        self._policies.begin(slots)
         self._grow()
-        self._begins[slots] = AT_FIRST if start is None else start
-        self._agents.forget_list()
-        has_new_vehicle = isinstance(self._session, KinematicSession) and len(self._session.new_vehicle)
-        if not (has_new_vehicle and self._policies.are_compiled and self.state.history is None):
-            self._begin_now(list(slots))
+        self._schedule(slots, AT_FIRST if start is None else start)
+
+    def begin_known(self, slots: IntP, scenarios: IntP, series: Series) -> bool:
+        """Begin episodes of scenarios, as :meth:`begin`, if the pool has all of their worlds.
+
+        Args:
+            slots: (B,) the slots.
+            scenarios: (B,) the scenarios.
+            series: What ``WorldBatch.note`` noted of them.
+
+        Returns:
+            Whether it has; if not, or if other policies were set since, nothing is changed.
+        """
+        is_known = not self._policies.are_replaced and self.batch.replace_by_known(slots, scenarios, series)
+        if is_known:
+            self._schedule(slots, AT_FIRST)
+        return is_known
+
+    def observe_begun(self) -> None:
+        """Observe the agents of worlds that have begun an episode, which then move in the next step."""
+        self.observer.copy_results()
+        self._run(LOCATE | ONLY_BEGUN | self.observer.phases & ~SETTLE)
+        self._begins[:] = GOES_ON
 
     def step(self, actions: npt.ArrayLike | None = None) -> None:
         """Advance every world by one timestep.
@@ -268,6 +288,14 @@ class Simulation:
         """Whether all policies and vehicles are part of the compiled step."""
         return self._policies.are_compiled and isinstance(self._session, KinematicSession)
 
+    def _schedule(self, slots: Sequence[int] | IntP, start: int) -> None:
+        """Let episodes begin in slots at a timestep of their logs, or ``AT_FIRST``, whose worlds are there."""
+        self._policies.begin(slots)
+        self._begins[slots] = start
+        self._agents.forget_list()
+        if not self._begins_in_step:
+            self._begin_now(list(slots))
+
     def _begin_now(self, slots: list[int]) -> None:
         """Begin episodes before the next step, for what is outside of it."""
         self._run(0)
@@ -292,32 +320,36 @@ class Simulation:
 
     def _run(self, phases: int) -> None:
         """Run phases of the compiled step in all worlds."""
-        session, observer = self._session, self.observer
-        vehicles, new_vehicle, substeps = (
-            (session.vehicles, session.new_vehicle, session.substeps)
-            if isinstance(session, KinematicSession)
-            else _NO_VEHICLE
-        )
-        agents, seats = self._agents.arrays(self.previous, self.state), observer.seats
-        traffic = self._policies.traffic(self.driver)
-        counts = substeps, self._agents.row_at.shape[1] if observer.num_seats is None else observer.num_seats
+        observer, arrays = self.observer, self._arrays.get(id(self.state))
+        if arrays is None or arrays.recorded is not self.batch.recorded:
+            arrays = self._arrays[id(self.state)] = self._collect()
+        num_places = self._agents.row_at.shape[1]
+        counts = self._substeps, num_places if observer.num_seats is None else observer.num_seats
         numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if self._agents.are_egos else 1.0
-        moments = self.previous.moment, self.state.moment
-        arrays = StepArrays(
-            self._begins, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles, new_vehicle,
-            observer.task, observer.result, observer.sensing, seats,
-        )  # fmt: skip
+        exchange = Exchange(self._agents.actions, observer.result, observer.sensing)
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
         self._allocate_memory()
 
         def run(own: int, team: Team) -> None:
-            step(own, team, phases, counts, numbers, arrays, *self._memory[own])
+            step(own, team, phases, counts, numbers, arrays, exchange, *self._memory[own])
 
         lost = self._threads.share(run, len(self.batch))
         if phases & OBSERVE:
             observer.is_stale &= bool(phases & ONLY_BEGUN)
             if lost >= 0:
                 require_located(0, self.agents[self._agents.places == lost])
+
+    def _collect(self) -> StepArrays:
+        """Return the arrays of a step from the previous state to the current one."""
+        session, agents = self._session, self._agents.arrays(self.previous, self.state)
+        vehicles, new_vehicle = _NO_VEHICLE
+        if isinstance(session, KinematicSession):
+            vehicles, new_vehicle = session.vehicles, session.new_vehicle
+        moments, traffic = (self.previous.moment, self.state.moment), self._policies.traffic(self.driver)
+        return StepArrays(
+            self._begins, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles, new_vehicle,
+            self.observer.task, self.observer.seats,
+        )  # fmt: skip
 
     def _allocate_memory(self) -> None:
         """Allocate the memory of the threads for the compiled step, if it is for other sensors or smaller worlds."""
@@ -345,6 +377,7 @@ class Simulation:
         """Make room for the largest world."""
         more = self.batch.max_objects - self.driver.shape[1]
         has_other_places = self._agents.make_room(self.batch)
+        self._arrays.clear()
         if has_other_places or more > 0:
             self.observer.resize(self._agents.num_places, len(self.batch), self.batch.max_objects)
         if more <= 0:
@@ -356,5 +389,5 @@ class Simulation:
         self.driver = np.pad(self.driver, ((0, 0), (0, more)), constant_values=UNDRIVEN)
 
 
-_NO_VEHICLE = np.zeros((0, 0, NUM_COLUMNS)), np.zeros(0), 1
-"""Vehicles, a new one, and substeps for the compiled step of a backend that is not part of it."""
+_NO_VEHICLE = np.zeros((0, 0, NUM_COLUMNS)), np.zeros(0)
+"""Vehicles and a new one for the compiled step of a backend that is not part of it."""

@@ -130,10 +130,6 @@ class BatchedEnvironment:
                 )
         self.simulation.reset_slots(slots, worlds, start)
 
-    def begin_in_step(self, slots: Sequence[int] | IntP, worlds: Sequence[World]) -> None:
-        """Begin episodes in some slots in the next step, which their worlds sit out."""
-        self.simulation.begin(slots, worlds)
-
     def step(self, actions: npt.ArrayLike) -> None:
         """Advance every world by one timestep, score and observe the agents.
 

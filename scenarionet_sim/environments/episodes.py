@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -11,12 +11,13 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 
-from scenarionet_data.arrays.dtypes import Array, Bool, IntP
+from scenarionet_data.arrays.dtypes import Array, Bool, Int64, IntP
 from scenarionet_data.errors import ScenarioNetError
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.kernels.seats import Seats
+from scenarionet_sim.kernels.structures import Series
 from scenarionet_sim.scenarios.sampling import CurriculumSampler
 from scenarionet_sim.scenarios.stream import ScenarioStream
 from scenarionet_sim.worlds.world import World
@@ -67,7 +68,12 @@ class Episodes:
         self.seats: Seats | None = None
         self._is_fresh = True
         self._core: BatchedEnvironment | None = None
-        self._playing = np.zeros(num_slots, np.int64)
+        self._series = Series(np.zeros(num_slots, np.int64), self.was_played, np.zeros((len(self.ids), 2), np.int64))
+
+    @property
+    def playing(self) -> Int64:
+        """(W,) scenario of each slot."""
+        return self._series.playing
 
     def restart(self, seed: int | None) -> bool:
         """Restart the series, if a seed is given or on the first call; return whether it restarted."""
@@ -83,7 +89,7 @@ class Episodes:
         return {
             "seed": self.seed,
             "stream": self._stream.state(),
-            "playing": self._playing.tolist(),
+            "playing": self.playing.tolist(),
             "played": np.flatnonzero(self.was_played).tolist(),
             "noise": self.rng.bit_generator.state,
         }
@@ -97,9 +103,9 @@ class Episodes:
         self.restart(state["seed"])
         self._stream.restore(state["stream"])
         self.rng.bit_generator.state = state["noise"]
-        self._playing[:], self.was_played[:] = state["playing"], False
+        self.playing[:], self.was_played[:] = state["playing"], False
         self.was_played[state["played"]] = True
-        return [self._stream.get(index) for index in self._playing.tolist()]
+        return [self._stream.get(index) for index in self.playing.tolist()]
 
     def draw(self, slot: int = 0, scenario_id: str | None = None) -> World:
         """Return the world to play in a slot: the next of the series, or a given one.
@@ -109,33 +115,46 @@ class Episodes:
             LakeError: The scenario cannot be read; the next draw continues with the one after it.
         """
         if scenario_id is None:
-            self._playing[slot] = index = self._stream.draw()
+            self.playing[slot] = index = self._stream.draw()
             self.was_played[index] = True
             return self._stream.play(index)
-        self._playing[slot] = index = self._stream.index(scenario_id)
+        self.playing[slot] = index = self._stream.index(scenario_id)
         return self._stream.get(index)
 
-    def draw_all(self, slots: IntP, *, skips: bool = False) -> list[World]:
+    def draw_all(self, slots: IntP, *, skips: bool = False, drawn: Sequence[int] = ()) -> list[World]:
         """Return the worlds to play in some slots: the next of the series.
 
         Args:
             slots: The slots.
             skips: Skip scenarios that cannot be read, and note them in ``skipped``.
+            drawn: Scenarios for the first of the slots that were drawn already.
 
         Raises:
             ScenarioNetError: A scenario cannot be read, or none of as many as there are if those are skipped; this is
                 the last one's error.
         """
-        worlds: list[World] = []
-        while len(worlds) < len(slots):
-            indices, ready = self._stream.play_ready(len(slots) - len(worlds))
-            if ready:
-                self._playing[slots[len(worlds) : len(worlds) + len(ready)]] = indices
-                self.was_played[indices] = True
-                worlds += ready
-            if len(worlds) < len(slots):
-                worlds.append((self._draw_playable if skips else self.draw)(int(slots[len(worlds)])))
-        return worlds
+        worlds = [self._stream.get(index) for index in drawn]
+        self._series.playing[slots[: len(worlds)]] = drawn
+        draw = self._draw_playable if skips else self.draw
+        return worlds + [draw(slot) for slot in slots[len(worlds) :].tolist()]
+
+    def begin_next(self, slots: IntP, *, in_step: bool = False, skips: bool = False) -> None:
+        """Begin the next scenarios of the series in some slots.
+
+        Args:
+            slots: The slots.
+            in_step: In the next step, instead of now; their worlds do not move in it.
+            skips: See :meth:`draw_all`.
+
+        Raises:
+            ScenarioNetError: See :meth:`draw_all`.
+        """
+        core, series, drawn = self.core, self._series, self._stream.play_ready(len(slots))
+        if len(drawn) < len(slots) or not core.simulation.begin_known(slots, np.array(drawn), series):
+            core.simulation.begin(slots, self.draw_all(slots, skips=skips, drawn=drawn))
+            core.simulation.batch.note(slots, series.playing[slots], series)
+        if not in_step:
+            core.simulation.observe_begun()
 
     def _draw_playable(self, slot: int) -> World:
         """Return the world of the next scenario of the series that can be read; note the others in ``skipped``."""
@@ -143,7 +162,7 @@ class Episodes:
             try:
                 return self.draw(slot)
             except ScenarioNetError as error:
-                scenario_id = self.ids[int(self._playing[slot])]
+                scenario_id = self.ids[int(self.playing[slot])]
                 reason, count = self.skipped.get(scenario_id, (str(error), 0))
                 self.skipped[scenario_id] = reason, count + 1
         return self.draw(slot)
@@ -151,17 +170,19 @@ class Episodes:
     def prepare(self, worlds: list[World]) -> BatchedEnvironment:
         """Return the environment for these worlds."""
         if self._core is None:
+            self._series.known[:] = 0
             self._core = BatchedEnvironment(self.config, self.observation, worlds, self._threads, self.seats)
         return self._core
 
     def report(self, slot: int, success: float) -> None:
         """Report the result of a slot's episode: 1 for success, 0 for failure, or the share of successful agents."""
-        self._sampler.report(int(self._playing[slot]), success)
+        self._sampler.report(int(self.playing[slot]), success)
 
     def report_all(self, slots: IntP, success: Array) -> None:
         """Report the results of the episodes of several slots, in their order."""
-        for scenario, share in zip(self._playing[slots].tolist(), success.tolist(), strict=True):
-            self._sampler.report(scenario, share)
+        if self._sampler.is_adaptive:
+            for scenario, share in zip(self.playing[slots].tolist(), success.tolist(), strict=True):
+                self._sampler.report(scenario, float(share))
 
     def observed(self) -> list[Any]:
         """Return a new observation of each agent."""

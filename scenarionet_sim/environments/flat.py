@@ -242,12 +242,15 @@ class FlatEnv:
         if not len(slots):
             return []
         counts, arrived = self._ended[slots].T
-        shares, played = arrived / np.maximum(counts, 1), core.simulation.batch.worlds
+        shares = arrived / np.maximum(counts, 1)
         self._episodes.report_all(slots, shares)
+        ids, parts = self._episodes.ids, (slots, self._episodes.playing[slots], counts, shares)
         infos = [
-            {"slot": slot, "scenario_id": played[slot].scenario_id, "agents": count, "success": share}
-            for slot, count, share in zip(slots.tolist(), counts.tolist(), shares.tolist(), strict=True)
+            {"slot": slot, "scenario_id": ids[scenario], "agents": count, "success": share}
+            for slot, scenario, count, share in zip(*(part.tolist() for part in parts), strict=True)
         ]
-        self._begin(core, slots, self._episodes.draw_all(slots, skips=True))
+        self._episodes.begin_next(slots, skips=True)
+        if not self._episodes.observation.is_compiled:
+            core.observe_by_place(self._episodes.rng, slots)
         self._ages[slots] = 0
         return infos

@@ -19,7 +19,6 @@ from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.kernels.scoring import HAS_ARRIVED, TERMINATED, TRUNCATED
 from scenarionet_sim.threads import all_cores
-from scenarionet_sim.worlds.world import World
 
 _LOADED_AHEAD = 8  # many episodes tend to end in the same step
 
@@ -98,10 +97,10 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         if self._episodes.restart(first):
             self._np_random, self._np_random_seed = self._episodes.rng, self._episodes.seed
         slots = np.arange(self.num_envs)
-        worlds = self._drawn(slots)
+        worlds = self._episodes.draw_all(slots)
         core = self._episodes.prepare(worlds)
-        self._check_agents(core)
         core.begin(slots, worlds)
+        self._note_begun(slots)
         self._ended = _NONE
         return self._observed(), self._infos()
 
@@ -121,8 +120,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         if len(checked) != self.num_envs:
             raise BadParameter(f"{len(checked)} actions for {self.num_envs} agents; pass one per agent")
         if len(self._ended):
-            core.begin_in_step(self._ended, self._drawn(self._ended))
-            self._check_agents(core)
+            self._begin_next(self._ended, in_step=True)
         core.step_by_place(checked)
         result = core.result
         self._ended = np.flatnonzero(result.status)
@@ -157,17 +155,22 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         """
         return self._episodes.core
 
-    def _drawn(self, slots: IntP) -> list[World]:
-        """Draw the next scenarios for some slots."""
-        worlds = self._episodes.draw_all(slots)
-        self._scenario_ids = self._scenario_ids.copy()  # earlier infos have the array from before
-        self._scenario_ids[slots] = [world.scenario_id for world in worlds]
-        return worlds
+    def _begin_next(self, slots: IntP, *, in_step: bool) -> None:
+        """Begin the next scenarios in some slots."""
+        self._episodes.begin_next(slots, in_step=in_step)
+        self._note_begun(slots)
 
-    def _check_agents(self, core: BatchedEnvironment) -> None:
-        """Raise unless each world has one agent."""
-        if core.simulation.by_place.num_places != self.num_envs:
+    def _note_begun(self, slots: IntP) -> None:
+        """Note what begins in some slots: one agent in each.
+
+        Raises:
+            BadParameter: A world may have several agents.
+        """
+        if self.core.simulation.by_place.num_places != self.num_envs:
             raise BadParameter("expected one agent per world; use External(objects=ego) to drive the egos alone")
+        ids, playing = self._episodes.ids, self._episodes.playing[slots].tolist()
+        self._scenario_ids = self._scenario_ids.copy()  # earlier infos have the array from before
+        self._scenario_ids[slots] = [ids[scenario] for scenario in playing]
 
     def _observed(self) -> Any:
         return self.core.observe_by_place(self._episodes.rng)
@@ -178,7 +181,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         observation = self._episodes.observation
         for slot, seen in zip(slots, observation.split(observation.take(last_seen, slots)), strict=True):
             last[slot] = seen
-        self.core.begin(slots, self._drawn(slots))
+        self._begin_next(slots, in_step=False)
         self._ended = _NONE
         observed = self.core.observe_by_place(self._episodes.rng, slots)
         ended = np.zeros(self.num_envs, np.bool_)

@@ -21,7 +21,6 @@ class DrivenArrays(NamedTuple):
         rows: (W, K) row of the agent at each place in its world; -1 at a free place.
         is_new: (W, K) agents that have appeared in this step.
         awaits: (W,) worlds in which an agent is absent that may still appear.
-        actions: (C, 2) steering and throttle.
         route, route_before: (W, N, 2) location on their paths, see ``State``; after the step, and before it.
         contacts, contacts_before: (C, N) objects that they touch.
         hits: (C,) types of those objects, as bits.
@@ -31,7 +30,6 @@ class DrivenArrays(NamedTuple):
     rows: Int32
     is_new: Bool
     awaits: Bool
-    actions: Float64
     route: Float64
     route_before: Float64
     contacts: Bool
@@ -82,9 +80,7 @@ def admit_agents(
         elif not before.present[w, n]:
             while agents.rows[w, k] >= 0:
                 k += 1
-            a = w * agents.rows.shape[1] + k
             agents.rows[w, k], agents.is_new[w, k] = n, True
-            agents.actions[a, 0], agents.actions[a, 1] = 0.0, 0.0
 
 
 @device_function

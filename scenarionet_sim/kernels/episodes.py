@@ -7,7 +7,7 @@ import numpy as np
 from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float64, Int64, UInt8
 from scenarionet_sim.kernels.log import VALID
-from scenarionet_sim.kernels.structures import LOG, NUM_OBJECTS, OBJECTS, Recorded, StateArrays, StoredWorlds
+from scenarionet_sim.kernels.structures import LOG, NUM_OBJECTS, OBJECTS, Recorded, Series, StateArrays, StoredWorlds
 
 UNDRIVEN = 255
 """A policy number: a row that no policy drives and that is never present."""
@@ -61,17 +61,54 @@ def play_worlds(
         Number of worlds that no slot plays.
     """
     for b in range(len(slots)):
-        w, number = slots[b], numbers[b]
-        stored.users[number] += 1
-        if playing[w] >= 0:
-            stored.users[playing[w]] -= 1
-            stored.used[playing[w]] = moment
-        playing[w] = number
-        for column in range(place.shape[1]):
-            place[w, column] = stored.place[number, column]
-        for column in range(frame.shape[1]):
-            frame[w, column] = stored.frame[number, column]
+        _play(slots[b], numbers[b], moment, stored, playing, place, frame)
     num_unused = 0
     for number in range(len(stored.users)):
         num_unused += stored.users[number] == 0
     return num_unused
+
+
+@kernel(allocates=False)
+def play_scenarios(
+    slots: Int64,
+    scenarios: Int64,
+    moment: int,
+    series: Series,
+    stored: StoredWorlds,
+    playing: Int64,
+    place: Int64,
+    frame: Float64,
+) -> bool:
+    """Put the worlds of scenarios into slots, if all of them are stored.
+
+    Args:
+        slots: (B,) the slots.
+        scenarios: (B,) the scenarios.
+        series: What is known of them; written.
+        moment, stored, playing, place, frame: See :func:`play_worlds`.
+
+    Returns:
+        Whether they are stored; if not, nothing is changed.
+    """
+    for b in range(len(slots)):
+        number, serial = series.known[scenarios[b], 0], series.known[scenarios[b], 1]
+        if serial == 0 or stored.serial[number] != serial:
+            return False
+    for b in range(len(slots)):
+        series.playing[slots[b]], series.was_played[scenarios[b]] = scenarios[b], True
+        _play(slots[b], series.known[scenarios[b], 0], moment, stored, playing, place, frame)
+    return True
+
+
+@device_function
+def _play(w: int, number: int, moment: int, stored: StoredWorlds, playing: Int64, place: Int64, frame: Float64) -> None:
+    """Put a world into a slot."""
+    stored.users[number] += 1
+    if playing[w] >= 0:
+        stored.users[playing[w]] -= 1
+        stored.used[playing[w]] = moment
+    playing[w] = number
+    for column in range(place.shape[1]):
+        place[w, column] = stored.place[number, column]
+    for column in range(frame.shape[1]):
+        frame[w, column] = stored.frame[number, column]

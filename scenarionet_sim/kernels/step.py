@@ -22,7 +22,7 @@ from scenarionet_sim.kernels.paths import PathRows, locate
 from scenarionet_sim.kernels.scoring import StepResult, clear_score, excuse, score
 from scenarionet_sim.kernels.seats import seat_agents, settle
 from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, take
-from scenarionet_sim.kernels.step_arrays import AT_FIRST, BEGUN, GOES_ON, StepArrays
+from scenarionet_sim.kernels.step_arrays import AT_FIRST, BEGUN, GOES_ON, Exchange, StepArrays
 from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
@@ -47,6 +47,7 @@ def step_worlds(
     counts: tuple[int, int],
     numbers: tuple[float, float, float, float],
     arrays: StepArrays,
+    exchange: Exchange,
     scratch: Scratch,
 ) -> None:
     """Advance worlds by one step; the largest result of any thread is an agent that is not located on its path, or -1.
@@ -58,18 +59,19 @@ def step_worlds(
         counts: Substeps of the vehicle model; number of places of each world whose agents are observed.
         numbers: Length of the step [s]; search window on a path behind and ahead of an agent [m]; 1 if the routes
             of the agents are those of the state, 0 if they have a location of their own.
-        arrays: What the step reads and writes.
+        arrays: What steps read and write.
+        exchange: What the step gets and returns.
         scratch: Memory of this thread.
     """
     if own == LEADER:
-        keep(team, (phases, counts, numbers, arrays))
+        keep(team, (phases, counts, numbers, arrays, exchange))
     turn = begin(team, own, 0)
     while turn:
-        given = kept(team, (phases, counts, numbers, arrays))
+        given = kept(team, (phases, counts, numbers, arrays, exchange))
         lost, w = -1, take(team.ranges, own)
         while w >= 0:
             _begin_or_move(w, given[0], given[2], given[3])
-            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
+            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], given[4], scratch))
             w = take(team.ranges, own)
         turn = end(team, own, turn, lost)
 
@@ -82,25 +84,26 @@ def step_reactive_worlds(
     counts: tuple[int, int],
     numbers: tuple[float, float, float, float],
     arrays: StepArrays,
+    exchange: Exchange,
     scratch: Scratch,
     memory: SightMemory,
 ) -> None:
     """Advance worlds in which objects follow paths by IDM: a kernel of its own, as replays need not compile that.
 
     Args:
-        own, team, phases, counts, numbers, arrays, scratch: See :func:`step_worlds`.
+        own, team, phases, counts, numbers, arrays, exchange, scratch: See :func:`step_worlds`.
         memory: Memory of this thread.
     """
     if own == LEADER:
-        keep(team, (phases, counts, numbers, arrays))
+        keep(team, (phases, counts, numbers, arrays, exchange))
     turn = begin(team, own, 0)
     while turn:
-        given = kept(team, (phases, counts, numbers, arrays))
+        given = kept(team, (phases, counts, numbers, arrays, exchange))
         lost, w = -1, take(team.ranges, own)
         while w >= 0:
             _begin_or_move(w, given[0], given[2], given[3])
             _drive_by_idm(w, given[0], given[2][0], given[3], memory)
-            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
+            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], given[4], scratch))
             w = take(team.ranges, own)
         turn = end(team, own, turn, lost)
 
@@ -112,11 +115,12 @@ def _finish(
     counts: tuple[int, int],
     numbers: tuple[float, float, float, float],
     arrays: StepArrays,
+    exchange: Exchange,
     scratch: Scratch,
 ) -> int:
     """Run the phases after the traffic's in a world; return an agent that is not located on its path, or -1."""
     dt, back, ahead, is_own = numbers
-    agents, recorded, then, result = arrays.agents, arrays.recorded, arrays.then, arrays.result
+    agents, recorded, then, result = arrays.agents, arrays.recorded, arrays.then, exchange.result
     has_begun, lost, num_places = arrays.begins[w] == BEGUN, -1, agents.rows.shape[1]
     if phases & ONLY_BEGUN and not has_begun:
         return lost
@@ -125,7 +129,7 @@ def _finish(
         for k in range(num_places):
             n = agents.rows[w, k]
             if n >= 0:
-                vehicle, row, action = arrays.vehicles[w, n], then.motion[w, n], agents.actions[first + k]
+                vehicle, row, action = arrays.vehicles[w, n], then.motion[w, n], exchange.actions[first + k]
                 drive_bicycle(action[0], action[1], dt, counts[0], vehicle, then.size[w, n, 0], row)
     if phases & LOCATE and not has_begun:
         admit_agents(w, recorded, arrays.now, then, arrays.traffic.driver, agents)
@@ -143,13 +147,14 @@ def _finish(
                     _remember_contacts(first + k, agents)
     if phases & SCORE:
         if has_begun:
-            _clear_totals(w, is_own == 0.0, arrays)
+            _clear_totals(w, is_own == 0.0, arrays, result.totals)
         for k in range(num_places):
             n = agents.rows[w, k]
             if n >= 0 and has_begun:
                 clear_score(first + k, result)
             elif n >= 0:
-                _score(first + k, w, n, recorded, then, agents, arrays.task, result)
+                steering = 0.0 if agents.is_new[w, k] else exchange.actions[first + k, 0]
+                _score(first + k, w, n, steering, recorded, then, agents, arrays.task, result)
                 if agents.is_new[w, k]:
                     excuse(first + k, result)
     if phases & OBSERVE:
@@ -160,7 +165,7 @@ def _finish(
             if np.isnan(agents.route[w, n, 0]):
                 lost = first + k
             at = w * counts[1] + k
-            observe(at, w, n, num_boxes, recorded, arrays.lines, then, agents.route, arrays.sensing, scratch)
+            observe(at, w, n, num_boxes, recorded, arrays.lines, then, agents.route, exchange.sensing, scratch)
     if phases & SETTLE:
         settle(w, recorded, arrays.now, then, arrays.traffic.driver, agents, result, arrays.seats)
     return lost
@@ -251,9 +256,8 @@ def _find_contacts(
 
 
 @device_function(forceinline=True)
-def _clear_totals(w: int, are_egos: bool, arrays: StepArrays) -> None:
+def _clear_totals(w: int, are_egos: bool, arrays: StepArrays, totals: Float64) -> None:
     """Clear the sums over the episodes of the agents of a world."""
-    totals = arrays.result.totals
     for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
         if is_agent_of(w, n, are_egos, arrays.recorded, arrays.traffic.driver, arrays.agents):
             for column in range(totals.shape[2]):
@@ -265,6 +269,7 @@ def _score(
     a: int,
     w: int,
     n: int,
+    steering: float,
     recorded: Recorded,
     then: StateArrays,
     agents: DrivenArrays,
@@ -273,7 +278,7 @@ def _score(
 ) -> None:
     """Score an agent, and remember its contacts."""
     touched = agents.contacts[a], agents.contacts_before[a], agents.hits[a]
-    steering, route, route_before = agents.actions[a, 0], agents.route[w, n], agents.route_before[w, n]
+    route, route_before = agents.route[w, n], agents.route_before[w, n]
     score(a, w, n, steering, touched, then, route, route_before, recorded, task, result)
     _remember_contacts(a, agents)
 

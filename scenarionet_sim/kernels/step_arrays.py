@@ -34,7 +34,7 @@ timestep with a valid ego."""
 
 
 class StepArrays(NamedTuple):
-    """What a step reads and writes.
+    """What steps read and write.
 
     Attributes:
         begins: (W,) timesteps of the logs at which episodes begin in this step, or ``AT_FIRST``, in worlds that do not
@@ -46,8 +46,6 @@ class StepArrays(NamedTuple):
         vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
         new_vehicle: (NUM_COLUMNS,) a vehicle at the beginning of an episode; empty if the backend sets the vehicles.
         task: (12,) see ``task.task_parameters``.
-        result: Scores.
-        sensing: Sensors.
         seats: Flat buffers.
     """
 
@@ -61,6 +59,18 @@ class StepArrays(NamedTuple):
     vehicles: Float64
     new_vehicle: Float64
     task: Float64
+    seats: Seats
+
+
+class Exchange(NamedTuple):
+    """What a step gets and returns, which may be in other arrays in every step.
+
+    Attributes:
+        actions: (C, 2) steering and throttle of the agents by place.
+        result: Scores.
+        sensing: Sensors, and their observations.
+    """
+
+    actions: Float64
     result: StepResult
     sensing: Sensing
-    seats: Seats

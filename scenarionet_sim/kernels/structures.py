@@ -51,17 +51,34 @@ class StoredWorlds(NamedTuple):
         frame: (P, 5) see ``Lines``.
         users: (P,) number of slots that play each of them; ``FREE`` for a free number.
         used: (P,) when a slot last stopped playing it.
+        serial: (P,) how many worlds were stored before it and with it, as numbers are used again.
     """
 
     place: Int64
     frame: Float64
     users: Int64
     used: Int64
+    serial: Int64
 
     @classmethod
     def of_none(cls) -> StoredWorlds:
         """Return the arrays of no worlds."""
-        return cls(np.zeros((0, NUM_PLACES), np.int64), np.zeros((0, 5)), *np.zeros((2, 0), np.int64))
+        return cls(np.zeros((0, NUM_PLACES), np.int64), np.zeros((0, 5)), *np.zeros((3, 0), np.int64))
+
+
+class Series(NamedTuple):
+    """What slots play of n scenarios.
+
+    Attributes:
+        playing: (W,) scenario of each slot.
+        was_played: (n,) scenarios that were played so far.
+        known: (n, 2) number and serial among the ``StoredWorlds`` of the world of each scenario when it was played
+            last; serial 0 for none.
+    """
+
+    playing: Int64
+    was_played: Bool
+    known: Int64
 
 
 class Recorded(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
@@ -20,6 +20,7 @@ from scenarionet_sim.planners.view import View
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.objects import ObjectMask, ego
 from scenarionet_sim.worlds.state import State
+from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
@@ -58,7 +59,7 @@ class Planned(Policy):
 
     def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
         """Ask the planners, and move their objects."""
-        self._drives(batch).advance(now, then, np.argwhere(driver == policy_id).astype(np.intp), dt)
+        self._drives(batch).advance(batch.worlds, now, then, np.argwhere(driver == policy_id).astype(np.intp), dt)
 
     def _drives(self, batch: WorldBatch) -> _Drives:
         of_batch = _DRIVES.setdefault(batch, {})
@@ -89,7 +90,7 @@ class _Drives:
     """The planners of a policy in the worlds of a batch."""
 
     def __init__(self, policy: Planned, batch: WorldBatch) -> None:
-        self._policy, self._worlds = policy, batch.worlds
+        self._policy = policy
         self._session: Session = policy.backend.open(batch)
         self._seats: dict[tuple[int, int], _Seat] = {}
 
@@ -97,16 +98,16 @@ class _Drives:
         self._seats = {place: seat for place, seat in self._seats.items() if place[0] != slot}
         self._session.reset(slot, state)
 
-    def advance(self, now: State, then: State, places: IntP, dt: float) -> None:
+    def advance(self, worlds: Sequence[World], now: State, then: State, places: IntP, dt: float) -> None:
         acting, actions = [], []
         for slot, row in places.tolist():
             if not now.present[slot, row]:
-                self._appear(now, then, slot, row)
+                self._appear(worlds[slot], now, then, slot, row)
                 continue
             seat = self._seats.get((slot, row))
             if seat is None:
                 seat = self._seats[slot, row] = _Seat(self._policy.planner())
-            view = View(self._worlds[slot], now, slot, row, seat.planner.frame, seat.speed, seat.arc, skip=1)
+            view = View(worlds[slot], now, slot, row, seat.planner.frame, seat.speed, seat.arc, skip=1)
             answer = seat.planner.act(view)
             if isinstance(answer, Trajectory):
                 self._track(view, answer, seat, then.motion[slot, row], dt)
@@ -122,8 +123,8 @@ class _Drives:
         if acting:
             self._session.drive(then, np.array(acting, np.int32), checked_actions(np.array(actions, np.float64)), dt)
 
-    def _appear(self, now: State, then: State, slot: int, row: int) -> None:
-        log, later = self._worlds[slot].log, int(now.timestep[slot]) + 1
+    def _appear(self, world: World, now: State, then: State, slot: int, row: int) -> None:
+        log, later = world.log, int(now.timestep[slot]) + 1
         if later < len(log) and log[later, row, VALID] != 0.0:
             then.motion[slot, row] = log[later, row, :VALID]
             then.present[slot, row] = True

@@ -33,6 +33,7 @@ class SlotPolicies:
         of_next: Policies of the episodes that begin next.
         are_compiled: Whether the compiled step moves the objects of all policies.
         follow_paths: Whether one of them drives along paths there.
+        are_replaced: Whether other policies than the first ones were set.
     """
 
     def __init__(self, policies: Policies, num_slots: int) -> None:
@@ -41,7 +42,7 @@ class SlotPolicies:
         movement = [policy.movement if is_compiled(policy) else UNCOMPILED for policy in policies]
         self.are_compiled, self.follow_paths = UNCOMPILED not in movement, FOLLOW_PATH in movement
         self._movement: UInt8 = np.array(movement, np.uint8)
-        self._next_law, self._are_replaced = _laws(policies), False
+        self._next_law, self.are_replaced = _laws(policies), False
         self._law = np.repeat(self._next_law[None], num_slots, axis=0)
 
     def replace(self, policies: Policies) -> None:
@@ -54,7 +55,7 @@ class SlotPolicies:
         if kinds != expected:
             raise BadParameter(f"policies of the kinds {kinds} in a simulation of {expected}; make a new simulation")
         if policies != self.of_next:  # worlds are prepared once for the same tuple
-            self.of_next, self._next_law, self._are_replaced = policies, _laws(policies), True
+            self.of_next, self._next_law, self.are_replaced = policies, _laws(policies), True
 
     @property
     def are_external(self) -> Bool:
@@ -65,7 +66,7 @@ class SlotPolicies:
 
     def begin(self, slots: Sequence[int] | IntP) -> None:
         """Let episodes that begin in some slots have the next policies."""
-        if self._are_replaced:
+        if self.are_replaced:
             for slot in slots:
                 self._playing[slot], self._law[slot] = self.of_next, self._next_law
 

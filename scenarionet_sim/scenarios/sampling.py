@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,13 @@ from scenarionet_data.errors import BadParameter
 
 
 class Sampler(Protocol):
-    """Protocol of samplers."""
+    """Protocol of samplers.
+
+    Attributes:
+        is_adaptive: Whether the series depends on the results of episodes, which are reported only then.
+    """
+
+    is_adaptive: ClassVar[bool]
 
     def restart(self, seed: int) -> None:
         """Restart the series with a seed."""
@@ -44,6 +50,8 @@ class Sequential:
         >>> [order.draw() for _ in range(5)]
         [0, 1, 2, 0, 1]
     """
+
+    is_adaptive: ClassVar[bool] = False
 
     def __init__(self, count: int) -> None:
         self._count = count
@@ -73,6 +81,8 @@ class Sequential:
 
 class Shuffled:
     """Every index once per round, in a new random order each round."""
+
+    is_adaptive: ClassVar[bool] = False
 
     def __init__(self, count: int) -> None:
         self._count = count
@@ -111,6 +121,8 @@ class Weighted:
     Raises:
         BadParameter: The weights are invalid.
     """
+
+    is_adaptive: ClassVar[bool] = False
 
     def __init__(self, weights: npt.ArrayLike) -> None:
         values = np.asarray(weights, dtype=np.float64)
@@ -172,6 +184,8 @@ class CurriculumSampler:
     Raises:
         BadParameter: A level would be empty, or a parameter is out of range.
     """
+
+    is_adaptive: ClassVar[bool] = True
 
     def __init__(self, count: int, curriculum: Curriculum) -> None:
         if not 1 <= curriculum.levels <= count:

@@ -94,15 +94,14 @@ class ScenarioStream(Generic[Prepared]):
             self._submit(self._drawn[-1])
         return prepared
 
-    def play_ready(self, most: int) -> tuple[list[int], list[Prepared]]:
-        """Return the next scenarios with their indices, up to the first one that was not played before.
+    def play_ready(self, most: int) -> list[int]:
+        """Return the indices of the next scenarios, up to the first one that was not played before.
 
         As :meth:`draw` and :meth:`play` for each of them, in a fraction of the time.
         """
         indices: list[int] = []
-        found: list[Prepared] = []
         drawn, ready, cache, draw = self._drawn, self._ready, self._cache, self.sampler.draw
-        while len(found) < most:
+        while len(indices) < most:
             if not drawn:
                 drawn.append(draw())
             index = drawn[0]
@@ -111,7 +110,6 @@ class ScenarioStream(Generic[Prepared]):
             drawn.popleft()
             cache.move_to_end(index)
             indices.append(index)
-            found.append(ready[index])
             while len(drawn) < self._prefetch:
                 coming = draw()
                 drawn.append(coming)
@@ -119,7 +117,7 @@ class ScenarioStream(Generic[Prepared]):
                     cache.move_to_end(coming)
                 else:
                     self._submit(coming)
-        return indices, found
+        return indices
 
     def get(self, index: int) -> Prepared:
         """Return the scenario with an index, without a draw."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.compiled import unchecked
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, UInt8
-from scenarionet_sim.kernels.episodes import play_worlds
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP, UInt8
+from scenarionet_sim.kernels.episodes import play_scenarios, play_worlds
 from scenarionet_sim.kernels.log import VALID
 from scenarionet_sim.kernels.structures import (
     BLOCKS,
@@ -23,6 +23,7 @@ from scenarionet_sim.kernels.structures import (
     NUM_OBJECTS,
     NUM_STEPS,
     OBJECTS,
+    Series,
     StoredWorlds,
 )
 from scenarionet_sim.worlds.blocks import Blocks
@@ -81,7 +82,7 @@ class WorldPool:
         self.worlds: dict[int, PooledWorld] = {}
         self.stored = StoredWorlds.of_none()
         self._free: list[int] = []
-        self._num_played = 0
+        self._num_played = self._num_stored = 0
         self.kinds = {
             "objects": Blocks({
                 "driver": np.uint8, "object_type": np.uint8, "size": (np.float32, 3), "top_speed": np.float32,
@@ -107,7 +108,7 @@ class WorldPool:
         found = self._numbers.get((id(world), id(policies)))
         return self._store(world, policies) if found is None else found
 
-    def play(self, slots: Int64, numbers: Int64, playing: Int64, place: Int64, frame: Float64) -> None:
+    def play(self, slots: IntP, numbers: IntP, playing: Int64, place: Int64, frame: Float64) -> None:
         """Put worlds into slots, and remove those that no slot has played for longest; see ``play_worlds``."""
         self._num_played += 1
         num_unused = unchecked(play_worlds)(slots, numbers, self._num_played, self.stored, playing, place, frame)
@@ -117,12 +118,21 @@ class WorldPool:
             for number in unused[longest[: num_unused - self._keep]].tolist():
                 self._remove(number)
 
+    def play_scenarios(
+        self, slots: IntP, scenarios: IntP, series: Series, playing: Int64, place: Int64, frame: Float64
+    ) -> bool:
+        """Put the worlds of scenarios into slots, if all of them are stored; see ``play_scenarios``."""
+        self._num_played += 1
+        return unchecked(play_scenarios)(
+            slots, scenarios, self._num_played, series, self.stored, playing, place, frame
+        )  # fmt: skip
+
     def _remove(self, number: int) -> None:
         removed = self.worlds.pop(number)
         del self._numbers[removed.name]
         for kind, block in removed.blocks.items():
             self.kinds[kind].remove(*block)
-        self.stored.users[number] = FREE
+        self.stored.users[number], self.stored.serial[number] = FREE, 0
         self._free.append(number)
 
     def _store(self, original: World, policies: Hashable) -> int:
@@ -156,7 +166,9 @@ class WorldPool:
         self.worlds[number] = pooled = PooledWorld((original, policies), world, blocks)
         self._numbers[pooled.name] = number
         self.stored.frame[number], place = grid.frame, self.stored.place[number]
+        self._num_stored += 1
         self.stored.users[number], self.stored.used[number] = 0, self._num_played
+        self.stored.serial[number] = self._num_stored
         place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego
         place[FIRST_STEP] = int(np.argmax(world.log[:, world.ego, VALID] != 0))
         place[DRIVERS] = np.bitwise_or.reduce(np.left_shift(1, driver[driver < 63], dtype=np.int64), initial=0)

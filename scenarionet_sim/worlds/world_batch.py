@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int64
-from scenarionet_sim.kernels.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, Lines, Recorded
+from scenarionet_data.arrays.dtypes import Array, Float64, Int64, IntP
+from scenarionet_sim.kernels.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, Lines, Recorded, Series
 from scenarionet_sim.worlds.pool import WorldPool
 from scenarionet_sim.worlds.world import World
 
@@ -33,7 +33,6 @@ class WorldBatch:
         keep: Number of worlds to keep that no slot plays.
 
     Attributes:
-        worlds: The worlds as prepared, by slot.
         recorded, lines: Their arrays as kernels take them.
         place: (W, NUM_PLACES) see ``kernels.structures.Recorded``.
     """
@@ -45,12 +44,20 @@ class WorldBatch:
         self.place: Int64 = np.zeros((len(worlds), NUM_PLACES), np.int64)
         self._frame: Float64 = np.zeros((len(worlds), 5))
         self._playing: Int64 = np.full(len(worlds), -1, np.int64)
-        self.worlds = list(worlds)
+        self._worlds: list[World] | None = None
+        self._num_slots = len(worlds)
         self._arrays: dict[str, Array] = {}
         self.replace(range(len(worlds)), worlds, policies)
 
     def __len__(self) -> int:
-        return len(self.worlds)
+        return self._num_slots
+
+    @property
+    def worlds(self) -> list[World]:
+        """The worlds as prepared, by slot; a new list after some have changed."""
+        if self._worlds is None:
+            self._worlds = [self.pool.worlds[number].world for number in self._playing.tolist()]
+        return self._worlds
 
     @property
     def max_objects(self) -> int:
@@ -85,10 +92,20 @@ class WorldBatch:
             for slot, world in zip(slots, worlds, strict=True)
         ])  # fmt: skip
         pool.play(slots, numbers, self._playing, self.place, self._frame)
-        for slot, number in zip(slots.tolist(), numbers.tolist(), strict=True):
-            self.worlds[slot] = pool.worlds[number].world
+        self._worlds = None
         if pool.arrays is not self._arrays:
             self._collect()
+
+    def replace_by_known(self, slots: IntP, scenarios: IntP, series: Series) -> bool:
+        """Put the worlds of scenarios into slots, if the pool has all of them; see ``play_scenarios``."""
+        self._worlds = None
+        return self.pool.play_scenarios(slots, scenarios, series, self._playing, self.place, self._frame)
+
+    def note(self, slots: IntP, scenarios: IntP, series: Series) -> None:
+        """Note that some slots play the worlds of scenarios."""
+        numbers = self._playing[slots]
+        series.playing[slots], series.was_played[scenarios] = scenarios, True
+        series.known[scenarios, 0], series.known[scenarios, 1] = numbers, self.pool.stored.serial[numbers]
 
     def _collect(self) -> None:
         self._arrays = self.pool.arrays

@@ -78,7 +78,7 @@ def test_episode_that_begins_in_a_step_is_that_of_a_reset(policies, backend, sen
     for env in (core, others):
         for _ in range(7):
             env.step(np.full((len(env.agents), 2), 0.3))
-    core.begin_in_step([1, 3], [worlds()[2], worlds()[0]])
+    core.simulation.begin([1, 3], [worlds()[2], worlds()[0]])
     alone.begin([1, 3], [worlds()[2], worlds()[0]])
     for step in range(3):
         for env in (core, others, alone) if step else (core, others):
