@@ -18,6 +18,7 @@ class Observer:
 
     Attributes:
         task: (12,) see ``task.task_parameters``.
+        totals: (W, N, 8) sums over the episodes, see ``kernels.scoring.NUM_TOTALS``.
         result: Scores of the agents, by place.
         sensing: Sensors of the agents.
         phases: Any of ``SCORE``, ``OBSERVE`` and ``SETTLE``.
@@ -27,6 +28,7 @@ class Observer:
     """
 
     task: Float64
+    totals: Float64
     result: StepResult
     sensing: Sensing
     phases: int
@@ -37,14 +39,14 @@ class Observer:
     @classmethod
     def nothing(cls, num_worlds: int) -> Observer:
         """Return an observer of W worlds that does nothing."""
-        result = StepResult.of(0, np.zeros((0, 0, NUM_TOTALS)))
-        return cls(np.zeros(12), result, Sensing.of_no_sensors(), 0, Seats.of(num_worlds, 0, 0))
+        totals = np.zeros((0, 0, NUM_TOTALS))
+        return cls(np.zeros(12), totals, StepResult.of(0), Sensing.of_no_sensors(), 0, Seats.of(num_worlds, 0, 0))
 
     def resize(self, num_places: int, num_worlds: int, num_objects: int) -> None:
         """Make room for the results of agents at other places, or of worlds of up to another number of objects."""
 
     def renew_results(self) -> None:
-        """Let the next step write its results to new arrays."""
+        """Let the next step write its results to arrays that nothing else refers to."""
 
     def copy_results(self) -> None:
         """Let results of some agents that come before the next step be written to copies of the last step's."""

@@ -106,6 +106,7 @@ class Simulation:
         self.previous = self.state.twin()
         self.driver: UInt8 = np.full(shape, UNDRIVEN, np.uint8)
         self._session = (backend or Kinematic()).open(self.batch)
+        self._numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if has_passengers else 1.0
         self._substeps = self._session.substeps if isinstance(self._session, KinematicSession) else 1
         self._begins: Int32 = np.full(len(worlds), GOES_ON, np.int32)
         has_new_vehicle = isinstance(self._session, KinematicSession) and len(self._session.new_vehicle) > 0
@@ -323,15 +324,12 @@ class Simulation:
         observer, arrays = self.observer, self._arrays.get(id(self.state))
         if arrays is None or arrays.recorded is not self.batch.recorded:
             arrays = self._arrays[id(self.state)] = self._collect()
-        num_places = self._agents.row_at.shape[1]
-        counts = self._substeps, num_places if observer.num_seats is None else observer.num_seats
-        numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if self._agents.are_egos else 1.0
+        counts, numbers, memory = self._counts, self._numbers, self._memory
         exchange = Exchange(self._agents.actions, observer.result, observer.sensing)
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
-        self._allocate_memory()
 
         def run(own: int, team: Team) -> None:
-            step(own, team, phases, counts, numbers, arrays, exchange, *self._memory[own])
+            step(own, team, phases, counts, numbers, arrays, exchange, *memory[own])
 
         lost = self._threads.share(run, len(self.batch))
         if phases & OBSERVE:
@@ -341,6 +339,7 @@ class Simulation:
 
     def _collect(self) -> StepArrays:
         """Return the arrays of a step from the previous state to the current one."""
+        self._allocate_memory()
         session, agents = self._session, self._agents.arrays(self.previous, self.state)
         vehicles, new_vehicle = _NO_VEHICLE
         if isinstance(session, KinematicSession):
@@ -348,7 +347,7 @@ class Simulation:
         moments, traffic = (self.previous.moment, self.state.moment), self._policies.traffic(self.driver)
         return StepArrays(
             self._begins, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles, new_vehicle,
-            self.observer.task, self.observer.seats,
+            self.observer.task, self.observer.totals, self.observer.seats,
         )  # fmt: skip
 
     def _allocate_memory(self) -> None:
@@ -378,6 +377,8 @@ class Simulation:
         more = self.batch.max_objects - self.driver.shape[1]
         has_other_places = self._agents.make_room(self.batch)
         self._arrays.clear()
+        num_places, num_seats = self._agents.row_at.shape[1], self.observer.num_seats
+        self._counts = self._substeps, num_places if num_seats is None else num_seats
         if has_other_places or more > 0:
             self.observer.resize(self._agents.num_places, len(self.batch), self.batch.max_objects)
         if more <= 0:

@@ -81,17 +81,17 @@ class Threads:
         Returns:
             The largest result of any thread; -1 for none.
         """
-        self._notice_fork()
+        if self.count > 1:
+            self._notice_fork()
+            self._wait()  # for helpers in a turn that an interrupt has ended
         if total != self._shared:
             self.dismiss()
             self._shared, self._team = total, Team.of(total, self._useful(total))
-        team = self._team
-        self._wait()  # for helpers in a turn that an interrupt has ended
-        if len(team.ranges) > 1:
+        if len(self._team.ranges) > 1:
             self._share_at_best_pace(function)
         else:
-            function(LEADER, team)
-        return team.result
+            function(LEADER, self._team)
+        return self._team.result
 
     def _share_at_best_pace(self, function: Callable[[int, Team], object]) -> None:
         """Run a turn with helpers or alone, whichever is faster: helpers without a core of their own delay it."""

@@ -14,6 +14,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.agents import DrivenAgents
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
+from scenarionet_sim.environments.outputs import StepOutput, StepOutputs
 from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, StepResult
 from scenarionet_sim.kernels.seats import Seats
 from scenarionet_sim.kernels.step import OBSERVE, SCORE, SETTLE
@@ -205,8 +206,12 @@ class _Scorer(Observer):
 
     def __init__(self, task: Float64, observation: Observation, num_worlds: int, seats: Seats | None) -> None:
         self._observation, nothing = observation, Observer.nothing(num_worlds)
-        self.observed, sensing = observation.allocate(0)
-        super().__init__(task, nothing.result, sensing, SCORE | OBSERVE, seats or nothing.seats)
+        self._outputs = StepOutputs(observation, 0)
+        output = self._outputs.next()
+        super().__init__(
+            task, nothing.totals, output.result, output.sensing, SCORE | OBSERVE, seats or nothing.seats
+        )  # fmt: skip
+        self.observed = output.observed
         if seats is not None:
             self.num_seats = len(seats.masks) // num_worlds
             self.observed, self.sensing = seats.observations, observation.writing(seats.observations.reshape(-1))
@@ -214,31 +219,32 @@ class _Scorer(Observer):
 
     def resize(self, num_places: int, num_worlds: int, num_objects: int) -> None:
         """Make room for results; totals of objects are kept, and the rest of agents at the same places."""
-        totals = old = self.result.totals
-        if old.shape[:2] != (num_worlds, num_objects):
-            totals = np.zeros((num_worlds, num_objects, NUM_TOTALS))
-            totals[: old.shape[0], : old.shape[1]] = old
+        if self.totals.shape[:2] != (num_worlds, num_objects):
+            old, self.totals = self.totals, np.zeros((num_worlds, num_objects, NUM_TOTALS))
+            self.totals[: old.shape[0], : old.shape[1]] = old
         if num_places == len(self.result.status):
-            self.result = self.result._replace(totals=totals)
             return
-        self.result, self.is_stale = StepResult.of(num_places, totals), True
-        for values in self.result[:-1]:
+        self._outputs, self.is_stale = StepOutputs(self._observation, num_places), True
+        self._write_to(self._outputs.next())
+        for values in self.result:
             values[:] = 0
-        if self.num_seats is None:
-            self.observed, self.sensing = self._observation.allocate(num_places)
 
     def renew_results(self) -> None:
         if self.num_seats is None:
-            self.result = StepResult.of(len(self.result.status), self.result.totals)
-            self.observed, self.sensing = self._observation.allocate(len(self.result.status))
+            self._write_to(self._outputs.next())
 
     def copy_results(self) -> None:
         if self.num_seats is None:
             last, seen = self.result, self.observed
             self.renew_results()
-            for values, old in zip(self.result[:-1], last[:-1], strict=True):
+            for values, old in zip(self.result, last, strict=True):
                 values[:] = old
             self._observation.write(seen, self.observed)
+
+    def _write_to(self, output: StepOutput) -> None:
+        self.result = output.result
+        if self.num_seats is None:
+            self.observed, self.sensing = output.observed, output.sensing
 
     def rows_of(self, agents: DrivenAgents) -> IntP:
         """Return where agents (A,) are observed; -1 for those without a seat."""

@@ -176,13 +176,14 @@ class Episodes:
 
     def report(self, slot: int, success: float) -> None:
         """Report the result of a slot's episode: 1 for success, 0 for failure, or the share of successful agents."""
-        self._sampler.report(int(self.playing[slot]), success)
+        if self._sampler.is_adaptive:
+            self._sampler.report(int(self.playing[slot]), success)
 
     def report_all(self, slots: IntP, success: Array) -> None:
-        """Report the results of the episodes of several slots, in their order."""
+        """Report the results (W,) of the episodes of some slots, in their order."""
         if self._sampler.is_adaptive:
-            for scenario, share in zip(self.playing[slots].tolist(), success.tolist(), strict=True):
-                self._sampler.report(scenario, float(share))
+            for slot in slots.tolist():
+                self._sampler.report(int(self.playing[slot]), float(success[slot]))
 
     def observed(self) -> list[Any]:
         """Return a new observation of each agent."""

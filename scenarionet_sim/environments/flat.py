@@ -17,7 +17,8 @@ from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.kernels.actions import actions_by_place
-from scenarionet_sim.kernels.seats import Seats
+from scenarionet_sim.kernels.seats import Seats, list_ends
+from scenarionet_sim.kernels.structures import FIRST_STEP
 from scenarionet_sim.policies import External
 from scenarionet_sim.threads import all_cores
 from scenarionet_sim.worlds.world import World
@@ -101,8 +102,9 @@ class FlatEnv:
         self.observations, self.last_observations = seats_of.observations, seats_of.last_observations
         self.rewards, self.terminals, self.truncations = seats_of.rewards, seats_of.terminals, seats_of.truncations
         self.arrivals, self.masks, self.last_numbers = seats_of.arrivals, seats_of.masks, seats_of.last_numbers
-        self._can_end, self._is_over, self._ended = seats_of.can_end, seats_of.is_over, seats_of.ended
-        self._ages: Int64 = np.zeros(num_worlds, np.int64)  # steps since the episodes began
+        self._seats = seats_of
+        self._over: Int64 = np.zeros(num_worlds, np.int64)
+        self._ends: Int64 = np.zeros((num_worlds, 3), np.int64)
         self._past: deque[Array] | None = deque() if keeps_past else None
 
     def reset(self, seed: int | None = None) -> tuple[Float32, list[dict[str, Any]]]:
@@ -136,9 +138,8 @@ class FlatEnv:
         if self._past is not None:
             self._past.append(np.where(self.masks[:, None], given, 0.0).astype(given.dtype))
         self._advance(core, given)
-        self._ages += 1
-        infos = self._begin_next(core, np.flatnonzero(self._is_over))
-        while self._past and len(self._past) > self._ages.max():
+        infos = self._begin_next(core)
+        while self._past and len(self._past) > self._ages().max():
             self._past.popleft()
         return self.observations, self.rewards, self.terminals, self.truncations, infos
 
@@ -180,7 +181,7 @@ class FlatEnv:
             raise BadParameter("FlatEnv keeps no past; make it with keeps_past=True")
         shape = len(self._past), self.num_agents, 2
         return FlatState(
-            self._episodes.state(), self._ages.copy(), np.array(self._past).reshape(shape), self.observations.copy()
+            self._episodes.state(), self._ages(), np.array(self._past).reshape(shape), self.observations.copy()
         )
 
     def restore(self, state: FlatState) -> None:
@@ -199,12 +200,12 @@ class FlatEnv:
         for step, actions in enumerate([*state.actions, None]):
             if len(due := np.flatnonzero(state.ages == longest - step)):
                 self._begin(core, due, [worlds[slot] for slot in due])
-            self._can_end[:] = state.ages >= longest - step
+            self._seats.can_end[:] = state.ages >= longest - step
             if actions is not None:
                 self._advance(core, actions)
-        self._can_end[:] = True
+        self._seats.can_end[:] = True
         self._clear_results()
-        self._ages[:], self.observations[:] = state.ages, state.observations
+        self.observations[:] = state.observations
         self._past = deque(state.actions)
 
     @property
@@ -237,20 +238,24 @@ class FlatEnv:
             core.observe_by_place(self._episodes.rng)
             core.simulation.settle()
 
-    def _begin_next(self, core: BatchedEnvironment, slots: IntP) -> list[dict[str, Any]]:
-        """Begin the next scenarios in some worlds; return the infos of the episodes that ended there."""
-        if not len(slots):
+    def _begin_next(self, core: BatchedEnvironment) -> list[dict[str, Any]]:
+        """Begin the next scenarios in worlds without agents; return the infos of the episodes that ended there."""
+        count = unchecked(list_ends)(self._seats, self._episodes.playing, self._over, self._ends)
+        if not count:
             return []
-        counts, arrived = self._ended[slots].T
-        shares = arrived / np.maximum(counts, 1)
-        self._episodes.report_all(slots, shares)
-        ids, parts = self._episodes.ids, (slots, self._episodes.playing[slots], counts, shares)
+        ids, slots = self._episodes.ids, self._over[:count]
         infos = [
-            {"slot": slot, "scenario_id": ids[scenario], "agents": count, "success": share}
-            for slot, scenario, count, share in zip(*(part.tolist() for part in parts), strict=True)
+            {"slot": slot, "scenario_id": ids[scenario], "agents": num_agents, "success": arrived / max(num_agents, 1)}
+            for slot, (scenario, num_agents, arrived) in zip(slots.tolist(), self._ends[:count].tolist(), strict=True)
         ]
+        for info in infos:
+            self._episodes.report(info["slot"], info["success"])
         self._episodes.begin_next(slots, skips=True)
         if not self._episodes.observation.is_compiled:
             core.observe_by_place(self._episodes.rng, slots)
-        self._ages[slots] = 0
         return infos
+
+    def _ages(self) -> Int64:
+        """Return the steps (W,) since the episodes began."""
+        simulation = self._episodes.core.simulation
+        return simulation.state.timestep - simulation.batch.place[:, FIRST_STEP]

@@ -123,13 +123,14 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             self._begin_next(self._ended, in_step=True)
         core.step_by_place(checked)
         result = core.result
-        self._ended = np.flatnonzero(result.status)
+        (self._ended,) = result.status.nonzero()
         if len(self._ended):
-            self._episodes.report_all(self._ended, result.flags[HAS_ARRIVED, self._ended])
+            self._episodes.report_all(self._ended, result.flags[HAS_ARRIVED])
         observed, infos = self._observed(), self._infos()
+        results = result.rewards, result.flags[TERMINATED], result.flags[TRUNCATED]
         if len(self._ended) and self._mode is AutoresetMode.SAME_STEP:
             observed, infos = self._begin_others(observed, infos)
-        return observed, result.rewards, result.flags[TERMINATED], result.flags[TRUNCATED], infos
+        return observed, *results, infos
 
     def render(self) -> tuple[UInt8, ...] | None:
         """Return an image (H, W, 3) uint8 of each world from above, centred on its ego; None without a render mode.
@@ -170,7 +171,8 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             raise BadParameter("expected one agent per world; use External(objects=ego) to drive the egos alone")
         ids, playing = self._episodes.ids, self._episodes.playing[slots].tolist()
         self._scenario_ids = self._scenario_ids.copy()  # earlier infos have the array from before
-        self._scenario_ids[slots] = [ids[scenario] for scenario in playing]
+        for slot, scenario in zip(slots.tolist(), playing, strict=True):
+            self._scenario_ids[slot] = ids[scenario]
 
     def _observed(self) -> Any:
         return self.core.observe_by_place(self._episodes.rng)

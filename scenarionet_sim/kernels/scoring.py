@@ -39,6 +39,9 @@ COMPLETION, _LATERAL, _COST, _CRASHES, _SPEED, _MEAN_SPEED, _DISTANCE, _MEAN_DIS
 _VEHICLE, _PEDESTRIAN, _CYCLIST = int(ObjectType.VEHICLE), int(ObjectType.PEDESTRIAN), int(ObjectType.CYCLIST)
 _STEPS, _SPEEDS, _LOG_STEPS, _LOG_DISTANCES, _LAST_DISTANCE = 3, 4, 5, 6, 7  # of totals, after three of crashes
 NUM_TOTALS = 8
+"""Sums over the episode, by object: crashes with vehicles, humans and objects; steps, speeds; steps with a recorded
+position, distances from it, and the last of these."""
+
 _NUM_TERMS = len(TERMS)
 
 
@@ -58,22 +61,19 @@ class StepResult(NamedTuple):
             average [m/s]; distance from the recorded position, last known and on average [m].
         flags: (5, C) see ``TERMINATED``.
         status: (C,) codes of ``Status``.
-        totals: (W, N, 8) sums over the episode, by object: crashes with vehicles, humans and objects; steps,
-            speeds; steps with a recorded position, distances from it, and the last of these.
     """
 
     rewards: Float64
     numbers: Float64
     flags: Bool
     status: UInt8
-    totals: Float64
 
     @classmethod
-    def of(cls, num_places: int, totals: Float64) -> StepResult:
+    def of(cls, num_places: int) -> StepResult:
         """Allocate results, of undefined values."""
         return cls(
             np.empty(num_places), np.empty((len(NUMBERS), num_places)), np.empty((NUM_FLAGS, num_places), np.bool_),
-            np.empty(num_places, np.uint8), totals,
+            np.empty(num_places, np.uint8),
         )  # fmt: skip
 
 
@@ -120,6 +120,7 @@ def score(
     route_before: Float64,
     recorded: Recorded,
     task: Float64,
+    totals: Float64,
     result: StepResult,
 ) -> None:
     """Write the result of a step for the agent at place ``a``, row ``n`` of world ``w``.
@@ -136,6 +137,7 @@ def score(
         route, route_before: (2,) location on the reference trajectory, now and a step before; see ``State``.
         recorded: Logs and paths.
         task: (12,) see ``task.task_parameters``.
+        totals: (W, N, 8) see ``NUM_TOTALS``; increased.
         result: Output.
     """
     # Indexed, since unpacking an array compiles an iterator for every name.
@@ -147,7 +149,7 @@ def score(
     contacts, before, hits = touched
     count, num_steps = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS]
     row, t, path_row = now.motion[w, n], now.timestep[w], recorded.place[w, OBJECTS] + n
-    numbers, total = result.numbers, result.totals[w, n]
+    numbers, total = result.numbers, totals[w, n]
     speed = np.hypot(row[VX], row[VY])
     first, end = recorded.path_offsets[path_row], recorded.path_offsets[path_row + 1]
     length = recorded.path[end - 1, ARC] if end > first else 0.0

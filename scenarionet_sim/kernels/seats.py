@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int64, UInt8
 from scenarionet_sim.kernels.agents import DrivenArrays, is_agent_due
 from scenarionet_sim.kernels.episodes import UNDRIVEN
@@ -50,6 +50,28 @@ class Seats(NamedTuple):
             values[0], values[1], np.zeros(count, np.float32), terminals, truncations, arrivals, masks,
             np.zeros((count, len(NUMBERS))),
         )  # fmt: skip
+
+
+@kernel(allocates=False)
+def list_ends(seats: Seats, playing: Int64, slots: Int64, ends: Int64) -> int:
+    """List the worlds in which no agent is left or due.
+
+    Args:
+        seats: The seats.
+        playing: (W,) scenario of each world.
+        slots: (W,) output: the worlds.
+        ends: (W, 3) output: scenario, number of agents of the episode, and of those that arrived.
+
+    Returns:
+        Number of the worlds.
+    """
+    count = 0
+    for w in range(len(seats.is_over)):
+        if seats.is_over[w]:
+            slots[count] = w
+            ends[count, 0], ends[count, 1], ends[count, 2] = playing[w], seats.ended[w, 0], seats.ended[w, 1]
+            count += 1
+    return count
 
 
 @device_function

@@ -147,14 +147,14 @@ def _finish(
                     _remember_contacts(first + k, agents)
     if phases & SCORE:
         if has_begun:
-            _clear_totals(w, is_own == 0.0, arrays, result.totals)
+            _clear_totals(w, is_own == 0.0, arrays)
         for k in range(num_places):
             n = agents.rows[w, k]
             if n >= 0 and has_begun:
                 clear_score(first + k, result)
             elif n >= 0:
                 steering = 0.0 if agents.is_new[w, k] else exchange.actions[first + k, 0]
-                _score(first + k, w, n, steering, recorded, then, agents, arrays.task, result)
+                _score(first + k, w, n, steering, recorded, then, agents, arrays.task, arrays.totals, result)
                 if agents.is_new[w, k]:
                     excuse(first + k, result)
     if phases & OBSERVE:
@@ -256,12 +256,12 @@ def _find_contacts(
 
 
 @device_function(forceinline=True)
-def _clear_totals(w: int, are_egos: bool, arrays: StepArrays, totals: Float64) -> None:
+def _clear_totals(w: int, are_egos: bool, arrays: StepArrays) -> None:
     """Clear the sums over the episodes of the agents of a world."""
     for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
         if is_agent_of(w, n, are_egos, arrays.recorded, arrays.traffic.driver, arrays.agents):
-            for column in range(totals.shape[2]):
-                totals[w, n, column] = 0.0
+            for column in range(arrays.totals.shape[2]):
+                arrays.totals[w, n, column] = 0.0
 
 
 @device_function(forceinline=True)
@@ -274,12 +274,13 @@ def _score(
     then: StateArrays,
     agents: DrivenArrays,
     task: Float64,
+    totals: Float64,
     result: StepResult,
 ) -> None:
     """Score an agent, and remember its contacts."""
     touched = agents.contacts[a], agents.contacts_before[a], agents.hits[a]
     route, route_before = agents.route[w, n], agents.route_before[w, n]
-    score(a, w, n, steering, touched, then, route, route_before, recorded, task, result)
+    score(a, w, n, steering, touched, then, route, route_before, recorded, task, totals, result)
     _remember_contacts(a, agents)
 
 

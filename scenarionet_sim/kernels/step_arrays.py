@@ -46,6 +46,7 @@ class StepArrays(NamedTuple):
         vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
         new_vehicle: (NUM_COLUMNS,) a vehicle at the beginning of an episode; empty if the backend sets the vehicles.
         task: (12,) see ``task.task_parameters``.
+        totals: (W, N, 8) sums over the episodes of the agents, see ``NUM_TOTALS``.
         seats: Flat buffers.
     """
 
@@ -59,6 +60,7 @@ class StepArrays(NamedTuple):
     vehicles: Float64
     new_vehicle: Float64
     task: Float64
+    totals: Float64
     seats: Seats
 
 

@@ -30,10 +30,10 @@ STEP = {
 
 
 @kernel(allocates=False)
-def score_agents(steering, untouched, hits, now, before, worlds, task, result):
+def score_agents(steering, untouched, hits, now, before, worlds, task, totals, result):
     for a in range(len(steering)):
         touched = untouched[a], untouched[a], hits[a]
-        score(a, a, 0, steering[a], touched, now, now.route[a, 0], before[a, 0], worlds, task, result)
+        score(a, a, 0, steering[a], touched, now, now.route[a, 0], before[a, 0], worlds, task, totals, result)
 
 
 def scored(task=SINGLE_AGENT, **changes):
@@ -53,9 +53,9 @@ def scored(task=SINGLE_AGENT, **changes):
     present, timestep = np.ones((count, 1), np.bool_), np.array(step["timestep"], np.int32)
     now = StateArrays(motion, route, present, np.ones((count, 1, 3)), np.ones((count, 1), np.uint8), timestep)
     nothing = np.zeros((count, 1), np.bool_)
-    result = StepResult.of(count, np.zeros((count, 1, NUM_TOTALS)))
+    result, totals = StepResult.of(count), np.zeros((count, 1, NUM_TOTALS))
     steering, hits = np.array(step["steering"], np.float64), np.array(step["hits"], np.uint32)
-    score_agents(steering, nothing, hits, now, before, worlds, task_parameters(*task), result)
+    score_agents(steering, nothing, hits, now, before, worlds, task_parameters(*task), totals, result)
     terms, completion = result.numbers[:4].T, result.numbers[COMPLETION]
     np.testing.assert_array_equal(result.rewards, sum(result.numbers[:4]))
     ends = [result.status == code for code in (Status.ARRIVED, Status.OFF_ROUTE, Status.TIMED_OUT)]

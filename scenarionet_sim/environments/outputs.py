@@ -1,0 +1,62 @@
+"""What steps of an environment return: in arrays of steps before that nothing refers to any more, or in new ones."""
+
+from __future__ import annotations
+
+import sys
+
+from scenarionet_data.arrays.dtypes import Array
+from scenarionet_sim.environments.observation import Observation
+from scenarionet_sim.kernels.scoring import StepResult
+
+_KEPT = 4
+"""Outputs that are used again; whoever keeps more of them keeps all."""
+
+
+class StepOutput:
+    """What a step returns of the agents at C places.
+
+    Args:
+        observation: Sensors of the agents.
+        num_places: C.
+
+    Attributes:
+        observed: Observations, see ``Observation.allocate``.
+        sensing: The compiled sensors, which write them.
+        result: Scores.
+    """
+
+    def __init__(self, observation: Observation, num_places: int) -> None:
+        self.observed, self.sensing = observation.allocate(num_places)
+        self.result = StepResult.of(num_places)
+        seen: list[Array] = list(self.observed.values()) if isinstance(self.observed, dict) else [self.observed]
+        self._arrays = [self.sensing.out, *seen, *self.result]
+        del seen
+        self._references = list(map(sys.getrefcount, self._arrays))
+
+    @property
+    def is_unused(self) -> bool:
+        """Whether nothing else refers to any of the arrays, or to a view of one."""
+        return list(map(sys.getrefcount, self._arrays)) == self._references
+
+
+class StepOutputs:
+    """The outputs of one step after another.
+
+    Args:
+        observation: Sensors of the agents.
+        num_places: Number of places.
+    """
+
+    def __init__(self, observation: Observation, num_places: int) -> None:
+        self._observation, self._num_places = observation, num_places
+        self._kept: list[StepOutput] = []
+
+    def next(self) -> StepOutput:
+        """Return an output, of undefined values, to which nothing refers."""
+        for output in self._kept:
+            if output.is_unused:
+                return output
+        output = StepOutput(self._observation, self._num_places)
+        if len(self._kept) < _KEPT:
+            self._kept.append(output)
+        return output
