@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, IntP, UInt8, UInt32
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.kernels.actions import place_actions
 from scenarionet_sim.kernels.agents import DrivenArrays
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
@@ -83,14 +87,34 @@ class DrivenAgents:
         )
         self.row_at = _wider(self.row_at, (num_worlds, count), -1)
         self._is_new = _wider(self._is_new, (num_worlds, count), False)
-        by_place = self.actions, self.contacts, self._contacts_before, self.hits
-        shapes = (count, 2), (count, width), (count, width), (count,)
-        self.actions, self.contacts, self._contacts_before, self.hits = (
-            _wider(values.reshape(num_worlds, old, *values.shape[1:]), (num_worlds, *shape), 0).reshape(-1, *shape[1:])
-            for values, shape in zip(by_place, shapes, strict=True)
-        )
+
+        def wider(values: Array, *shape: int) -> Array:  # by place
+            by_world = values.reshape(num_worlds, old, *values.shape[1:])
+            return _wider(by_world, (num_worlds, count, *shape), 0).reshape(-1, *shape)
+
+        self.actions, self.hits = wider(self.actions, 2), wider(self.hits)
+        self.contacts, self._contacts_before = wider(self.contacts, width), wider(self._contacts_before, width)
         self.forget_list()
         return bool(count > old)
+
+    def act(self, actions: npt.ArrayLike, num_given: int) -> None:
+        """Set the actions of the next step, clipped to [-1, 1].
+
+        Args:
+            actions: (W * S, 2) steering and throttle for the first S places of each world; those for free places are
+                ignored, and agents at other places get zeros.
+            num_given: S.
+
+        Raises:
+            BadParameter: The actions have another shape, or that of an agent is NaN.
+        """
+        given = np.asarray(actions, np.float64, order="C")
+        if given.shape != (len(self.row_at) * num_given, 2):
+            expected = len(self.row_at) * num_given
+            raise BadParameter(f"{len(given)} actions for {expected} agents; pass one per agent, shape ({expected}, 2)")
+        invalid = unchecked(place_actions)(self.row_at, given, self.actions)
+        if invalid >= 0:
+            raise BadParameter(f"an action is not a number: {given[invalid].tolist()}")
 
     def remove(self, worlds: Int32, rows: Int32) -> None:
         """Free the places of agents (K,), by world and row."""

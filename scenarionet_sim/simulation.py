@@ -222,33 +222,18 @@ class Simulation:
         Raises:
             BadParameter: The number of actions differs from that of agents, or one is NaN.
         """
-        placed = np.zeros((self._agents.num_places, 2))
+        self._agents.actions[:] = 0.0
         if actions is not None:
             checked = checked_actions(actions)
             if len(checked) != len(self.agents):
                 raise BadParameter(f"{len(checked)} actions for {len(self.agents)} agents; pass one per agent")
-            placed[self._agents.places] = checked
-        self.step_by_place(placed)
+            self._agents.actions[self._agents.places] = checked
+        self._step()
 
-    def step_by_place(self, actions: Float64) -> None:
-        """Advance every world by one timestep.
-
-        Args:
-            actions: (C, 2) by place, as ``checked_actions`` returns them; the simulation keeps the array.
-        """
-        self._agents.actions = actions
-        if self.state.history is not None:
-            self.state.history.push(self.state)
-        self.state, self.previous = self.previous, self.state
-        drive = DRIVE if isinstance(self._session, KinematicSession) and not self._agents.are_egos else 0
-        rest = LOCATE | self.observer.phases
-        self.observer.renew_results()
-        if self._is_compiled:
-            self._run(MOVE | drive | rest)
-        else:
-            self._step_in_parts(drive, rest)
-        self._agents.forget_list()
-        self._begins[:] = GOES_ON
+    def step_by_place(self, actions: npt.ArrayLike, num_given: int = 1) -> None:
+        """Advance every world by one timestep; see ``DrivenAgents.act`` for the arguments."""
+        self._agents.act(actions, num_given)
+        self._step()
 
     def settle(self) -> None:
         """Let agents that ended leave their rows of flat buffers, if that is not a part of each step."""
@@ -306,6 +291,21 @@ class Simulation:
                 self._policies.begin_uncompiled(self.batch, self.state, slot)
         if self.state.history is not None:
             self.state.history.present[:, slots] = False
+
+    def _step(self) -> None:
+        """Advance every world by one timestep, in which the agents act as they are set to."""
+        if self.state.history is not None:
+            self.state.history.push(self.state)
+        self.state, self.previous = self.previous, self.state
+        drive = DRIVE if isinstance(self._session, KinematicSession) and not self._agents.are_egos else 0
+        rest = LOCATE | self.observer.phases
+        self.observer.renew_results()
+        if self._is_compiled:
+            self._run(MOVE | drive | rest)
+        else:
+            self._step_in_parts(drive, rest)
+        self._agents.forget_list()
+        self._begins[:] = GOES_ON
 
     def _step_in_parts(self, drive: int, rest: int) -> None:
         """Step with policies or a backend outside of the compiled step."""

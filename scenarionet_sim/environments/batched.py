@@ -14,21 +14,17 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.agents import DrivenAgents
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.environments.outputs import StepOutput, StepOutputs
-from scenarionet_sim.kernels.scoring import NUM_TOTALS, NUMBERS, StepResult
+from scenarionet_sim.environments.outputs import ENDS, RESULTS, StepOutput, StepOutputs
+from scenarionet_sim.kernels.scoring import NUM_TOTALS, StepResult
 from scenarionet_sim.kernels.seats import Seats
 from scenarionet_sim.kernels.step import OBSERVE, SCORE, SETTLE
 from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External
 from scenarionet_sim.simulation import Simulation
-from scenarionet_sim.task.task import ARRIVED, OFF_ROUTE, TIMED_OUT, Status, task_parameters
+from scenarionet_sim.task.task import Status, task_parameters
 from scenarionet_sim.worlds.world import World
 
-ENDS = {"success": ARRIVED, "out_of_road": OFF_ROUTE, "timeout": TIMED_OUT}
-"""How an episode ended, in the terms of the paper's metrics."""
-
-
-INFOS = (*NUMBERS, *ENDS, "timestep", "scenario_id")
+INFOS = (*RESULTS, "scenario_id")
 """Names of what is known of an agent after a step."""
 
 _ENDS_OF = {int(status): tuple(status == code for code in ENDS.values()) for status in Status}
@@ -87,6 +83,11 @@ class BatchedEnvironment:
         return self._scorer.result
 
     @property
+    def named_result(self) -> dict[str, Array]:
+        """(C,) results of the last step by place, by ``INFOS`` except the scenario id."""
+        return self._scorer.named
+
+    @property
     def agents(self) -> Int32:
         """(A, 2) world and row of each agent, sorted."""
         return self.simulation.agents
@@ -142,9 +143,12 @@ class BatchedEnvironment:
         """
         self.simulation.step(actions if self._has_actions else None)
 
-    def step_by_place(self, actions: Float64) -> None:
+    def step_by_place(self, actions: npt.ArrayLike, num_given: int = 1) -> None:
         """Step, with actions by place; see :meth:`Simulation.step_by_place`."""
-        self.simulation.step_by_place(actions if self._has_actions else np.zeros_like(actions))
+        if self._has_actions:
+            self.simulation.step_by_place(actions, num_given)
+        else:
+            self.simulation.step()
 
     def retire(self, agents: Array) -> None:
         """Remove agents (indices into ``agents``) from their worlds."""
@@ -211,7 +215,7 @@ class _Scorer(Observer):
         super().__init__(
             task, nothing.totals, output.result, output.sensing, SCORE | OBSERVE, seats or nothing.seats
         )  # fmt: skip
-        self.observed = output.observed
+        self.observed, self.named = output.observed, output.named
         if seats is not None:
             self.num_seats = len(seats.masks) // num_worlds
             self.observed, self.sensing = seats.observations, observation.writing(seats.observations.reshape(-1))
@@ -226,7 +230,7 @@ class _Scorer(Observer):
             return
         self._outputs, self.is_stale = StepOutputs(self._observation, num_places), True
         self._write_to(self._outputs.next())
-        for values in self.result:
+        for values in self.result.arrays:
             values[:] = 0
 
     def renew_results(self) -> None:
@@ -237,12 +241,12 @@ class _Scorer(Observer):
         if self.num_seats is None:
             last, seen = self.result, self.observed
             self.renew_results()
-            for values, old in zip(self.result, last, strict=True):
+            for values, old in zip(self.result.arrays, last.arrays, strict=True):
                 values[:] = old
             self._observation.write(seen, self.observed)
 
     def _write_to(self, output: StepOutput) -> None:
-        self.result = output.result
+        self.result, self.named = output.result, output.named
         if self.num_seats is None:
             self.observed, self.sensing = output.observed, output.sensing
 

@@ -11,7 +11,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Int64, IntP
+from scenarionet_data.arrays.dtypes import Bool, Int64, IntP
 from scenarionet_data.errors import ScenarioNetError
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
@@ -69,6 +69,11 @@ class Episodes:
         self._is_fresh = True
         self._core: BatchedEnvironment | None = None
         self._series = Series(np.zeros(num_slots, np.int64), self.was_played, np.zeros((len(self.ids), 2), np.int64))
+
+    @property
+    def is_adaptive(self) -> bool:
+        """Whether the series depends on the results of episodes, which are to be reported."""
+        return self._sampler.is_adaptive
 
     @property
     def playing(self) -> Int64:
@@ -176,14 +181,7 @@ class Episodes:
 
     def report(self, slot: int, success: float) -> None:
         """Report the result of a slot's episode: 1 for success, 0 for failure, or the share of successful agents."""
-        if self._sampler.is_adaptive:
-            self._sampler.report(int(self.playing[slot]), success)
-
-    def report_all(self, slots: IntP, success: Array) -> None:
-        """Report the results (W,) of the episodes of some slots, in their order."""
-        if self._sampler.is_adaptive:
-            for slot in slots.tolist():
-                self._sampler.report(int(self.playing[slot]), float(success[slot]))
+        self._sampler.report(int(self.playing[slot]), success)
 
     def observed(self) -> list[Any]:
         """Return a new observation of each agent."""

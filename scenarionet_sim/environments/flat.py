@@ -16,7 +16,6 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.episodes import Episodes, action_space
-from scenarionet_sim.kernels.actions import actions_by_place
 from scenarionet_sim.kernels.seats import Seats, list_ends
 from scenarionet_sim.kernels.structures import FIRST_STEP
 from scenarionet_sim.policies import External
@@ -132,12 +131,12 @@ class FlatEnv:
             ResetNeeded: No episode has begun.
             BadParameter: The actions have another shape, or that of an agent is NaN.
         """
-        core, given = self._episodes.core, np.asarray(actions)
-        if given.shape != (self.num_agents, 2):
-            raise BadParameter(f"actions of shape {given.shape}; expected {(self.num_agents, 2)}, one row per seat")
+        core = self._episodes.core
         if self._past is not None:
-            self._past.append(np.where(self.masks[:, None], given, 0.0).astype(given.dtype))
-        self._advance(core, given)
+            given = np.array(actions)
+            given[~self.masks] = 0.0
+            self._past.append(given)
+        self._advance(core, actions)
         infos = self._begin_next(core)
         while self._past and len(self._past) > self._ages().max():
             self._past.popleft()
@@ -226,14 +225,9 @@ class FlatEnv:
         core.begin(slots, worlds)
         core.observe_by_place(self._episodes.rng, slots)
 
-    def _advance(self, core: BatchedEnvironment, given: Array) -> None:
+    def _advance(self, core: BatchedEnvironment, given: npt.ArrayLike) -> None:
         """Drive for a timestep by actions (num_agents, 2)."""
-        rows = core.simulation.by_place.row_at
-        actions = np.zeros((rows.size, 2))
-        invalid = unchecked(actions_by_place)(rows, np.ascontiguousarray(given, np.float64), actions)
-        if invalid >= 0:
-            raise BadParameter(f"an action is not a number: {given[invalid].tolist()}")
-        core.step_by_place(actions)
+        core.step_by_place(given, self.seats)
         if not self._episodes.observation.is_compiled:
             core.observe_by_place(self._episodes.rng)
             core.simulation.settle()
@@ -248,8 +242,9 @@ class FlatEnv:
             {"slot": slot, "scenario_id": ids[scenario], "agents": num_agents, "success": arrived / max(num_agents, 1)}
             for slot, (scenario, num_agents, arrived) in zip(slots.tolist(), self._ends[:count].tolist(), strict=True)
         ]
-        for info in infos:
-            self._episodes.report(info["slot"], info["success"])
+        if self._episodes.is_adaptive:
+            for info in infos:
+                self._episodes.report(info["slot"], info["success"])
         self._episodes.begin_next(slots, skips=True)
         if not self._episodes.observation.is_compiled:
             core.observe_by_place(self._episodes.rng, slots)

@@ -6,7 +6,14 @@ import sys
 
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.kernels.scoring import StepResult
+from scenarionet_sim.kernels.scoring import HAS_ARRIVED, NUMBERS, StepResult
+from scenarionet_sim.task.task import ARRIVED, OFF_ROUTE, TIMED_OUT
+
+ENDS = {"success": ARRIVED, "out_of_road": OFF_ROUTE, "timeout": TIMED_OUT}
+"""How an episode ended, in the terms of the paper's metrics."""
+
+RESULTS = (*NUMBERS, *ENDS, "timestep")
+"""Names of the results of a step."""
 
 _KEPT = 4
 """Outputs that are used again; whoever keeps more of them keeps all."""
@@ -23,14 +30,17 @@ class StepOutput:
         observed: Observations, see ``Observation.allocate``.
         sensing: The compiled sensors, which write them.
         result: Scores.
+        named: Numbers, ends and timesteps of the scores by ``RESULTS``.
     """
 
     def __init__(self, observation: Observation, num_places: int) -> None:
         self.observed, self.sensing = observation.allocate(num_places)
         self.result = StepResult.of(num_places)
         seen: list[Array] = list(self.observed.values()) if isinstance(self.observed, dict) else [self.observed]
-        self._arrays = [self.sensing.out, *seen, *self.result]
-        del seen
+        result = self.result
+        self.named = dict(zip(RESULTS, (*result.numbers, *result.flags[HAS_ARRIVED:], result.timestep), strict=True))
+        self._arrays = [self.sensing.out, *seen, *result, *self.named.values()]
+        del seen, result
         self._references = list(map(sys.getrefcount, self._arrays))
 
     @property

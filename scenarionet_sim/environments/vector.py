@@ -12,7 +12,6 @@ from gymnasium.vector.utils import batch_space
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, IntP, Object, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.backends.base import checked_actions
 from scenarionet_sim.environments.batched import INFOS, BatchedEnvironment
 from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
@@ -75,7 +74,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self._scenario_ids: Object = np.full(num_envs, "", dtype=object)
         everywhere = np.ones(num_envs, np.bool_)
         everywhere.flags.writeable = False  # one array for all infos
-        self._template: dict[str, Any] = dict.fromkeys(INFOS) | {f"_{name}": everywhere for name in INFOS}
+        self._masks = {f"_{name}": everywhere for name in INFOS}
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetVectorEnv], tuple[Any, ...]]:
         return type(self), (self.num_envs, self.config, self._mode, self._episodes.seed, self.render_mode)
@@ -116,16 +115,14 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             LakeError: The next scenario cannot be read.
         """
         core = self.core
-        checked = checked_actions(actions)
-        if len(checked) != self.num_envs:
-            raise BadParameter(f"{len(checked)} actions for {self.num_envs} agents; pass one per agent")
         if len(self._ended):
             self._begin_next(self._ended, in_step=True)
-        core.step_by_place(checked)
+        core.step_by_place(actions)
         result = core.result
         (self._ended,) = result.status.nonzero()
-        if len(self._ended):
-            self._episodes.report_all(self._ended, result.flags[HAS_ARRIVED])
+        if self._episodes.is_adaptive:
+            for slot in self._ended.tolist():
+                self._episodes.report(slot, float(result.flags[HAS_ARRIVED, slot]))
         observed, infos = self._observed(), self._infos()
         results = result.rewards, result.flags[TERMINATED], result.flags[TRUNCATED]
         if len(self._ended) and self._mode is AutoresetMode.SAME_STEP:
@@ -195,11 +192,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
 
     def _infos(self) -> dict[str, Any]:
         """Return the infos of all slots as arrays (W,), each with a mask."""
-        result, timestep = self.core.result, self.core.simulation.state.timestep.copy()
-        infos = self._template.copy()
-        values = *result.numbers, *result.flags[HAS_ARRIVED:], timestep, self._scenario_ids
-        infos.update(zip(INFOS, values, strict=True))
-        return infos
+        return {**self.core.named_result, "scenario_id": self._scenario_ids, **self._masks}
 
 
 _NONE: IntP = np.zeros(0, np.intp)

@@ -8,7 +8,8 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, IntP
-from scenarionet_sim.environments.batched import ENDS, BatchedEnvironment
+from scenarionet_sim.environments.batched import BatchedEnvironment
+from scenarionet_sim.environments.outputs import ENDS
 from scenarionet_sim.kernels.log import HEADING, VX, VY
 from scenarionet_sim.kernels.recording import EpisodeArrays, record_moments
 from scenarionet_sim.task.task import DRIVING

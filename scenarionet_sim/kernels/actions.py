@@ -25,26 +25,24 @@ def clip_actions(actions: Float64) -> int:
 
 
 @kernel(allocates=False)
-def actions_by_place(rows: Int32, given: Float64, actions: Float64) -> int:
-    """Take the actions of agents from the rows of flat buffers, clipped to [-1, 1].
+def place_actions(rows: Int32, given: Float64, actions: Float64) -> int:
+    """Take the actions of agents from rows for the first S places of each world, clipped to [-1, 1].
 
     Args:
         rows: (W, K) row of the agent at each place; -1 at a free one.
-        given: (W * S, 2) actions; those of rows without an agent are ignored.
-        actions: (W * K, 2) of zeros; output, for agents with a row.
+        given: (W * S, 2) actions; those for places without an agent are ignored.
+        actions: (W * K, 2) output; zero at other places.
 
     Returns:
-        The first row with a NaN, or -1.
+        The first row of ``given`` with a NaN, or -1.
     """
-    invalid, num_seats = -1, len(given) // len(rows)
+    invalid, num_given = -1, len(given) // len(rows)
     for w in range(len(rows) - 1, -1, -1):
-        for k in range(smaller(rows.shape[1], num_seats) - 1, -1, -1):
-            if rows[w, k] < 0:
-                continue
-            at = w * num_seats + k
+        for k in range(rows.shape[1] - 1, -1, -1):
+            a, at = w * rows.shape[1] + k, w * num_given + k
             for axis in range(2):
-                value = given[at, axis]
+                value = given[at, axis] if k < num_given and rows[w, k] >= 0 else 0.0
                 if np.isnan(value):
                     invalid = at
-                actions[w * rows.shape[1] + k, axis] = smaller(larger(value, -1.0), 1.0)
+                actions[a, axis] = smaller(larger(value, -1.0), 1.0)
     return invalid

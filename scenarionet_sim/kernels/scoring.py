@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, UInt8
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VALID, VX, VY, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
@@ -61,19 +61,26 @@ class StepResult(NamedTuple):
             average [m/s]; distance from the recorded position, last known and on average [m].
         flags: (5, C) see ``TERMINATED``.
         status: (C,) codes of ``Status``.
+        timestep: (C,) of their worlds.
     """
 
     rewards: Float64
     numbers: Float64
     flags: Bool
     status: UInt8
+    timestep: Int32
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """All of them."""
+        return self
 
     @classmethod
     def of(cls, num_places: int) -> StepResult:
         """Allocate results, of undefined values."""
         return cls(
             np.empty(num_places), np.empty((len(NUMBERS), num_places)), np.empty((NUM_FLAGS, num_places), np.bool_),
-            np.empty(num_places, np.uint8),
+            np.empty(num_places, np.uint8), np.empty(num_places, np.int32),
         )  # fmt: skip
 
 

@@ -149,7 +149,7 @@ def _finish(
         if has_begun:
             _clear_totals(w, is_own == 0.0, arrays)
         for k in range(num_places):
-            n = agents.rows[w, k]
+            n, result.timestep[first + k] = agents.rows[w, k], then.timestep[w]
             if n >= 0 and has_begun:
                 clear_score(first + k, result)
             elif n >= 0:

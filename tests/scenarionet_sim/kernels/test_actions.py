@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarionet_sim.kernels.actions import actions_by_place, clip_actions
+from scenarionet_sim.kernels.actions import clip_actions, place_actions
 
 actions_of = st.lists(st.tuples(st.floats(), st.floats()), min_size=12, max_size=12)
 
@@ -26,8 +26,8 @@ def test_actions_of_seats_reach_the_agents_at_their_places(given_actions, is_fre
     """3 worlds of 5 places, of which the first ones have seats; actions of free seats do not matter."""
     rows = np.where(np.reshape(is_free, (3, 5)), -1, 7).astype(np.int32)
     given_rows = np.array(given_actions[: 3 * num_seats], np.float64)
-    placed = np.zeros((15, 2))
-    invalid = actions_by_place(rows, given_rows, placed)
+    placed = np.full((15, 2), 7.0)
+    invalid = place_actions(rows, given_rows, placed)
     wanted, used = np.zeros((3, 5, 2)), (rows >= 0)[:, :num_seats]
     wanted[:, :num_seats][used] = given_rows.reshape(3, num_seats, 2)[used]
     lost = np.flatnonzero(used.ravel() & np.isnan(given_rows).any(axis=1)).tolist()
