@@ -109,6 +109,10 @@ class Simulation:
         self._numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if has_passengers else 1.0
         self._substeps = self._session.substeps if isinstance(self._session, KinematicSession) else 1
         self._begins: Int32 = np.full(len(worlds), GOES_ON, np.int32)
+        self._has_beginning = False
+        is_kinematic = isinstance(self._session, KinematicSession)
+        self._is_compiled = is_kinematic and self._policies.are_compiled
+        self._moving = MOVE | DRIVE if is_kinematic and not has_passengers else MOVE
         has_new_vehicle = isinstance(self._session, KinematicSession) and len(self._session.new_vehicle) > 0
         self._begins_in_step = has_new_vehicle and self._policies.are_compiled and not history
         self._arrays: dict[int, StepArrays] = {}  # by the timesteps of the current state
@@ -191,27 +195,28 @@ class Simulation:
         self._grow()
         self._schedule(slots, AT_FIRST if start is None else start)
 
-    def begin_known(self, slots: IntP, scenarios: IntP, series: Series) -> bool:
+    def begin_known(self, slots: IntP, coming: IntP, series: Series) -> int:
         """Begin episodes of scenarios, as :meth:`begin`, if the pool has all of their worlds.
 
         Args:
             slots: (B,) the slots.
-            scenarios: (B,) the scenarios.
+            coming: (B + L,) their scenarios, and those that come later.
             series: What ``WorldBatch.note`` noted of them.
 
         Returns:
-            Whether it has; if not, or if other policies were set since, nothing is changed.
+            Number of the later ones that the pool has not; -1 if it has not all of the others, or if other policies
+            were set since, and then nothing is changed.
         """
-        is_known = not self._policies.are_replaced and self.batch.replace_by_known(slots, scenarios, series)
-        if is_known:
+        num_unknown = -1 if self._policies.are_replaced else self.batch.replace_by_known(slots, coming, series)
+        if num_unknown >= 0:
             self._schedule(slots, AT_FIRST)
-        return is_known
+        return num_unknown
 
     def observe_begun(self) -> None:
         """Observe the agents of worlds that have begun an episode, which then move in the next step."""
         self.observer.copy_results()
         self._run(LOCATE | ONLY_BEGUN | self.observer.phases & ~SETTLE)
-        self._begins[:] = GOES_ON
+        self._end_beginning()
 
     def step(self, actions: npt.ArrayLike | None = None) -> None:
         """Advance every world by one timestep.
@@ -269,15 +274,10 @@ class Simulation:
         self._session.close()
         self._threads.close()
 
-    @property
-    def _is_compiled(self) -> bool:
-        """Whether all policies and vehicles are part of the compiled step."""
-        return self._policies.are_compiled and isinstance(self._session, KinematicSession)
-
     def _schedule(self, slots: Sequence[int] | IntP, start: int) -> None:
         """Let episodes begin in slots at a timestep of their logs, or ``AT_FIRST``, whose worlds are there."""
         self._policies.begin(slots)
-        self._begins[slots] = start
+        self._begins[slots], self._has_beginning = start, True
         self._agents.forget_list()
         if not self._begins_in_step:
             self._begin_now(list(slots))
@@ -297,27 +297,30 @@ class Simulation:
         if self.state.history is not None:
             self.state.history.push(self.state)
         self.state, self.previous = self.previous, self.state
-        drive = DRIVE if isinstance(self._session, KinematicSession) and not self._agents.are_egos else 0
-        rest = LOCATE | self.observer.phases
         self.observer.renew_results()
         if self._is_compiled:
-            self._run(MOVE | drive | rest)
+            self._run(self._moving | LOCATE | self.observer.phases)
         else:
-            self._step_in_parts(drive, rest)
+            self._step_in_parts()
         self._agents.forget_list()
-        self._begins[:] = GOES_ON
+        self._end_beginning()
 
-    def _step_in_parts(self, drive: int, rest: int) -> None:
+    def _end_beginning(self) -> None:
+        """Let all episodes go on after a step in which some have begun."""
+        if self._has_beginning:
+            self._begins[:], self._has_beginning = GOES_ON, False
+
+    def _step_in_parts(self) -> None:
         """Step with policies or a backend outside of the compiled step."""
-        self._run(MOVE | drive)
+        self._run(self._moving)
         if not self._policies.are_compiled:
             goes_on = self._begins == GOES_ON
             driver = np.where(goes_on[:, None], self.driver, np.uint8(UNDRIVEN))
             self._policies.advance_uncompiled(self.batch, self.previous, self.state, driver, self.dt)
-        if not drive and len(self.agents) and not self._agents.are_egos:
+        if self._moving == MOVE and len(self.agents) and not self._agents.are_egos:
             moves = self._begins[self.agents[:, 0]] == GOES_ON
             self._session.drive(self.state, self.agents[moves], self.actions[moves], self.dt)
-        self._run(rest)
+        self._run(LOCATE | self.observer.phases)
 
     def _run(self, phases: int) -> None:
         """Run phases of the compiled step in all worlds."""

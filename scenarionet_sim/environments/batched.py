@@ -172,7 +172,7 @@ class BatchedEnvironment:
                 these are needed; None for all.
         """
         simulation = self.simulation
-        if slots is None:
+        if slots is None and self._scorer.is_stale:
             simulation.observe()
         observed = self._scorer.observed
         if self._observation.is_compiled:

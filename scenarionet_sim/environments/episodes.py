@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -122,26 +122,24 @@ class Episodes:
         if scenario_id is None:
             self.playing[slot] = index = self._stream.draw()
             self.was_played[index] = True
-            return self._stream.play(index)
+            world = self._stored_world(index) or self._stream.get(index)
+            self._stream.load_ahead(self._is_stored)
+            return world
         self.playing[slot] = index = self._stream.index(scenario_id)
         return self._stream.get(index)
 
-    def draw_all(self, slots: IntP, *, skips: bool = False, drawn: Sequence[int] = ()) -> list[World]:
+    def draw_all(self, slots: IntP, *, skips: bool = False) -> list[World]:
         """Return the worlds to play in some slots: the next of the series.
 
         Args:
             slots: The slots.
             skips: Skip scenarios that cannot be read, and note them in ``skipped``.
-            drawn: Scenarios for the first of the slots that were drawn already.
 
         Raises:
             ScenarioNetError: A scenario cannot be read, or none of as many as there are if those are skipped; this is
                 the last one's error.
         """
-        worlds = [self._stream.get(index) for index in drawn]
-        self._series.playing[slots[: len(worlds)]] = drawn
-        draw = self._draw_playable if skips else self.draw
-        return worlds + [draw(slot) for slot in slots[len(worlds) :].tolist()]
+        return [(self._draw_playable if skips else self.draw)(slot) for slot in slots.tolist()]
 
     def begin_next(self, slots: IntP, *, in_step: bool = False, skips: bool = False) -> None:
         """Begin the next scenarios of the series in some slots.
@@ -154,12 +152,17 @@ class Episodes:
         Raises:
             ScenarioNetError: See :meth:`draw_all`.
         """
-        core, series, drawn = self.core, self._series, self._stream.play_ready(len(slots))
-        if len(drawn) < len(slots) or not core.simulation.begin_known(slots, np.array(drawn), series):
-            core.simulation.begin(slots, self.draw_all(slots, skips=skips, drawn=drawn))
-            core.simulation.batch.note(slots, series.playing[slots], series)
+        simulation, stream, series, count = self.core.simulation, self._stream, self._series, len(slots)
+        num_unknown = simulation.begin_known(slots, np.array(stream.coming(count)), series)
+        if num_unknown >= 0:
+            stream.take(count)
+            if num_unknown:
+                stream.load_ahead(self._is_stored)
+        else:
+            simulation.begin(slots, self.draw_all(slots, skips=skips))
+            simulation.batch.note(slots, series.playing[slots], series)
         if not in_step:
-            core.simulation.observe_begun()
+            simulation.observe_begun()
 
     def _draw_playable(self, slot: int) -> World:
         """Return the world of the next scenario of the series that can be read; note the others in ``skipped``."""
@@ -182,6 +185,13 @@ class Episodes:
     def report(self, slot: int, success: float) -> None:
         """Report the result of a slot's episode: 1 for success, 0 for failure, or the share of successful agents."""
         self._sampler.report(int(self.playing[slot]), success)
+
+    def _stored_world(self, index: int) -> World | None:
+        """Return the world of a scenario that the simulation has stored."""
+        return self._core.simulation.batch.known(index, self._series) if self._core is not None else None
+
+    def _is_stored(self, index: int) -> bool:
+        return self._stored_world(index) is not None
 
     def observed(self) -> list[Any]:
         """Return a new observation of each agent."""

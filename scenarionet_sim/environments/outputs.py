@@ -63,8 +63,9 @@ class StepOutputs:
 
     def next(self) -> StepOutput:
         """Return an output, of undefined values, to which nothing refers."""
-        for output in self._kept:
+        for number, output in enumerate(self._kept):
             if output.is_unused:
+                self._kept.append(self._kept.pop(number))  # look at those first that were used longest ago
                 return output
         output = StepOutput(self._observation, self._num_places)
         if len(self._kept) < _KEPT:

@@ -71,33 +71,36 @@ def play_worlds(
 @kernel(allocates=False)
 def play_scenarios(
     slots: Int64,
-    scenarios: Int64,
+    coming: Int64,
     moment: int,
     series: Series,
     stored: StoredWorlds,
     playing: Int64,
     place: Int64,
     frame: Float64,
-) -> bool:
+) -> int:
     """Put the worlds of scenarios into slots, if all of them are stored.
 
     Args:
         slots: (B,) the slots.
-        scenarios: (B,) the scenarios.
-        series: What is known of them; written.
+        coming: (B + L,) their scenarios, and those that come later.
+        series: What is known of scenarios; written.
         moment, stored, playing, place, frame: See :func:`play_worlds`.
 
     Returns:
-        Whether they are stored; if not, nothing is changed.
+        Number of the later ones that are not stored; -1 if one of the others is not, and then nothing is changed.
     """
-    for b in range(len(slots)):
-        number, serial = series.known[scenarios[b], 0], series.known[scenarios[b], 1]
+    count, num_unknown = len(slots), 0
+    for k in range(len(coming)):
+        number, serial = series.known[coming[k], 0], series.known[coming[k], 1]
         if serial == 0 or stored.serial[number] != serial:
-            return False
-    for b in range(len(slots)):
-        series.playing[slots[b]], series.was_played[scenarios[b]] = scenarios[b], True
-        _play(slots[b], series.known[scenarios[b], 0], moment, stored, playing, place, frame)
-    return True
+            if k < count:
+                return -1
+            num_unknown += 1
+    for b in range(count):
+        series.playing[slots[b]], series.was_played[coming[b]] = coming[b], True
+        _play(slots[b], series.known[coming[b], 0], moment, stored, playing, place, frame)
+    return num_unknown
 
 
 @device_function

@@ -32,6 +32,9 @@ class Sampler(Protocol):
     def draw(self) -> int:
         """Return the index of the next scenario."""
 
+    def draw_all(self, count: int) -> list[int]:
+        """Return the indices of the next scenarios, as that many calls of :meth:`draw`."""
+
     def report(self, scenario: int, success: float) -> None:
         """Record the result of an episode: 1 for success, 0 for failure, or the share of agents that succeeded."""
 
@@ -63,9 +66,12 @@ class Sequential:
 
     def draw(self) -> int:
         """Return the index of the next scenario."""
-        drawn = self._next
-        self._next = (drawn + 1) % self._count
-        return drawn
+        return self.draw_all(1)[0]
+
+    def draw_all(self, count: int) -> list[int]:
+        """Return the indices of the next scenarios."""
+        first, self._next = self._next, (self._next + count) % self._count
+        return [scenario % self._count for scenario in range(first, first + count)]
 
     def report(self, scenario: int, success: float) -> None:
         """Ignore the result."""
@@ -95,9 +101,13 @@ class Shuffled:
 
     def draw(self) -> int:
         """Return the index of the next scenario."""
-        if not self._rest:
-            self._rest = self._rng.permutation(self._count).tolist()
-        return self._rest.pop()
+        return self.draw_all(1)[0]
+
+    def draw_all(self, count: int) -> list[int]:
+        """Return the indices of the next scenarios."""
+        while len(self._rest) < count:  # drawn from the end
+            self._rest = self._rng.permutation(self._count).tolist() + self._rest
+        return _last(self._rest, count)
 
     def report(self, scenario: int, success: float) -> None:
         """Ignore the result."""
@@ -137,8 +147,13 @@ class Weighted:
 
     def draw(self) -> int:
         """Return the index of the next scenario."""
-        mark = self._rng.random() * self._cumulative[-1]
-        return int(np.searchsorted(self._cumulative, mark, side="right"))
+        return self.draw_all(1)[0]
+
+    def draw_all(self, count: int) -> list[int]:
+        """Return the indices of the next scenarios."""
+        marks = self._rng.random(count) * self._cumulative[-1]
+        drawn: list[int] = np.searchsorted(self._cumulative, marks, side="right").tolist()
+        return drawn
 
     def report(self, scenario: int, success: float) -> None:
         """Ignore the result."""
@@ -206,9 +221,13 @@ class CurriculumSampler:
 
     def draw(self) -> int:
         """Return the index of the next scenario."""
-        if not self._rest:
-            self._rest = (self._first + self._rng.permutation(self._last - self._first)).tolist()
-        return self._rest.pop()
+        return self.draw_all(1)[0]
+
+    def draw_all(self, count: int) -> list[int]:
+        """Return the indices of the next scenarios."""
+        while len(self._rest) < count:  # drawn from the end
+            self._rest = (self._first + self._rng.permutation(self._last - self._first)).tolist() + self._rest
+        return _last(self._rest, count)
 
     def report(self, scenario: int, success: float) -> None:
         """Record a result, and advance to the next level when the success rate is reached."""
@@ -241,3 +260,11 @@ class CurriculumSampler:
         self._first, self._last = int(self._starts[level]), int(self._starts[level + 1])
         self._rest.clear()
         self._results: deque[float] = deque(maxlen=self._curriculum.episodes or self._last - self._first)
+
+
+def _last(values: list[int], count: int) -> list[int]:
+    """Remove values from the end of a list, and return them, the last one first."""
+    kept = len(values) - count
+    removed = values[kept:][::-1]
+    del values[kept:]
+    return removed

@@ -6,7 +6,7 @@ depends only on the seed and on the results of episodes, never on the speed of t
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Generic, TypeVar
@@ -50,7 +50,7 @@ class ScenarioStream(Generic[Prepared]):
         self.sampler = sampler
         self._load, self._prepare = load, prepare
         self._prefetch, self._cache_size = prefetch, cache_size
-        self._drawn: deque[int] = deque()
+        self._drawn: list[int] = []  # the next ones
         self._cache: OrderedDict[int, Future[Prepared]] = OrderedDict()
         self._ready: dict[int, Prepared] = {}  # of the cache, those that were played before
         self._thread: ThreadPoolExecutor | None = None
@@ -67,7 +67,7 @@ class ScenarioStream(Generic[Prepared]):
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue where another stream of the same scenarios stood."""
         self.sampler.restore(state["sampler"])
-        self._drawn = deque(state["drawn"])
+        self._drawn = list(state["drawn"])
 
     def next(self) -> tuple[int, Prepared]:
         """Return the index of the next scenario, and the prepared scenario.
@@ -76,48 +76,30 @@ class ScenarioStream(Generic[Prepared]):
             ScenarioNetError: It cannot be read or prepared; the next call continues with the one after it.
         """
         index = self.draw()
-        return index, self.play(index)
+        prepared = self.get(index)
+        self.load_ahead()
+        return index, prepared
 
     def draw(self) -> int:
         """Return the index of the next scenario."""
-        return self._drawn.popleft() if self._drawn else self.sampler.draw()
+        return self._drawn.pop(0) if self._drawn else self.sampler.draw()
 
-    def play(self, index: int) -> Prepared:
-        """Return the scenario with an index that was drawn, and load those after it ahead.
+    def coming(self, count: int) -> list[int]:
+        """Return the indices of the next scenarios, and of those to load ahead after them; :meth:`take` draws them."""
+        missing = count + self._prefetch - len(self._drawn)
+        if missing > 0:
+            self._drawn += self.sampler.draw_all(missing)
+        return self._drawn[: count + self._prefetch]
 
-        Raises:
-            ScenarioNetError: It cannot be read or prepared.
-        """
-        prepared = self.get(index)
-        while len(self._drawn) < self._prefetch:
-            self._drawn.append(self.sampler.draw())
-            self._submit(self._drawn[-1])
-        return prepared
+    def take(self, count: int) -> None:
+        """Draw the next scenarios, which were coming."""
+        del self._drawn[:count]
 
-    def play_ready(self, most: int) -> list[int]:
-        """Return the indices of the next scenarios, up to the first one that was not played before.
-
-        As :meth:`draw` and :meth:`play` for each of them, in a fraction of the time.
-        """
-        indices: list[int] = []
-        drawn, ready, cache, draw = self._drawn, self._ready, self._cache, self.sampler.draw
-        while len(indices) < most:
-            if not drawn:
-                drawn.append(draw())
-            index = drawn[0]
-            if index not in ready:
-                break
-            drawn.popleft()
-            cache.move_to_end(index)
-            indices.append(index)
-            while len(drawn) < self._prefetch:
-                coming = draw()
-                drawn.append(coming)
-                if coming in ready:
-                    cache.move_to_end(coming)
-                else:
-                    self._submit(coming)
-        return indices
+    def load_ahead(self, is_stored: Callable[[int], bool] = lambda _: False) -> None:
+        """Load the next scenarios in the background, but those that are stored elsewhere."""
+        for index in self.coming(0):
+            if not is_stored(index):
+                self._submit(index)
 
     def get(self, index: int) -> Prepared:
         """Return the scenario with an index, without a draw."""

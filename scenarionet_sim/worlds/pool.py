@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP, UInt8
-from scenarionet_sim.kernels.episodes import play_scenarios, play_worlds
+from scenarionet_sim.kernels.episodes import play_worlds
 from scenarionet_sim.kernels.log import VALID
 from scenarionet_sim.kernels.structures import (
     BLOCKS,
@@ -23,7 +23,6 @@ from scenarionet_sim.kernels.structures import (
     NUM_OBJECTS,
     NUM_STEPS,
     OBJECTS,
-    Series,
     StoredWorlds,
 )
 from scenarionet_sim.worlds.blocks import Blocks
@@ -73,6 +72,7 @@ class WorldPool:
         arrays: The same by name, as ``kernels.structures.Recorded`` and ``Lines`` describe them.
         worlds: The worlds by number; numbers of removed ones are used again.
         stored: Where their rows are, and which are played.
+        moment: Number of times that worlds were put into slots.
         max_objects, max_agents: Largest number of objects, and of agents, of any world so far.
     """
 
@@ -82,7 +82,8 @@ class WorldPool:
         self.worlds: dict[int, PooledWorld] = {}
         self.stored = StoredWorlds.of_none()
         self._free: list[int] = []
-        self._num_played = self._num_stored = 0
+        self._num_stored = 0
+        self.moment = 0
         self.kinds = {
             "objects": Blocks({
                 "driver": np.uint8, "object_type": np.uint8, "size": (np.float32, 3), "top_speed": np.float32,
@@ -110,22 +111,13 @@ class WorldPool:
 
     def play(self, slots: IntP, numbers: IntP, playing: Int64, place: Int64, frame: Float64) -> None:
         """Put worlds into slots, and remove those that no slot has played for longest; see ``play_worlds``."""
-        self._num_played += 1
-        num_unused = unchecked(play_worlds)(slots, numbers, self._num_played, self.stored, playing, place, frame)
+        self.moment += 1
+        num_unused = unchecked(play_worlds)(slots, numbers, self.moment, self.stored, playing, place, frame)
         if num_unused > self._keep:
             unused = np.flatnonzero(self.stored.users == 0)
             longest = np.argsort(self.stored.used[unused], kind="stable")
             for number in unused[longest[: num_unused - self._keep]].tolist():
                 self._remove(number)
-
-    def play_scenarios(
-        self, slots: IntP, scenarios: IntP, series: Series, playing: Int64, place: Int64, frame: Float64
-    ) -> bool:
-        """Put the worlds of scenarios into slots, if all of them are stored; see ``play_scenarios``."""
-        self._num_played += 1
-        return unchecked(play_scenarios)(
-            slots, scenarios, self._num_played, series, self.stored, playing, place, frame
-        )  # fmt: skip
 
     def _remove(self, number: int) -> None:
         removed = self.worlds.pop(number)
@@ -167,7 +159,7 @@ class WorldPool:
         self._numbers[pooled.name] = number
         self.stored.frame[number], place = grid.frame, self.stored.place[number]
         self._num_stored += 1
-        self.stored.users[number], self.stored.used[number] = 0, self._num_played
+        self.stored.users[number], self.stored.used[number] = 0, self.moment
         self.stored.serial[number] = self._num_stored
         place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego
         place[FIRST_STEP] = int(np.argmax(world.log[:, world.ego, VALID] != 0))

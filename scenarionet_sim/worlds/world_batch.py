@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Float64, Int64, IntP
+from scenarionet_sim.kernels.episodes import play_scenarios
 from scenarionet_sim.kernels.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, Lines, Recorded, Series
 from scenarionet_sim.worlds.pool import WorldPool
 from scenarionet_sim.worlds.world import World
@@ -96,16 +98,25 @@ class WorldBatch:
         if pool.arrays is not self._arrays:
             self._collect()
 
-    def replace_by_known(self, slots: IntP, scenarios: IntP, series: Series) -> bool:
+    def replace_by_known(self, slots: IntP, coming: IntP, series: Series) -> int:
         """Put the worlds of scenarios into slots, if the pool has all of them; see ``play_scenarios``."""
-        self._worlds = None
-        return self.pool.play_scenarios(slots, scenarios, series, self._playing, self.place, self._frame)
+        pool, self._worlds = self.pool, None
+        pool.moment += 1
+        return unchecked(play_scenarios)(
+            slots, coming, pool.moment, series, pool.stored, self._playing, self.place, self._frame
+        )  # fmt: skip
 
     def note(self, slots: IntP, scenarios: IntP, series: Series) -> None:
         """Note that some slots play the worlds of scenarios."""
         numbers = self._playing[slots]
         series.playing[slots], series.was_played[scenarios] = scenarios, True
         series.known[scenarios, 0], series.known[scenarios, 1] = numbers, self.pool.stored.serial[numbers]
+
+    def known(self, scenario: int, series: Series) -> World | None:
+        """Return the world of a scenario as recorded; None if the pool has it no more."""
+        number, serial = series.known[scenario].tolist()
+        is_stored = serial and self.pool.stored.serial[number] == serial
+        return self.pool.worlds[number].key[0] if is_stored else None
 
     def _collect(self) -> None:
         self._arrays = self.pool.arrays

@@ -14,9 +14,9 @@ from gymnasium.utils.env_checker import check_env
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.environments.outputs import ENDS
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.observation import Observation
+from scenarionet_sim.environments.outputs import ENDS
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.kernels.scoring import NUMBERS, TERMS
 from scenarionet_sim.policies import External, Idm, Replay, ego

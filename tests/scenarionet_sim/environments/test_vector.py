@@ -13,8 +13,8 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.environments.outputs import ENDS
 from scenarionet_sim.environments.config import VectorConfig
+from scenarionet_sim.environments.outputs import ENDS
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
 from scenarionet_sim.kernels.scoring import NUMBERS
