@@ -15,11 +15,12 @@ from scenarionet_sim.agents import DrivenAgents
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
 from scenarionet_sim.kernels.bicycle import NUM_COLUMNS
-from scenarionet_sim.kernels.episodes import UNDRIVEN
+from scenarionet_sim.kernels.episodes import AT_FIRST, GOES_ON, UNDRIVEN
 from scenarionet_sim.kernels.observation import Scratch
 from scenarionet_sim.kernels.sharing import Team
 from scenarionet_sim.kernels.step import (
     DRIVE,
+    GO_ON,
     LOCATE,
     MOVE,
     OBSERVE,
@@ -28,7 +29,7 @@ from scenarionet_sim.kernels.step import (
     step_reactive_worlds,
     step_worlds,
 )
-from scenarionet_sim.kernels.step_arrays import AT_FIRST, GOES_ON, Exchange, StepArrays
+from scenarionet_sim.kernels.step_arrays import Exchange, StepArrays
 from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.kernels.structures import Series
 from scenarionet_sim.observer import Observer
@@ -109,7 +110,6 @@ class Simulation:
         self._numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if has_passengers else 1.0
         self._substeps = self._session.substeps if isinstance(self._session, KinematicSession) else 1
         self._begins: Int32 = np.full(len(worlds), GOES_ON, np.int32)
-        self._has_beginning = False
         is_kinematic = isinstance(self._session, KinematicSession)
         self._is_compiled = is_kinematic and self._policies.are_compiled
         self._moving = MOVE | DRIVE if is_kinematic and not has_passengers else MOVE
@@ -193,7 +193,9 @@ class Simulation:
         """
         self.batch.replace(slots, worlds, self.policies)
         self._grow()
-        self._schedule(slots, AT_FIRST if start is None else start)
+        self._policies.begin(slots)
+        self._begins[slots] = AT_FIRST if start is None else start
+        self._prepare_beginning(slots)
 
     def begin_known(self, slots: IntP, coming: IntP, series: Series) -> int:
         """Begin episodes of scenarios, as :meth:`begin`, if the pool has all of their worlds.
@@ -207,16 +209,17 @@ class Simulation:
             Number of the later ones that the pool has not; -1 if it has not all of the others, or if other policies
             were set since, and then nothing is changed.
         """
-        num_unknown = -1 if self._policies.are_replaced else self.batch.replace_by_known(slots, coming, series)
+        if self._policies.are_replaced:
+            return -1
+        num_unknown = self.batch.begin_known(slots, coming, series, self._begins)
         if num_unknown >= 0:
-            self._schedule(slots, AT_FIRST)
+            self._prepare_beginning(slots)
         return num_unknown
 
     def observe_begun(self) -> None:
         """Observe the agents of worlds that have begun an episode, which then move in the next step."""
         self.observer.copy_results()
-        self._run(LOCATE | ONLY_BEGUN | self.observer.phases & ~SETTLE)
-        self._end_beginning()
+        self._run(LOCATE | ONLY_BEGUN | GO_ON | self.observer.phases & ~SETTLE)
 
     def step(self, actions: npt.ArrayLike | None = None) -> None:
         """Advance every world by one timestep.
@@ -274,10 +277,8 @@ class Simulation:
         self._session.close()
         self._threads.close()
 
-    def _schedule(self, slots: Sequence[int] | IntP, start: int) -> None:
-        """Let episodes begin in slots at a timestep of their logs, or ``AT_FIRST``, whose worlds are there."""
-        self._policies.begin(slots)
-        self._begins[slots], self._has_beginning = start, True
+    def _prepare_beginning(self, slots: Sequence[int] | IntP) -> None:
+        """Prepare for episodes that begin in slots, whose worlds and first timesteps are set."""
         self._agents.forget_list()
         if not self._begins_in_step:
             self._begin_now(list(slots))
@@ -299,16 +300,10 @@ class Simulation:
         self.state, self.previous = self.previous, self.state
         self.observer.renew_results()
         if self._is_compiled:
-            self._run(self._moving | LOCATE | self.observer.phases)
+            self._run(self._moving | LOCATE | GO_ON | self.observer.phases)
         else:
             self._step_in_parts()
         self._agents.forget_list()
-        self._end_beginning()
-
-    def _end_beginning(self) -> None:
-        """Let all episodes go on after a step in which some have begun."""
-        if self._has_beginning:
-            self._begins[:], self._has_beginning = GOES_ON, False
 
     def _step_in_parts(self) -> None:
         """Step with policies or a backend outside of the compiled step."""
@@ -320,7 +315,7 @@ class Simulation:
         if self._moving == MOVE and len(self.agents) and not self._agents.are_egos:
             moves = self._begins[self.agents[:, 0]] == GOES_ON
             self._session.drive(self.state, self.agents[moves], self.actions[moves], self.dt)
-        self._run(LOCATE | self.observer.phases)
+        self._run(LOCATE | GO_ON | self.observer.phases)
 
     def _run(self, phases: int) -> None:
         """Run phases of the compiled step in all worlds."""

@@ -153,7 +153,7 @@ class Episodes:
             ScenarioNetError: See :meth:`draw_all`.
         """
         simulation, stream, series, count = self.core.simulation, self._stream, self._series, len(slots)
-        num_unknown = simulation.begin_known(slots, np.array(stream.coming(count)), series)
+        num_unknown = simulation.begin_known(slots, stream.coming(count), series)
         if num_unknown >= 0:
             stream.take(count)
             if num_unknown:

@@ -103,7 +103,7 @@ class FlatEnv:
         self.arrivals, self.masks, self.last_numbers = seats_of.arrivals, seats_of.masks, seats_of.last_numbers
         self._seats = seats_of
         self._over: Int64 = np.zeros(num_worlds, np.int64)
-        self._ends: Int64 = np.zeros((num_worlds, 3), np.int64)
+        self._ends: Int64 = np.zeros((3, num_worlds), np.int64)
         self._past: deque[Array] | None = deque() if keeps_past else None
 
     def reset(self, seed: int | None = None) -> tuple[Float32, list[dict[str, Any]]]:
@@ -234,20 +234,21 @@ class FlatEnv:
 
     def _begin_next(self, core: BatchedEnvironment) -> list[dict[str, Any]]:
         """Begin the next scenarios in worlds without agents; return the infos of the episodes that ended there."""
-        count = unchecked(list_ends)(self._seats, self._episodes.playing, self._over, self._ends)
+        episodes, seats, over = self._episodes, self._seats, self._over
+        count = unchecked(list_ends)(seats.is_over, seats.ended, episodes.playing, over, self._ends)
         if not count:
             return []
-        ids, slots = self._episodes.ids, self._over[:count]
+        ids, slots = episodes.ids, over[:count]
         infos = [
             {"slot": slot, "scenario_id": ids[scenario], "agents": num_agents, "success": arrived / max(num_agents, 1)}
-            for slot, (scenario, num_agents, arrived) in zip(slots.tolist(), self._ends[:count].tolist(), strict=True)
+            for slot, scenario, num_agents, arrived in zip(slots.tolist(), *self._ends[:, :count].tolist(), strict=True)
         ]
-        if self._episodes.is_adaptive:
+        if episodes.is_adaptive:
             for info in infos:
-                self._episodes.report(info["slot"], info["success"])
-        self._episodes.begin_next(slots, skips=True)
-        if not self._episodes.observation.is_compiled:
-            core.observe_by_place(self._episodes.rng, slots)
+                episodes.report(info["slot"], info["success"])
+        episodes.begin_next(slots, skips=True)
+        if not episodes.observation.is_compiled:
+            core.observe_by_place(episodes.rng, slots)
         return infos
 
     def _ages(self) -> Int64:

@@ -10,13 +10,15 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, IntP, Object, UInt8
+from scenarionet_data.arrays.compiled import unchecked
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import INFOS, BatchedEnvironment
 from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
+from scenarionet_sim.environments.outputs import ScenarioIds
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
-from scenarionet_sim.kernels.scoring import HAS_ARRIVED, TERMINATED, TRUNCATED
+from scenarionet_sim.kernels.scoring import HAS_ARRIVED, TERMINATED, TRUNCATED, list_ended
 from scenarionet_sim.threads import all_cores
 
 _LOADED_AHEAD = 8  # many episodes tend to end in the same step
@@ -71,7 +73,8 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._ended: IntP = _NONE  # slots that begin another episode in the next step
-        self._scenario_ids: Object = np.full(num_envs, "", dtype=object)
+        self._places: Int64 = np.zeros(num_envs, np.int64)  # of which ``_ended`` is a part
+        self._scenario_ids = ScenarioIds(num_envs)
         everywhere = np.ones(num_envs, np.bool_)
         everywhere.flags.writeable = False  # one array for all infos
         self._masks = {f"_{name}": everywhere for name in INFOS}
@@ -119,7 +122,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             self._begin_next(self._ended, in_step=True)
         core.step_by_place(actions)
         result = core.result
-        (self._ended,) = result.status.nonzero()
+        self._ended = self._places[: unchecked(list_ended)(result.status, self._places)]
         if self._episodes.is_adaptive:
             for slot in self._ended.tolist():
                 self._episodes.report(slot, float(result.flags[HAS_ARRIVED, slot]))
@@ -166,10 +169,8 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         """
         if self.core.simulation.by_place.num_places != self.num_envs:
             raise BadParameter("expected one agent per world; use External(objects=ego) to drive the egos alone")
-        ids, playing = self._episodes.ids, self._episodes.playing[slots].tolist()
-        self._scenario_ids = self._scenario_ids.copy()  # earlier infos have the array from before
-        for slot, scenario in zip(slots.tolist(), playing, strict=True):
-            self._scenario_ids[slot] = ids[scenario]
+        ids, playing, begun = self._episodes.ids, self._episodes.playing, slots.tolist()
+        self._scenario_ids.change(begun, [ids[playing.item(slot)] for slot in begun])
 
     def _observed(self) -> Any:
         return self.core.observe_by_place(self._episodes.rng)
@@ -192,7 +193,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
 
     def _infos(self) -> dict[str, Any]:
         """Return the infos of all slots as arrays (W,), each with a mask."""
-        return {**self.core.named_result, "scenario_id": self._scenario_ids, **self._masks}
+        return {**self.core.named_result, "scenario_id": self._scenario_ids.now, **self._masks}
 
 
 _NONE: IntP = np.zeros(0, np.intp)

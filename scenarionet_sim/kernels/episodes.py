@@ -5,9 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.compiled import device_function, kernel
-from scenarionet_data.arrays.dtypes import Float64, Int64, UInt8
+from scenarionet_data.arrays.dtypes import Float64, Int32, Int64, UInt8
 from scenarionet_sim.kernels.log import VALID
-from scenarionet_sim.kernels.structures import LOG, NUM_OBJECTS, OBJECTS, Recorded, Series, StateArrays, StoredWorlds
+from scenarionet_sim.kernels.structures import (
+    LOG,
+    NUM_OBJECTS,
+    OBJECTS,
+    SERIAL,
+    USED,
+    USERS,
+    Recorded,
+    Series,
+    StateArrays,
+    StoredWorlds,
+)
+
+BEGUN, GOES_ON, AT_FIRST = -1, -2, -3
+"""Of a world: its episode has begun and does not move in this step; its episode goes on; an episode begins at the first
+timestep with a valid ego."""
 
 UNDRIVEN = 255
 """A policy number: a row that no policy drives and that is never present."""
@@ -63,8 +78,8 @@ def play_worlds(
     for b in range(len(slots)):
         _play(slots[b], numbers[b], moment, stored, playing, place, frame)
     num_unused = 0
-    for number in range(len(stored.users)):
-        num_unused += stored.users[number] == 0
+    for number in range(len(stored.usage)):
+        num_unused += stored.usage[number, USERS] == 0
     return num_unused
 
 
@@ -78,14 +93,16 @@ def play_scenarios(
     playing: Int64,
     place: Int64,
     frame: Float64,
+    begins: Int32,
 ) -> int:
-    """Put the worlds of scenarios into slots, if all of them are stored.
+    """Let episodes of scenarios begin in slots at their first timesteps, if all of their worlds are stored.
 
     Args:
         slots: (B,) the slots.
         coming: (B + L,) their scenarios, and those that come later.
         series: What is known of scenarios; written.
         moment, stored, playing, place, frame: See :func:`play_worlds`.
+        begins: (W,) see ``StepArrays``; written.
 
     Returns:
         Number of the later ones that are not stored; -1 if one of the others is not, and then nothing is changed.
@@ -93,23 +110,24 @@ def play_scenarios(
     count, num_unknown = len(slots), 0
     for k in range(len(coming)):
         number, serial = series.known[coming[k], 0], series.known[coming[k], 1]
-        if serial == 0 or stored.serial[number] != serial:
+        if serial == 0 or stored.usage[number, SERIAL] != serial:
             if k < count:
                 return -1
             num_unknown += 1
     for b in range(count):
         series.playing[slots[b]], series.was_played[coming[b]] = coming[b], True
         _play(slots[b], series.known[coming[b], 0], moment, stored, playing, place, frame)
+        begins[slots[b]] = AT_FIRST
     return num_unknown
 
 
 @device_function
 def _play(w: int, number: int, moment: int, stored: StoredWorlds, playing: Int64, place: Int64, frame: Float64) -> None:
     """Put a world into a slot."""
-    stored.users[number] += 1
+    stored.usage[number, USERS] += 1
     if playing[w] >= 0:
-        stored.users[playing[w]] -= 1
-        stored.used[playing[w]] = moment
+        stored.usage[playing[w], USERS] -= 1
+        stored.usage[playing[w], USED] = moment
     playing[w] = number
     for column in range(place.shape[1]):
         place[w, column] = stored.place[number, column]

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, UInt8
+from scenarionet_data.arrays.compiled import device_function, kernel
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, Int64, UInt8
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.kernels.log import ARC, VALID, VX, VY, X, Y
 from scenarionet_sim.kernels.minmax import larger, smaller
@@ -85,6 +85,17 @@ class StepResult(NamedTuple):
 
 
 Touched = tuple[Bool, Bool, np.uint32]
+
+
+@kernel(allocates=False)
+def list_ended(status: UInt8, places: Int64) -> int:
+    """List the places (C,) of the agents that have ended, by their status (C,); return their number."""
+    count = 0
+    for a in range(len(status)):
+        if status[a] != DRIVING:
+            places[count] = a
+            count += 1
+    return count
 
 
 @device_function

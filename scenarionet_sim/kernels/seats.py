@@ -53,23 +53,23 @@ class Seats(NamedTuple):
 
 
 @kernel(allocates=False)
-def list_ends(seats: Seats, playing: Int64, slots: Int64, ends: Int64) -> int:
+def list_ends(is_over: Bool, ended: Int64, playing: Int64, slots: Int64, ends: Int64) -> int:
     """List the worlds in which no agent is left or due.
 
     Args:
-        seats: The seats.
+        is_over, ended: (W,), (W, 2) see ``Seats``.
         playing: (W,) scenario of each world.
         slots: (W,) output: the worlds.
-        ends: (W, 3) output: scenario, number of agents of the episode, and of those that arrived.
+        ends: (3, W) output: scenario, number of agents of the episode, and of those that arrived.
 
     Returns:
         Number of the worlds.
     """
     count = 0
-    for w in range(len(seats.is_over)):
-        if seats.is_over[w]:
+    for w in range(len(is_over)):
+        if is_over[w]:
             slots[count] = w
-            ends[count, 0], ends[count, 1], ends[count, 2] = playing[w], seats.ended[w, 0], seats.ended[w, 1]
+            ends[0, count], ends[1, count], ends[2, count] = playing[w], ended[w, 0], ended[w, 1]
             count += 1
     return count
 

@@ -12,7 +12,7 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_sim.kernels.agents import DrivenArrays, admit_agents, is_agent_of, list_agents
 from scenarionet_sim.kernels.bicycle import drive_bicycle
 from scenarionet_sim.kernels.boxes import write_boxes
-from scenarionet_sim.kernels.episodes import begin_world
+from scenarionet_sim.kernels.episodes import AT_FIRST, BEGUN, GOES_ON, begin_world
 from scenarionet_sim.kernels.idm import Law, drive_along_paths
 from scenarionet_sim.kernels.minmax import larger, smaller
 from scenarionet_sim.kernels.motion import FOLLOW_PATH, move_objects
@@ -22,7 +22,7 @@ from scenarionet_sim.kernels.paths import PathRows, locate
 from scenarionet_sim.kernels.scoring import StepResult, clear_score, excuse, score
 from scenarionet_sim.kernels.seats import seat_agents, settle
 from scenarionet_sim.kernels.sharing import LEADER, Team, begin, end, keep, kept, take
-from scenarionet_sim.kernels.step_arrays import AT_FIRST, BEGUN, GOES_ON, Exchange, StepArrays
+from scenarionet_sim.kernels.step_arrays import Exchange, StepArrays
 from scenarionet_sim.kernels.strip import SightMemory
 from scenarionet_sim.kernels.structures import (
     DRIVERS,
@@ -33,9 +33,10 @@ from scenarionet_sim.kernels.structures import (
     StateArrays,
 )
 
-MOVE, DRIVE, LOCATE, SCORE, OBSERVE, SETTLE, ONLY_BEGUN = (1 << bit for bit in range(7))
+MOVE, DRIVE, LOCATE, SCORE, OBSERVE, SETTLE, GO_ON, ONLY_BEGUN = (1 << bit for bit in range(8))
 """Phases of a step, in order: traffic moves; agents drive by their actions; those that have appeared get places, and
-all are located and their contacts found; scored; observed; those that ended leave. Episodes begin before.
+all are located and their contacts found; scored; observed; those that ended leave; episodes that have
+begun go on. Episodes begin before.
 ``ONLY_BEGUN``: in worlds that have just begun an episode alone."""
 
 
@@ -168,6 +169,8 @@ def _finish(
             observe(at, w, n, num_boxes, recorded, arrays.lines, then, agents.route, exchange.sensing, scratch)
     if phases & SETTLE:
         settle(w, recorded, arrays.now, then, arrays.traffic.driver, agents, result, arrays.seats)
+    if phases & GO_ON:
+        arrays.begins[w] = GOES_ON
     return lost
 
 

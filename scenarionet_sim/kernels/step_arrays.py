@@ -28,11 +28,6 @@ class Traffic(NamedTuple):
     colors: UInt8
 
 
-BEGUN, GOES_ON, AT_FIRST = -1, -2, -3
-"""Of a world: its episode has begun and does not move in this step; its episode goes on; an episode begins at the first
-timestep with a valid ego."""
-
-
 class StepArrays(NamedTuple):
     """What steps read and write.
 

@@ -40,6 +40,10 @@ blocks of cells."""
 NUM_PLACES = 10
 
 
+USERS, USED, SERIAL = range(3)
+"""Columns of ``StoredWorlds.usage``: number of slots that play the world, ``FREE`` for a number without one; when a
+slot last stopped playing it; how many worlds were stored before it and with it, as numbers are used again."""
+
 FREE = -1
 
 
@@ -49,21 +53,17 @@ class StoredWorlds(NamedTuple):
     Attributes:
         place: (P, NUM_PLACES) where their rows are, see ``Recorded``.
         frame: (P, 5) see ``Lines``.
-        users: (P,) number of slots that play each of them; ``FREE`` for a free number.
-        used: (P,) when a slot last stopped playing it.
-        serial: (P,) how many worlds were stored before it and with it, as numbers are used again.
+        usage: (P, 3) see ``USERS``.
     """
 
     place: Int64
     frame: Float64
-    users: Int64
-    used: Int64
-    serial: Int64
+    usage: Int64
 
     @classmethod
     def of_none(cls) -> StoredWorlds:
         """Return the arrays of no worlds."""
-        return cls(np.zeros((0, NUM_PLACES), np.int64), np.zeros((0, 5)), *np.zeros((3, 0), np.int64))
+        return cls(np.zeros((0, NUM_PLACES), np.int64), np.zeros((0, 5)), np.zeros((0, 3), np.int64))
 
 
 class Series(NamedTuple):

@@ -11,13 +11,20 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Generic, TypeVar
 
+import numpy as np
 import pyarrow as pa
 
+from scenarionet_data.arrays.dtypes import Int64
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_sim.scenarios.sampling import Sampler
 
 Prepared = TypeVar("Prepared")
+
+_DRAWN_AHEAD = 256
+"""Scenarios to draw at once if their series does not depend on the results of episodes."""
+
+_NONE: Int64 = np.zeros(0, np.int64)
 
 
 class ScenarioStream(Generic[Prepared]):
@@ -50,7 +57,8 @@ class ScenarioStream(Generic[Prepared]):
         self.sampler = sampler
         self._load, self._prepare = load, prepare
         self._prefetch, self._cache_size = prefetch, cache_size
-        self._drawn: list[int] = []  # the next ones
+        self._drawn: Int64 = _NONE  # some of the next ones, from number ``_at`` on
+        self._at = 0
         self._cache: OrderedDict[int, Future[Prepared]] = OrderedDict()
         self._ready: dict[int, Prepared] = {}  # of the cache, those that were played before
         self._thread: ThreadPoolExecutor | None = None
@@ -58,16 +66,16 @@ class ScenarioStream(Generic[Prepared]):
     def restart(self, seed: int) -> None:
         """Restart the series with a seed; loaded scenarios stay cached."""
         self.sampler.restart(seed)
-        self._drawn.clear()
+        self._drawn, self._at = _NONE, 0
 
     def state(self) -> dict[str, Any]:
         """Return where the series stands, JSON-serialisable."""
-        return {"sampler": self.sampler.state(), "drawn": list(self._drawn)}
+        return {"sampler": self.sampler.state(), "drawn": self._drawn[self._at :].tolist()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue where another stream of the same scenarios stood."""
         self.sampler.restore(state["sampler"])
-        self._drawn = list(state["drawn"])
+        self._drawn, self._at = np.array(state["drawn"], np.int64), 0
 
     def next(self) -> tuple[int, Prepared]:
         """Return the index of the next scenario, and the prepared scenario.
@@ -82,22 +90,27 @@ class ScenarioStream(Generic[Prepared]):
 
     def draw(self) -> int:
         """Return the index of the next scenario."""
-        return self._drawn.pop(0) if self._drawn else self.sampler.draw()
+        if self._at == len(self._drawn):
+            return self.sampler.draw()
+        self._at += 1
+        return int(self._drawn[self._at - 1])
 
-    def coming(self, count: int) -> list[int]:
+    def coming(self, count: int) -> Int64:
         """Return the indices of the next scenarios, and of those to load ahead after them; :meth:`take` draws them."""
-        missing = count + self._prefetch - len(self._drawn)
-        if missing > 0:
-            self._drawn += self.sampler.draw_all(missing)
-        return self._drawn[: count + self._prefetch]
+        end = self._at + count + self._prefetch
+        if end > len(self._drawn):
+            more = end - len(self._drawn) + (0 if self.sampler.is_adaptive else _DRAWN_AHEAD)
+            self._drawn = np.concatenate([self._drawn[self._at :], np.array(self.sampler.draw_all(more), np.int64)])
+            self._at, end = 0, count + self._prefetch
+        return self._drawn[self._at : end]
 
     def take(self, count: int) -> None:
         """Draw the next scenarios, which were coming."""
-        del self._drawn[:count]
+        self._at += count
 
     def load_ahead(self, is_stored: Callable[[int], bool] = lambda _: False) -> None:
         """Load the next scenarios in the background, but those that are stored elsewhere."""
-        for index in self.coming(0):
+        for index in self.coming(0).tolist():
             if not is_stored(index):
                 self._submit(index)
 
@@ -128,7 +141,7 @@ class ScenarioStream(Generic[Prepared]):
             self._thread = None
         self._cache.clear()
         self._ready.clear()
-        self._drawn.clear()
+        self._drawn, self._at = _NONE, 0
 
     def _prepared(self, index: int) -> Prepared:
         """Load and prepare a scenario."""

@@ -23,6 +23,9 @@ from scenarionet_sim.kernels.structures import (
     NUM_OBJECTS,
     NUM_STEPS,
     OBJECTS,
+    SERIAL,
+    USED,
+    USERS,
     StoredWorlds,
 )
 from scenarionet_sim.worlds.blocks import Blocks
@@ -114,8 +117,9 @@ class WorldPool:
         self.moment += 1
         num_unused = unchecked(play_worlds)(slots, numbers, self.moment, self.stored, playing, place, frame)
         if num_unused > self._keep:
-            unused = np.flatnonzero(self.stored.users == 0)
-            longest = np.argsort(self.stored.used[unused], kind="stable")
+            usage = self.stored.usage
+            unused = np.flatnonzero(usage[:, USERS] == 0)
+            longest = np.argsort(usage[unused, USED], kind="stable")
             for number in unused[longest[: num_unused - self._keep]].tolist():
                 self._remove(number)
 
@@ -124,7 +128,7 @@ class WorldPool:
         del self._numbers[removed.name]
         for kind, block in removed.blocks.items():
             self.kinds[kind].remove(*block)
-        self.stored.users[number], self.stored.serial[number] = FREE, 0
+        self.stored.usage[number, USERS], self.stored.usage[number, SERIAL] = FREE, 0
         self._free.append(number)
 
     def _store(self, original: World, policies: Hashable) -> int:
@@ -159,8 +163,7 @@ class WorldPool:
         self._numbers[pooled.name] = number
         self.stored.frame[number], place = grid.frame, self.stored.place[number]
         self._num_stored += 1
-        self.stored.users[number], self.stored.used[number] = 0, self.moment
-        self.stored.serial[number] = self._num_stored
+        self.stored.usage[number] = 0, self.moment, self._num_stored
         place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego
         place[FIRST_STEP] = int(np.argmax(world.log[:, world.ego, VALID] != 0))
         place[DRIVERS] = np.bitwise_or.reduce(np.left_shift(1, driver[driver < 63], dtype=np.int64), initial=0)
@@ -170,7 +173,7 @@ class WorldPool:
 
     def _new_number(self) -> int:
         """Return a number that was never used, with room for it."""
-        number, room = len(self.worlds), len(self.stored.users)
+        number, room = len(self.worlds), len(self.stored.usage)
         if number == room:
             more = max(room, _FEWEST)
             self.stored = StoredWorlds(

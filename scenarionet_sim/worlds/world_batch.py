@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenarionet_data.arrays.compiled import unchecked
-from scenarionet_data.arrays.dtypes import Array, Float64, Int64, IntP
+from scenarionet_data.arrays.dtypes import Array, Float64, Int32, Int64, IntP
 from scenarionet_sim.kernels.episodes import play_scenarios
-from scenarionet_sim.kernels.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, Lines, Recorded, Series
+from scenarionet_sim.kernels.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, SERIAL, Lines, Recorded, Series
 from scenarionet_sim.worlds.pool import WorldPool
 from scenarionet_sim.worlds.world import World
 
@@ -98,24 +98,24 @@ class WorldBatch:
         if pool.arrays is not self._arrays:
             self._collect()
 
-    def replace_by_known(self, slots: IntP, coming: IntP, series: Series) -> int:
-        """Put the worlds of scenarios into slots, if the pool has all of them; see ``play_scenarios``."""
+    def begin_known(self, slots: IntP, coming: IntP, series: Series, begins: Int32) -> int:
+        """Let episodes of scenarios begin in slots, if the pool has all of their worlds; see ``play_scenarios``."""
         pool, self._worlds = self.pool, None
         pool.moment += 1
         return unchecked(play_scenarios)(
-            slots, coming, pool.moment, series, pool.stored, self._playing, self.place, self._frame
+            slots, coming, pool.moment, series, pool.stored, self._playing, self.place, self._frame, begins
         )  # fmt: skip
 
     def note(self, slots: IntP, scenarios: IntP, series: Series) -> None:
         """Note that some slots play the worlds of scenarios."""
         numbers = self._playing[slots]
         series.playing[slots], series.was_played[scenarios] = scenarios, True
-        series.known[scenarios, 0], series.known[scenarios, 1] = numbers, self.pool.stored.serial[numbers]
+        series.known[scenarios, 0], series.known[scenarios, 1] = numbers, self.pool.stored.usage[numbers, SERIAL]
 
     def known(self, scenario: int, series: Series) -> World | None:
         """Return the world of a scenario as recorded; None if the pool has it no more."""
         number, serial = series.known[scenario].tolist()
-        is_stored = serial and self.pool.stored.serial[number] == serial
+        is_stored = serial and self.pool.stored.usage[number, SERIAL] == serial
         return self.pool.worlds[number].key[0] if is_stored else None
 
     def _collect(self) -> None:
