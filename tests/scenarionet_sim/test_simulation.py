@@ -15,6 +15,7 @@ from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.kernels.episodes import UNDRIVEN
+from scenarionet_sim.kernels.structures import Series
 from scenarionet_sim.policies import (
     ConstantVelocity,
     External,
@@ -122,6 +123,21 @@ def test_slot_takes_another_world_while_the_others_continue():
         np.testing.assert_array_equal(wanted[t], np.concatenate([a[1, :4].ravel().astype(float) for a in arrays]))
     assert simulation.batch.worlds == [large(), drive()]
     assert simulation.state.timestep.tolist() == [1, 20]
+
+
+def test_known_scenarios_begin_for_the_policies_they_were_prepared_for():
+    simulation = Simulation([drive(), made()[0]], TRAFFIC)
+    series = Series(np.zeros(2, np.int64), np.zeros(5, np.bool_), np.zeros((5, 2), np.int64))
+    slots = np.arange(2)
+    assert simulation.begin_known(slots, np.array([3, 4]), series) == -1  # not noted
+    simulation.batch.note(slots, np.array([3, 4]), series)
+    assert simulation.begin_known(slots, np.array([4, 3, 2]), series) == 1  # the last one is not known
+    simulation.observe_begun()
+    assert simulation.batch.worlds == [made()[0], drive()]
+    assert series.playing.tolist() == [4, 3] and series.was_played.tolist() == [False] * 3 + [True] * 2
+    simulation.policies = (Replay(), Idm(headway=9.0), External())
+    assert simulation.begin_known(slots, np.array([3, 4]), series) == -1
+    assert simulation.batch.worlds == [made()[0], drive()]
 
 
 def test_reset_begins_at_the_given_timestep():

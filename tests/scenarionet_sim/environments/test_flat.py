@@ -12,7 +12,7 @@ from scenarionet_sim.environments.config import EnvConfig, MultiAgentConfig, Vec
 from scenarionet_sim.environments.flat import FlatEnv
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-from scenarionet_sim.policies import Replay
+from scenarionet_sim.policies import External, Replay, TrackIds
 from scenarionet_sim.worlds.world import World
 
 NAMES = ("wall", "crowd", "empty", "walker")
@@ -65,6 +65,47 @@ def test_several_agents_per_world_equal_the_parallel_environment(only):
     assert [info["slot"] for info in infos] == [0, 1] and not alone.agents
     assert infos[0]["agents"] == len(alone.possible_agents)
     flat.close()
+
+
+def test_agents_without_a_seat_have_no_row(only):
+    """The first places of each world are seats; in worlds where all agents drive straight on, nothing else differs."""
+    many, few = (FlatEnv(2, MultiAgentConfig(only("crowd", "wall"), prefetch=0), seats=seats) for seats in (40, 3))
+    many.reset(seed=0)
+    few.reset(seed=0)
+    num_agents, infos = 0, []
+    for _ in range(150):
+        wanted = many.step(np.zeros((80, 2)))
+        found = few.step(np.zeros((6, 2)))
+        names = "masks", "rewards", "terminals", "truncations", "arrivals", "observations", "last_observations"
+        for name in names:
+            here, there = (getattr(env, name).reshape(2, env.seats, -1) for env in (few, many))
+            np.testing.assert_array_equal(here, there[:, :3], name)
+        np.testing.assert_array_equal(few.positions.reshape(2, 3, 2), many.positions.reshape(2, 40, 2)[:, :3])
+        assert found[4] == wanted[4]
+        infos += found[4]
+        num_agents = max(num_agents, int(many.masks.sum()))
+    assert num_agents > 10 and len(infos) > 1 and max(info["agents"] for info in infos) > 10
+
+
+def test_world_without_agents_begins_the_next_scenario(only):
+    """At once, without waiting for agents that never come."""
+    nothing = External(TrackIds(("t99",)))
+    flat = FlatEnv(2, VectorConfig(only("wall", "empty"), policies=(Replay(), nothing), prefetch=0))
+    flat.reset(seed=0)
+    for step in range(4):
+        _, _, _, _, infos = flat.step(np.zeros((2, 2)))
+        ids = [f"made/v1/{name}" for name in ("wall", "empty")]
+        assert infos == [{"slot": k, "scenario_id": ids[k], "agents": 0, "success": 0.0} for k in range(2)], step
+    assert not flat.masks.any()
+
+
+def test_actions_are_checked(only):
+    flat = FlatEnv(2, VectorConfig(only("wall")))
+    flat.reset(seed=0)
+    with pytest.raises(BadParameter, match=r"3 actions for 2 agents"):
+        flat.step(np.zeros((3, 2)))
+    with pytest.raises(BadParameter, match=r"not a number: \[0.0, nan\]"):
+        flat.step([[0.0, 0.0], [0.0, np.nan]])
 
 
 def _seats_by_track(flat: FlatEnv) -> dict[str, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 
 import gymnasium
@@ -13,13 +14,14 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.environments.config import VectorConfig
+from scenarionet_sim.environments.config import PAPER_OBSERVATION, VectorConfig
 from scenarionet_sim.environments.outputs import ENDS
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
 from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.policies import External, Idm, Replay
 from scenarionet_sim.scenarios import Curriculum, Scenarios
+from scenarionet_sim.sensors import BirdView
 
 NAMES = ("wall", "crowd", "empty", "walker")
 
@@ -115,6 +117,59 @@ def test_infos_are_arrays_with_masks(only):
     assert (last["final_info"]["_success"] == ended).all()
     assert all(seen in envs.single_observation_space for seen in last["final_obs"][ended])
     assert all(seen is None for seen in last["final_obs"][~ended])
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize("observation", ["flat", "dict"])
+def test_what_is_kept_of_a_step_does_not_change(only, mode, observation):
+    """Arrays are used again only if nothing refers to them, to a part of them, or to an info."""
+    sensors = (*PAPER_OBSERVATION, BirdView(16, 32.0))
+    envs = ScenarioNetVectorEnv(
+        3, scenarios=only(*NAMES), observation=observation, sensors=sensors, autoreset_mode=mode
+    )
+    rng, kept = np.random.default_rng(0), []
+    result = envs.reset(seed=0)
+    for step in range(80):
+        arrays = _arrays(result)
+        chosen = [arrays[name] for name in rng.choice(sorted(arrays), 2)]
+        kept += [(values, copy.deepcopy(values)) for values in (chosen if step % 3 else [v[1:] for v in chosen])]
+        result = envs.step(actions(step, 3))
+    for values, expected in kept:
+        np.testing.assert_equal(values, expected)
+
+
+def _arrays(result):
+    """All arrays that a step or a reset returned, by a name."""
+    found = {}
+    for number, part in enumerate(result):
+        parts = part if isinstance(part, dict) else {"": part}
+        found |= {
+            f"{number} {name}": values for name, values in parts.items() if name not in ("final_obs", "final_info")
+        }
+    return found
+
+
+def test_arrays_that_nothing_refers_to_are_used_again(only):
+    envs = ScenarioNetVectorEnv(3, scenarios=only(*NAMES))
+    envs.reset(seed=0)
+    places = set()
+    for step in range(60):
+        observed = envs.step(actions(step, 3))[0]
+        places.add(observed.__array_interface__["data"][0])
+    assert len(places) <= 3
+
+
+def test_results_do_not_depend_on_which_worlds_are_stored(only):
+    """A world that was dropped meanwhile is loaded again, and its place in the pool is another one."""
+    configs = [{"cache_size": 32}, {"cache_size": 1, "prefetch": 0}, {"cache_size": 2, "prefetch": 3}]
+    wanted = None
+    for config in configs:
+        envs = ScenarioNetVectorEnv(2, scenarios=only(*NAMES, "cone", "parked", order="random"), **config)
+        found = run(envs, 200, seed=3)
+        assert len(envs.core.simulation.batch.pool) <= 2 + config["cache_size"]
+        wanted = wanted or found
+        np.testing.assert_equal(found, wanted)
+        envs.close()
 
 
 def test_gymnasium_makes_it(only):

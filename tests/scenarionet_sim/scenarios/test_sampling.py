@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -36,6 +38,27 @@ def test_restart_repeats_the_series(sampler):
     if not isinstance(sampler, Sequential):
         sampler.restart(8)
         assert draws(sampler, 25) != first
+
+
+@given(
+    counts=st.lists(st.integers(0, 12), max_size=8),
+    kind=st.sampled_from([
+        lambda: Sequential(5), lambda: Shuffled(5), lambda: Weighted([0.1, 2.0, 0.0, 1.0]),
+        lambda: CurriculumSampler(7, Curriculum(levels=2, episodes=3)),
+    ]),
+)  # fmt: skip
+def test_several_draws_at_once_are_those_one_by_one(counts, kind):
+    """Also with results between them, and after a state was restored."""
+    together, alone, restored = kind(), kind(), kind()
+    for sampler in (together, alone):
+        sampler.restart(3)
+    for count in counts:
+        drawn = draws(alone, count)
+        restored.restore(json.loads(json.dumps(together.state())))
+        assert together.draw_all(count) == drawn == restored.draw_all(count)
+        for sampler in (together, alone):
+            for scenario in drawn:
+                sampler.report(scenario, 1.0)
 
 
 def test_rounds_differ():
