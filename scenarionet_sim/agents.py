@@ -45,7 +45,8 @@ class DrivenAgents:
         self.contacts: Bool = np.zeros((0, 0), np.bool_)
         self._contacts_before: Bool = np.zeros((0, 0), np.bool_)
         self.hits: UInt32 = np.zeros(0, np.uint32)
-        self._listed: tuple[Int32, IntP] | None = None
+        self._listed_for: Int32 = np.empty(0, np.int32)  # ``row_at`` when the agents were listed
+        self._is_listed = False
 
     @property
     def num_places(self) -> int:
@@ -54,17 +55,19 @@ class DrivenAgents:
 
     @property
     def rows(self) -> Int32:
-        """(A, 2) world and row of each agent, sorted."""
-        return self._list()[0]
+        """(A, 2) world and row of each agent, sorted; the same array as long as these are the same."""
+        self._list()
+        return self._rows
 
     @property
     def places(self) -> IntP:
         """(A,) place of each agent."""
-        return self._list()[1]
+        self._list()
+        return self._places
 
     def forget_list(self) -> None:
-        """List the agents anew when they are asked for: some may have appeared or left."""
-        self._listed = None
+        """List the agents anew when they are asked for, if some have appeared or left."""
+        self._is_listed = False
 
     def among(self, world: World, driver: UInt8) -> Bool:
         """Return which objects (N,) of a world are agents, by the policy of each."""
@@ -135,15 +138,16 @@ class DrivenAgents:
             self._contacts_before, self.hits,
         )  # fmt: skip
 
-    def _list(self) -> tuple[Int32, IntP]:
-        """List world and row (A, 2) of each agent in their order, and the places (A,)."""
-        if self._listed is None:
+    def _list(self) -> None:
+        """List world and row of each agent in their order, and the places, unless they are the same as last."""
+        if not (self._is_listed or np.array_equal(self.row_at, self._listed_for)):
             worlds, place = np.nonzero(self.row_at >= 0)
             rows = self.row_at[worlds, place]
             order = np.lexsort((rows, worlds))
-            listed = np.stack([worlds, rows], axis=1)[order].astype(np.int32)
-            self._listed = listed, (worlds * self.row_at.shape[1] + place)[order]
-        return self._listed
+            self._rows: Int32 = np.stack([worlds, rows], axis=1)[order].astype(np.int32)
+            self._places: IntP = (worlds * self.row_at.shape[1] + place)[order]
+            self._listed_for = self.row_at.copy()
+        self._is_listed = True
 
 
 def _wider(values: Array, shape: tuple[int, ...], default: float) -> Array:

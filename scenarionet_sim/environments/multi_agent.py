@@ -60,7 +60,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         self._action_space = action_space()
         self.agents: list[str] = []
         self.possible_agents: list[str] = []
-        self._named_rows: Int32 = np.zeros((0, 2), np.int32)
+        self._named_rows: Int32 | None = None
 
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetParallelEnv], tuple[Any, ...]]:
         return type(self), (self.config, self.render_mode, self._episodes.seed)
@@ -86,7 +86,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         core.begin([0], [world], options.get("timestep"))
         self.possible_agents = self._find_possible(core, world)
         self._coming, self._num_arrived = set(self.possible_agents), 0
-        self.agents, self._named_rows = [], self._named_rows[:0]
+        self._named_rows = None
         self._wait(core)
         if self._renderer.is_window:
             self._renderer.render(core)
@@ -115,8 +115,8 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         core = self.core
         core.step(np.array([actions[agent] for agent in self.agents], np.float64))
         self._name_agents(core)
-        status, ended = core.status, core.status != DRIVING
-        is_late = status == TIMED_OUT
+        status = core.status
+        ended, is_late = status != DRIVING, status == TIMED_OUT
         values = self._seen(), core.rewards.tolist(), (ended & ~is_late).tolist(), is_late.tolist(), core.infos()
         observations, rewards, terminated, truncated, infos = map(self._named, values)
         if ended.any():
@@ -172,7 +172,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
 
     def _name_agents(self, core: BatchedEnvironment) -> None:
         """Name the present agents, if they are others than last."""
-        if np.array_equal(self._named_rows, core.agents):
+        if self._named_rows is core.agents:
             return
         (world,), self._named_rows = core.simulation.batch.worlds, core.agents
         self.agents = list(map(str, world.track_ids[core.agents[:, 1]]))

@@ -77,13 +77,13 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         options = options or {}
         world = self._episodes.draw(scenario_id=options.get("scenario_id"))
         core = self._episodes.prepare([world])
-        if len(core.agents) != 1:
+        if core.simulation.by_place.num_places != 1:
             raise BadParameter("expected one agent; use External(objects=ego) to drive the ego alone")
         core.begin([0], [world], options.get("timestep"))
         self._is_running = True
         if self._renderer.is_window:
             self._renderer.render(core)
-        return self._episodes.observed()[0], core.infos()[0]
+        return self._observed(core), self._info(core)
 
     def render(self) -> Any:
         """Render a top-down view: an image (H, W, 3) uint8 for ``rgb_array``, a window for ``human``.
@@ -109,16 +109,24 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         if np.shape(action) != (2,):
             raise BadParameter(f"action of shape {np.shape(action)}; expected steering and throttle, shape (2,)")
         core = self.core
-        core.step(action)
-        status = core.status[0]
+        core.step_by_place(np.reshape(action, (1, 2)))
+        status = core.result.status.item(0)
         if status != DRIVING:
             self._is_running = False
             self._episodes.report(0, float(status == ARRIVED))
         is_over, is_late = status not in (DRIVING, TIMED_OUT), status == TIMED_OUT
         if self._renderer.is_window:
             self._renderer.render(core)
-        observation = self._episodes.observed()[0]
-        return observation, float(core.rewards[0]), bool(is_over), bool(is_late), core.infos()[0]
+        return self._observed(core), core.result.rewards.item(0), is_over, is_late, self._info(core)
+
+    def _observed(self, core: BatchedEnvironment) -> Any:
+        """Return the observation of the agent, in arrays that later steps leave alone."""
+        (observed,) = self._episodes.observation.split(core.observe_by_place(self._episodes.rng))
+        return observed
+
+    def _info(self, core: BatchedEnvironment) -> dict[str, Any]:
+        info = {name: values.item(0) for name, values in core.named_result.items()}
+        return info | {"scenario_id": core.simulation.batch.worlds[0].scenario_id}
 
     def __repr__(self) -> str:
         return f"ScenarioNetEnv({len(self)} scenarios, {self.config!r})"
