@@ -31,7 +31,7 @@ from scenarionet_sim.sensors import BirdView, BoundaryDetector, EgoState, Lidar,
 from scenarionet_sim.simulation import Simulation
 from scenarionet_sim.task.task import Termination
 from scenarionet_sim.worlds.world import World
-from tests.bench import beside
+from tests.bench import beside, many_worlds
 from tests.bench.measure import Figure, in_fresh_process
 
 FULL = (Lidar(rays=240), BoundaryDetector(rays=12), EgoState(), Navigation())
@@ -95,6 +95,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
             yield from _single(lake, name, scenario_id)
         yield from _resets(lake)
         yield from _vector(lake, recordings)
+        yield from many_worlds.figures(lake, recordings)
         yield from _several_agents(lake, recordings is not None)
         yield from _bird_view(lake, names)
         yield from _memory(lake)
