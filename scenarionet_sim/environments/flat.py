@@ -50,7 +50,7 @@ class FlatEnv:
     appears, keeps it, and leaves it when its episode ends; ``masks`` says which rows have an agent. A world without
     agents begins the next scenario in the same step, so its rows show the first observations of new agents, and
     ``last_observations`` the last ones of those that ended. Scenarios that cannot be read are skipped. Agents beyond
-    the number of seats drive straight on and have no row: choose ``seats`` by the scenarios.
+    the number of seats drive straight on and never have a row: choose ``seats`` by the scenarios.
 
     Args:
         num_worlds: W.
