@@ -54,7 +54,7 @@ def test_idm_ego_arrives(generated):
 @pytest.mark.long
 def test_ppo_learns_to_drive(generated):
     """The reward multiplies within some thousand steps; a separate process limits NumPy's threads."""
-    command = [sys.executable, "-m", "scenarionet_sim.examples.ppo", generated, "--steps", "10000"]
+    command = [sys.executable, "-m", "scenarionet_sim.examples.ppo", generated, "--steps", "20000"]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
     curve = [float(line.split()[-1]) for line in done.stdout.splitlines()]
