@@ -121,8 +121,8 @@ class DrivenAgents:
 
     def remove(self, worlds: Int32, rows: Int32) -> None:
         """Free the places of agents (K,), by world and row."""
-        place = np.argmax(self.row_at[worlds] == rows[:, None], axis=1)
-        self.row_at[worlds, place] = -1
+        agent, place = np.nonzero(self.row_at[worlds] == rows[:, None])
+        self.row_at[worlds[agent], place] = -1
         self.forget_list()
 
     def remove_all(self, world: int) -> None:

@@ -115,7 +115,7 @@ class Simulation:
         self._moving = MOVE | DRIVE if is_kinematic and not has_passengers else MOVE
         has_new_vehicle = isinstance(self._session, KinematicSession) and len(self._session.new_vehicle) > 0
         self._begins_in_step = has_new_vehicle and self._policies.are_compiled and not history
-        self._arrays: dict[int, StepArrays] = {}  # by the timesteps of the current state
+        self._arrays: dict[int, StepArrays] = {}  # of the step to each of the two states, by the identity of the state
         self.reset_slots(range(len(worlds)), worlds)
 
     def __repr__(self) -> str:

@@ -18,7 +18,7 @@ RESULTS = (*NUMBERS, *ENDS, "timestep")
 """Names of the results of a step."""
 
 _KEPT = 4
-"""Outputs that are used again; whoever keeps more of them keeps all."""
+"""Largest number of outputs that are used again."""
 
 
 class StepOutput:

@@ -120,6 +120,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         core = self.core
         if len(self._ended):
             self._begin_next(self._ended, in_step=True)
+            self._ended = _NONE  # also if the actions turn out to be invalid
         core.step_by_place(actions)
         result = core.result
         self._ended = self._places[: unchecked(list_ended)(result.status, self._places)]

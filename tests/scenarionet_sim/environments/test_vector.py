@@ -172,6 +172,17 @@ def test_results_do_not_depend_on_which_worlds_are_stored(only):
         envs.close()
 
 
+def test_invalid_actions_do_not_skip_a_scenario(only):
+    """The episodes that begin with a step begin with the next valid one."""
+    envs, other = (ScenarioNetVectorEnv(2, scenarios=only("wall", "empty", "crowd")) for _ in range(2))
+    envs.reset(seed=0)
+    other.reset(seed=0)
+    for step in range(70):
+        with pytest.raises(BadParameter, match="not a number"):
+            envs.step(np.full((2, 2), np.nan))
+        np.testing.assert_equal(envs.step(actions(step, 2)), other.step(actions(step, 2)))
+
+
 def test_gymnasium_makes_it(only):
     envs = gymnasium.make_vec(
         "ScenarioNet-v0", 3, scenarios=only("wall", "empty"), policies=(Replay(), Idm(), External())
