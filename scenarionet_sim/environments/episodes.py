@@ -110,7 +110,8 @@ class Episodes:
         self.rng.bit_generator.state = state["noise"]
         self.playing[:], self.was_played[:] = state["playing"], False
         self.was_played[state["played"]] = True
-        return [self._stream.get(index) for index in self.playing.tolist()]
+        worlds = {index: self._world(index) for index in np.unique(self.playing).tolist()}
+        return [worlds[index] for index in self.playing.tolist()]
 
     def draw(self, slot: int = 0, scenario_id: str | None = None) -> World:
         """Return the world to play in a slot: the next of the series, or a given one.
@@ -120,16 +121,12 @@ class Episodes:
             LakeError: The scenario cannot be read; the next draw continues with the one after it.
         """
         if scenario_id is None:
-            self.playing[slot] = index = self._stream.draw()
-            self.was_played[index] = True
-            world = self._stored_world(index) or self._stream.get(index)
-            self._stream.load_ahead(self._is_stored)
-            return world
+            return self._draw_next(slot, {})
         self.playing[slot] = index = self._stream.index(scenario_id)
-        return self._stream.get(index)
+        return self._world(index)
 
     def draw_all(self, slots: IntP, *, skips: bool = False) -> list[World]:
-        """Return the worlds to play in some slots: the next of the series.
+        """Return the worlds to play in some slots: the next of the series, of each scenario one.
 
         Args:
             slots: The slots.
@@ -139,7 +136,16 @@ class Episodes:
             ScenarioNetError: A scenario cannot be read, or none of as many as there are if those are skipped; this is
                 the last one's error.
         """
-        return [(self._draw_playable if skips else self.draw)(slot) for slot in slots.tolist()]
+        draw = self._draw_playable if skips else self._draw_next
+        drawn: dict[int, World] = {}
+        return [draw(slot, drawn) for slot in slots.tolist()]
+
+    def begin(self, slots: IntP, worlds: list[World]) -> BatchedEnvironment:
+        """Begin the episodes of worlds that were drawn for some slots; return the environment that plays them."""
+        core = self.prepare(worlds)
+        core.begin(slots, worlds)
+        core.simulation.batch.note(slots, self.playing[slots], self._series)
+        return core
 
     def begin_next(self, slots: IntP, *, in_step: bool = False, skips: bool = False) -> None:
         """Begin the next scenarios of the series in some slots.
@@ -164,16 +170,29 @@ class Episodes:
         if not in_step:
             simulation.observe_begun()
 
-    def _draw_playable(self, slot: int) -> World:
+    def _draw_next(self, slot: int, drawn: dict[int, World]) -> World:
+        """Return the world of the next scenario of the series, which is added to those that are ``drawn`` already."""
+        self.playing[slot] = index = self._stream.draw()
+        self.was_played[index] = True
+        if index not in drawn:
+            drawn[index] = self._world(index)
+        self._stream.load_ahead(self._is_stored)
+        return drawn[index]
+
+    def _world(self, index: int) -> World:
+        """Return the world of a scenario: one that the simulation has stored, or another one."""
+        return self._stored_world(index) or self._stream.get(index)
+
+    def _draw_playable(self, slot: int, drawn: dict[int, World]) -> World:
         """Return the world of the next scenario of the series that can be read; note the others in ``skipped``."""
         for _ in range(len(self.ids) - 1):
             try:
-                return self.draw(slot)
+                return self._draw_next(slot, drawn)
             except ScenarioNetError as error:
                 scenario_id = self.ids[int(self.playing[slot])]
                 reason, count = self.skipped.get(scenario_id, (str(error), 0))
                 self.skipped[scenario_id] = reason, count + 1
-        return self.draw(slot)
+        return self._draw_next(slot, drawn)
 
     def prepare(self, worlds: list[World]) -> BatchedEnvironment:
         """Return the environment for these worlds."""

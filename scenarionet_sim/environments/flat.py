@@ -110,8 +110,7 @@ class FlatEnv:
         """Begin an episode in every world; a seed restarts the series of scenarios."""
         self._episodes.restart(seed)
         slots = np.arange(self.num_worlds)
-        worlds = self._episodes.draw_all(slots, skips=True)
-        self._begin(self._episodes.prepare(worlds), slots, worlds)
+        self._begin(slots, self._episodes.draw_all(slots, skips=True))
         self._clear_results()
         if self._past is not None:
             self._past.clear()
@@ -193,12 +192,11 @@ class FlatEnv:
             LakeError: A scenario cannot be read.
         """
         worlds = self._episodes.restore(state.series)
-        core = self._episodes.prepare(worlds)
-        self._begin(core, np.arange(self.num_worlds), worlds)
+        core = self._begin(np.arange(self.num_worlds), worlds)
         longest = len(state.actions)
         for step, actions in enumerate([*state.actions, None]):
             if len(due := np.flatnonzero(state.ages == longest - step)):
-                self._begin(core, due, [worlds[slot] for slot in due])
+                self._begin(due, [worlds[slot] for slot in due])
             self._seats.can_end[:] = state.ages >= longest - step
             if actions is not None:
                 self._advance(core, actions)
@@ -220,10 +218,11 @@ class FlatEnv:
         self.rewards[:] = 0.0
         self.terminals[:] = self.truncations[:] = self.arrivals[:] = False
 
-    def _begin(self, core: BatchedEnvironment, slots: IntP, worlds: list[World]) -> None:
-        """Begin episodes in some slots."""
-        core.begin(slots, worlds)
+    def _begin(self, slots: IntP, worlds: list[World]) -> BatchedEnvironment:
+        """Begin episodes in some slots; return the worlds."""
+        core = self._episodes.begin(slots, worlds)
         core.observe_by_place(self._episodes.rng, slots)
+        return core
 
     def _advance(self, core: BatchedEnvironment, given: npt.ArrayLike) -> None:
         """Drive for a timestep by actions (num_agents, 2)."""

@@ -99,9 +99,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         if self._episodes.restart(first):
             self._np_random, self._np_random_seed = self._episodes.rng, self._episodes.seed
         slots = np.arange(self.num_envs)
-        worlds = self._episodes.draw_all(slots)
-        core = self._episodes.prepare(worlds)
-        core.begin(slots, worlds)
+        self._episodes.begin(slots, self._episodes.draw_all(slots))
         self._note_begun(slots)
         self._ended = _NONE
         return self._observed(), self._infos()

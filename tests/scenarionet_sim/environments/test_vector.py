@@ -22,6 +22,7 @@ from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.policies import External, Idm, Replay
 from scenarionet_sim.scenarios import Curriculum, Scenarios
 from scenarionet_sim.sensors import BirdView
+from scenarionet_sim.worlds.world import World
 
 NAMES = ("wall", "crowd", "empty", "walker")
 
@@ -166,7 +167,7 @@ def test_results_do_not_depend_on_which_worlds_are_stored(only):
     for config in configs:
         envs = ScenarioNetVectorEnv(2, scenarios=only(*NAMES, "cone", "parked", order="random"), **config)
         found = run(envs, 200, seed=3)
-        assert len(envs.core.simulation.batch.pool) <= 2 + config["cache_size"]
+        assert len(envs.core.simulation.batch.pool) <= min(2 + config["cache_size"], 6)
         wanted = wanted or found
         np.testing.assert_equal(found, wanted)
         envs.close()
@@ -181,6 +182,22 @@ def test_invalid_actions_do_not_skip_a_scenario(only):
         with pytest.raises(BadParameter, match="not a number"):
             envs.step(np.full((2, 2), np.nan))
         np.testing.assert_equal(envs.step(actions(step, 2)), other.step(actions(step, 2)))
+
+
+@pytest.mark.parametrize("prefetch", [0, 1])
+def test_slots_of_one_scenario_share_its_world(only, monkeypatch, prefetch):
+    """Also if more scenarios are played than are kept otherwise."""
+    loaded = []
+    load = World.from_scenario
+    monkeypatch.setattr(World, "from_scenario", lambda scenario, dt: loaded.append(scenario.id) or load(scenario, dt))
+    envs = ScenarioNetVectorEnv(12, scenarios=only("wall", "empty", "crowd"), cache_size=1, prefetch=prefetch)
+    run(envs, 100)
+    assert len(envs.core.simulation.batch.pool) == 3
+    assert len({id(world) for world in envs.core.simulation.batch.worlds}) <= 3
+    assert prefetch or len(loaded) == 3
+    run(envs, 100)
+    assert len(envs.core.simulation.batch.pool) == 3
+    envs.close()
 
 
 def test_gymnasium_makes_it(only):
