@@ -6,7 +6,7 @@ from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int32
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
 from scenarionet_sim.backends.fleet import Fleet
 from scenarionet_sim.kernels.bicycle import GRIP, MAX_STEER, NUM_COLUMNS, STEER_RATE, WHEELBASE, drive_bicycles
@@ -51,8 +51,7 @@ class KinematicSession:
         row = _columns(np.array([(*astuple(drive), backend.grip)]))[0]
         self.new_vehicle: Float64 = row if self._fleet is None else row[:0]
         self.vehicles: Float64 = np.empty((len(batch), batch.max_objects, NUM_COLUMNS))
-        for world, count in enumerate(batch.num_objects.tolist()):  # the rest takes no memory
-            self.vehicles[world, :count] = row
+        self._is_reset: Bool = np.zeros(len(batch), np.bool_)  # the vehicles of the others take no memory
 
     def make_room(self, num_objects: int) -> None:
         """Make room for the vehicles of a larger world."""
@@ -63,6 +62,7 @@ class KinematicSession:
     def reset(self, world: int, state: State) -> None:
         """Set the vehicles of a world: wheels straight, limits of their classes."""
         self.make_room(state.present.shape[1])
+        self._is_reset[world] = True
         count = self._batch.num_objects[world]
         if self._fleet is None:
             self.vehicles[world, :count] = self.new_vehicle
@@ -72,6 +72,8 @@ class KinematicSession:
 
     def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:
         """Move the agents by one control step, in place; see :class:`scenarionet_sim.backends.base.Session`."""
+        for world in np.unique(agents[~self._is_reset[agents[:, 0]], 0]).tolist():
+            self.reset(world, state)
         drive_bicycles(agents, actions, dt, self.substeps, self.vehicles, state.size, state.motion)
 
     def close(self) -> None:

@@ -38,7 +38,6 @@ class Roads:
             its outline), feature by feature, in order along each feature.
         segment_type: (S,) uint8 codes of ``MapFeatureType``.
         segment_feature: (S,) int32 row of the segment's feature in the scenario's map.
-        segment_grid: Grid over the segments, packed.
         lane_ids: (M,) str.
         lane_type: (M,) uint8 codes of ``MapFeatureType``.
         lanes: M x (n, 2) float32 centrelines in driving direction.
@@ -53,7 +52,6 @@ class Roads:
     segments: Float32
     segment_type: UInt8
     segment_feature: Int32
-    segment_grid: LineGrid
     lane_ids: Object
     lane_type: UInt8
     lanes: Ragged
@@ -84,11 +82,10 @@ class Roads:
         other_rows = np.flatnonzero(~is_lane(features.feature_type) & (features.polygon.lengths > 0))
         polygons = _joined(lane_outlines(features, lane_rows), _in_plane(features.polygon.take(other_rows)))
         segment_type = features.feature_type[feature]
-        return cls(
+        roads = cls(
             segments=segments,
             segment_type=segment_type,
             segment_feature=feature,
-            segment_grid=LineGrid.over(segments, segment_type),
             lane_ids=features.ids[lane_rows],
             lane_type=features.feature_type[lane_rows],
             lanes=_in_plane(features.polyline.take(lane_rows)),
@@ -98,6 +95,17 @@ class Roads:
             polygon_type=features.feature_type[np.concatenate([lane_rows, other_rows])],
             polygon_grid=Grid.over(*polygons.bounds()),
         )
+        _ = roads.segment_grid  # in the thread that loads
+        return roads
+
+    @cached_property
+    def segment_grid(self) -> LineGrid:
+        """Grid over the segments, packed."""
+        return LineGrid.over(self.segments, self.segment_type)
+
+    def forget_segment_grid(self) -> None:
+        """Drop the grid over the segments until it is read again: it takes more memory than the segments."""
+        vars(self).pop("segment_grid", None)
 
     @cached_property
     def _strips(self) -> Float32:

@@ -169,6 +169,7 @@ class WorldPool:
         place[DRIVERS] = np.bitwise_or.reduce(np.left_shift(1, driver[driver < 63], dtype=np.int64), initial=0)
         place[OBJECTS], place[LOG] = blocks["objects"][0], blocks["log"][0]
         place[LIGHTS], place[CELLS], place[BLOCKS] = blocks["lights"][0], blocks["cells"][0], blocks["blocks"][0]
+        world.roads.forget_segment_grid()  # the pool has it now
         return number
 
     def _new_number(self) -> int:
