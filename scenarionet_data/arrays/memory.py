@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 import sys
 from collections.abc import Sequence
@@ -16,6 +17,15 @@ _SMALL = 2**14
 """Arrays of fewer bytes are left to NumPy."""
 _TRIED = 4
 """Blocks that are looked at, of the first ones and of the others, before another one is made."""
+
+
+_TRIM: Any = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+
+
+def release_unused() -> None:
+    """Give free memory of the C library's heap back to the system; only glibc keeps much of it. Takes some ms."""
+    if _TRIM is not None:
+        _TRIM(0)
 
 
 class Memory:

@@ -12,6 +12,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 
 from scenarionet_data.arrays.dtypes import Bool, Int64, IntP
+from scenarionet_data.arrays.memory import release_unused
 from scenarionet_data.errors import ScenarioNetError
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
@@ -142,9 +143,11 @@ class Episodes:
 
     def begin(self, slots: IntP, worlds: list[World]) -> BatchedEnvironment:
         """Begin the episodes of worlds that were drawn for some slots; return the environment that plays them."""
-        core = self.prepare(worlds)
+        is_new, core = self._core is None, self.prepare(worlds)
         core.begin(slots, worlds)
         core.simulation.batch.note(slots, self.playing[slots], self._series)
+        if is_new:
+            release_unused()  # the memory of what was copied from the worlds
         return core
 
     def begin_next(self, slots: IntP, *, in_step: bool = False, skips: bool = False) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from scenarionet_data.arrays.compiled import unchecked
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64, IntP, UInt8
 from scenarionet_sim.kernels.episodes import play_worlds
 from scenarionet_sim.kernels.log import VALID
 from scenarionet_sim.kernels.structures import (
@@ -125,6 +126,8 @@ class WorldPool:
 
     def _remove(self, number: int) -> None:
         removed = self.worlds.pop(number)
+        for world in (removed.key[0], removed.world):
+            world.restore_log()
         del self._numbers[removed.name]
         for kind, block in removed.blocks.items():
             self.kinds[kind].remove(*block)
@@ -169,7 +172,11 @@ class WorldPool:
         place[DRIVERS] = np.bitwise_or.reduce(np.left_shift(1, driver[driver < 63], dtype=np.int64), initial=0)
         place[OBJECTS], place[LOG] = blocks["objects"][0], blocks["log"][0]
         place[LIGHTS], place[CELLS], place[BLOCKS] = blocks["lights"][0], blocks["cells"][0], blocks["blocks"][0]
-        world.roads.forget_segment_grid()  # the pool has it now
+        # The pool has these now.
+        world.roads.forget_segment_grid()
+        read_log = partial(_log_in, self.kinds["log"], blocks["log"], world.log.shape)
+        for stored in (original, world):
+            stored.store_log(read_log)
         return number
 
     def _new_number(self) -> int:
@@ -181,6 +188,12 @@ class WorldPool:
                 *(np.concatenate([old, np.full((more, *old.shape[1:]), FREE, old.dtype)]) for old in self.stored)
             )
         return number
+
+
+def _log_in(blocks: Blocks, block: tuple[int, int], shape: tuple[int, ...]) -> Float32:
+    """Return a copy of the log of a stored world."""
+    log: Float32 = blocks.arrays["log"][slice(*block)].reshape(shape).copy()
+    return log
 
 
 def _with_end(rows: Array) -> Array:

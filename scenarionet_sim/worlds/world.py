@@ -7,8 +7,10 @@ N objects, T timesteps, P path points, L lights.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -66,6 +68,35 @@ class World:
     roads: Roads
     extents: Float32
     heights: Heights | None = None
+
+    def store_log(self, read: Callable[[], Float32]) -> None:
+        """Drop the log, which is stored elsewhere, until it is asked for.
+
+        Args:
+            read: Returns a copy of it; not called after :meth:`restore_log`.
+        """
+        vars(self)["_read_log"] = read
+        vars(self).pop("log", None)
+
+    def restore_log(self) -> Float32:
+        """Read the log, if it is stored elsewhere, and keep it; return it."""
+        if "log" not in vars(self):
+            vars(self)["log"] = vars(self)["_read_log"]()
+        vars(self).pop("_read_log", None)
+        log: Float32 = vars(self)["log"]
+        return log
+
+    if not TYPE_CHECKING:  # other names are errors
+
+        def __getattr__(self, name: str) -> Float32:
+            """Return the log if it is stored elsewhere."""
+            if name == "log" and "_read_log" in vars(self):
+                return self.restore_log()
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def __getstate__(self) -> dict[str, Any]:
+        self.restore_log()
+        return vars(self)
 
     @property
     def num_steps(self) -> int:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
 from functools import cache
 
 import numpy as np
+import pytest
 
 from scenarionet_sim.kernels.structures import (
     BLOCKS,
@@ -115,6 +117,27 @@ def test_worlds_come_and_go_without_a_trace():
         assert len(batch.pool) <= 3
         sizes.append(len(batch.recorded.log))
     assert sizes[-1] == sizes[20], "the pool grows without end"
+
+
+def test_logs_of_stored_worlds_are_read_from_the_pool():
+    """In one piece of memory, also after the pool has grown or dropped the world, and for several pools."""
+    world = World.from_scenario(make_scenario(2))
+    wanted = world.log.copy()
+    batch, other = WorldBatch([world, small()], keep=0), WorldBatch([world])
+    assert "log" not in vars(world)
+    np.testing.assert_array_equal(world.log, wanted)
+    for turn in range(3):
+        batch.replace([0], [large()])
+        np.testing.assert_array_equal(world.log, wanted)
+        batch.replace([0], [world])
+        batch.replace([1], [(bare(), middle(), large())[turn]])
+        assert "log" not in vars(world)
+        np.testing.assert_array_equal(pickle.loads(pickle.dumps(world)).log, wanted)
+        batch.replace([0], [small()])
+    other.replace([0], [small()])
+    np.testing.assert_array_equal(world.log, wanted)
+    with pytest.raises(AttributeError, match="no attribute 'logs'"):
+        _ = world.logs
 
 
 def test_blocks_fill_gaps():
