@@ -239,7 +239,7 @@ class FlatEnv:
             return []
         ids, slots = episodes.ids, over[:count]
         infos = [
-            {"slot": slot, "scenario_id": ids[scenario], "agents": num_agents, "success": arrived / max(num_agents, 1)}
+            {"slot": slot, "scenario_id": ids[scenario], "agents": num_agents, "success": arrived / (num_agents or 1)}
             for slot, scenario, num_agents, arrived in zip(slots.tolist(), *self._ends[:, :count].tolist(), strict=True)
         ]
         if episodes.is_adaptive:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import sys
 
-import numpy as np
-
-from scenarionet_data.arrays.dtypes import Array, Object
+from scenarionet_data.arrays.dtypes import Array
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.kernels.scoring import HAS_ARRIVED, NUMBERS, StepResult
 from scenarionet_sim.task.task import ARRIVED, OFF_ROUTE, TIMED_OUT
@@ -73,31 +71,3 @@ class StepOutputs:
         if len(self._kept) < _KEPT:
             self._kept.append(output)
         return output
-
-
-class ScenarioIds:
-    """The scenario of each slot, in arrays that do not change while something else refers to them.
-
-    Args:
-        num_slots: W.
-
-    Attributes:
-        now: (W,) str object ids.
-    """
-
-    def __init__(self, num_slots: int) -> None:
-        self.now: Object = np.full(num_slots, "", dtype=object)
-        self._spare = self.now.copy()
-        self._changed: list[int] = []  # slots in which the two differ
-        self._references = sys.getrefcount(self._spare)
-
-    def change(self, slots: list[int], ids: list[str]) -> None:
-        """Set the scenarios of some slots."""
-        if sys.getrefcount(self._spare) == self._references:
-            for slot in self._changed:
-                self._spare[slot] = self.now[slot]
-        else:
-            self._spare = self.now.copy()
-        for slot, scenario_id in zip(slots, ids, strict=True):
-            self._spare[slot] = scenario_id
-        self.now, self._spare, self._changed = self._spare, self.now, slots

@@ -11,12 +11,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from scenarionet_data.arrays.compiled import unchecked
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP, Object, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import INFOS, BatchedEnvironment
 from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
-from scenarionet_sim.environments.outputs import ScenarioIds
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.kernels.scoring import HAS_ARRIVED, TERMINATED, TRUNCATED, list_ended
 from scenarionet_sim.threads import all_cores
@@ -74,7 +73,8 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._ended: IntP = _NONE  # slots that begin another episode in the next step
         self._places: Int64 = np.zeros(num_envs, np.int64)  # of which ``_ended`` is a part
-        self._scenario_ids = ScenarioIds(num_envs)
+        self._ids: Object = np.array(self._episodes.ids, dtype=object)
+        self._scenario_ids = np.full(num_envs, "", dtype=object)
         everywhere = np.ones(num_envs, np.bool_)
         everywhere.flags.writeable = False  # one array for all infos
         self._masks = {f"_{name}": everywhere for name in INFOS}
@@ -100,7 +100,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             self._np_random, self._np_random_seed = self._episodes.rng, self._episodes.seed
         slots = np.arange(self.num_envs)
         self._episodes.begin(slots, self._episodes.draw_all(slots))
-        self._note_begun(slots)
+        self._note_begun()
         self._ended = _NONE
         return self._observed(), self._infos()
 
@@ -158,18 +158,17 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
     def _begin_next(self, slots: IntP, *, in_step: bool) -> None:
         """Begin the next scenarios in some slots."""
         self._episodes.begin_next(slots, in_step=in_step)
-        self._note_begun(slots)
+        self._note_begun()
 
-    def _note_begun(self, slots: IntP) -> None:
-        """Note what begins in some slots: one agent in each.
+    def _note_begun(self) -> None:
+        """Note the scenarios of all slots: with one agent each.
 
         Raises:
             BadParameter: A world may have several agents.
         """
         if self.core.simulation.by_place.num_places != self.num_envs:
             raise BadParameter("expected one agent per world; use External(objects=ego) to drive the egos alone")
-        ids, playing, begun = self._episodes.ids, self._episodes.playing, slots.tolist()
-        self._scenario_ids.change(begun, [ids[playing.item(slot)] for slot in begun])
+        self._scenario_ids = self._ids.take(self._episodes.playing)  # earlier infos have the array from before
 
     def _observed(self) -> Any:
         return self.core.observe_by_place(self._episodes.rng)
@@ -192,7 +191,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
 
     def _infos(self) -> dict[str, Any]:
         """Return the infos of all slots as arrays (W,), each with a mask."""
-        return {**self.core.named_result, "scenario_id": self._scenario_ids.now, **self._masks}
+        return {**self.core.named_result, "scenario_id": self._scenario_ids, **self._masks}
 
 
 _NONE: IntP = np.zeros(0, np.intp)
