@@ -22,7 +22,7 @@ from scenarionet_sim.cameras.weather import DAY, DUSK, OVERCAST, RAIN, Weather
 from scenarionet_sim.policies import Replay
 from scenarionet_sim.sensors import Camera, Mount
 from scenarionet_sim.sensors.camera_presets import CHASE, COCKPIT, camera_ring
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 
 FOLDER = Path(__file__).parent / "pictures"

@@ -74,7 +74,7 @@ if TYPE_CHECKING:
         Surrounding,
     )
     from scenarionet_sim.sensors.camera_presets import camera_ring
-    from scenarionet_sim.simulation import Simulation
+    from scenarionet_sim.simulation.simulation import Simulation
     from scenarionet_sim.task.task import Reward, Termination
     from scenarionet_sim.worlds.lane_routes import LaneRoute
     from scenarionet_sim.worlds.world import World
@@ -126,7 +126,7 @@ _MODULE_OF = {
     "ScenarioNetVectorEnv": "environments.vector",
     "Scenarios": "scenarios",
     "Sensor": "sensors",
-    "Simulation": "simulation",
+    "Simulation": "simulation.simulation",
     "SocialForce": "policies",
     "Surrounding": "sensors",
     "Termination": "task.task",

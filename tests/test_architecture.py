@@ -17,11 +17,16 @@ TOP = {
 }  # fmt: skip
 ALSO_ALLOWED = {"CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "SECURITY.md", "mkdocs.yml", ".github"}
 LAYERS = (
-    "errors", "version", "arrays", "schema", "scenario", "building", "statistics", "codec", "ingest", "procedural",
-    "converters", "execution", "storage", "databases", "query", "operations", "loader", "samples", "forecasts",
-    "quality", "packs", "export", "publishing", "maintenance", "conversion", "lake", "plots", "display", "testing",
+    "errors", "version", "compiled", "arrays", "schema", "scenario", "building", "statistics", "codec", "ingest",
+    "procedural", "converters", "execution", "storage", "databases", "query", "operations", "loader", "samples",
+    "forecasts", "quality", "packs", "export", "publishing", "maintenance", "conversion", "lake", "plots", "display", "testing",
 )  # fmt: skip
 """Parts of scenarionet_data; each imports only itself and parts before it."""
+SIMULATOR_LAYERS = (
+    "arrays", "scenarios", "threads", "roads", "task", "worlds", "backends", "cameras", "sensors", "render", "policies",
+    "planners", "simulation", "environments", "drivers", "rollouts", "metrics", "evaluation", "learning", "examples",
+)  # fmt: skip
+"""Rooms of scenarionet_sim, likewise."""
 FORBIDDEN_WORDS = ("utils", "helpers", "common", "manager", "misc")
 
 
@@ -116,13 +121,14 @@ def test_no_import_cycles():
     assert circles(import_graph()) == []
 
 
-def test_packages_import_only_lower_layers():
+@pytest.mark.parametrize(("package", "layers"), [("scenarionet_data.", LAYERS), ("scenarionet_sim.", SIMULATOR_LAYERS)])
+def test_packages_import_only_lower_layers(package, layers):
     wrong = []
     for module, imports in import_graph().items():
         for other in imports:
-            if module.startswith("scenarionet_data.") and other.startswith("scenarionet_data."):
+            if module.startswith(package) and other.startswith(package):
                 part, below = module.split(".")[1], other.split(".")[1]
-                if LAYERS.index(below) > LAYERS.index(part):
+                if layers.index(below) > layers.index(part):
                     wrong.append(f"{module} imports {other}")
     assert wrong == []
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function
+from scenarionet_data.compiled.decorators import device_function
 
 EXPONENT = 4.0
 _SMALLEST_GAP = 0.1  # [m]

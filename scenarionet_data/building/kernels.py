@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 _PI = np.pi
 _BELOW_PI = np.nextafter(np.float32(np.pi), np.float32(0.0))

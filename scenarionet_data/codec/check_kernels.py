@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from scenarionet_data.arrays.byte_views import as_int32
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 EQUAL, OR_ONE, OR_NONE, OR_NEVER = range(4)
 """Lengths that a list may have: that of its span; or 1; or 0; or 0 if those of its scenario all have it."""

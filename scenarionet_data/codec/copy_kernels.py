@@ -6,8 +6,8 @@ from typing import Any
 
 from scenarionet_data.arrays.byte_views import as_float32, as_int32
 from scenarionet_data.arrays.columns import FIRST, OFFSETS, ColumnBlock
-from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import device_function
 
 
 @device_function

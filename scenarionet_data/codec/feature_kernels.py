@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from scenarionet_data.arrays.byte_views import as_float32, as_int32
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.check_kernels import OR_NONE, are_as_long
 from scenarionet_data.codec.copy_kernels import copy_codes, element, join_points
 from scenarionet_data.codec.part_kernels import PartPlan, copy_texts
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 
 @kernel(nogil=True, allocates=False)

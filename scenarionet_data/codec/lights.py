@@ -11,12 +11,12 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data.arrays.columns import Columns
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.codec.arrow import batch, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.light_kernels import fill_lights
 from scenarionet_data.codec.stored_part import STEPS, StoredPart
+from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Lights
 from scenarionet_data.scenario.vocabulary import LightState, Provenance

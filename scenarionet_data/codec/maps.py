@@ -9,7 +9,6 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data.arrays.columns import Columns
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.ragged import Ragged
@@ -18,6 +17,7 @@ from scenarionet_data.codec.check_kernels import OR_NONE, check_lengths
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.feature_kernels import fill_features, find_bounds
 from scenarionet_data.codec.stored_part import StoredPart
+from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType

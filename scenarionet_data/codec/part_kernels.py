@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 from scenarionet_data.arrays.byte_views import as_int32, as_int64
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array, Bool, Int64
 from scenarionet_data.codec.copy_kernels import copy
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 ROWS, ENDS = -1, -2
 """Lengths of arrays: one element for each row of the part, or one more."""

@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from scenarionet_data.arrays.columns import ColumnLayout, Columns
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Int64, Object
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.arrays.texts import Texts
 from scenarionet_data.codec.part_kernels import ENDS, ROWS, PartPlan, lay_out
+from scenarionet_data.compiled.decorators import unchecked
 
 STEPS = -1
 """The axis over time, in ``StoredPart.arrays``."""

@@ -10,7 +10,6 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data.arrays.columns import Columns, chosen
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.packed_columns import offsets_of
@@ -19,6 +18,7 @@ from scenarionet_data.codec.check_kernels import EQUAL, OR_NEVER, OR_NONE, OR_ON
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.stored_part import STEPS, StoredPart
 from scenarionet_data.codec.track_kernels import fill_tracks
+from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType

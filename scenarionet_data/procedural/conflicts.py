@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, RecordArray
+from scenarionet_data.compiled.decorators import kernel
 
 CROSS, SPLIT, MERGE = 0, 1, 2
 _SAME_POINT = 0.5  # [m]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import ArrayRecord, Bool, Float64, Int32, RecordArray
+from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_data.procedural.following import acceleration, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.lane_change import consider

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import ArrayRecord, RecordArray
 from scenarionet_data.arrays.idm import free_acceleration, interaction
+from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.procedural.conflicts import CROSS, SPLIT
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.vehicles import PLACES

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 PathPieces = tuple[tuple[float, float], ...]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Int64, RecordArray
+from scenarionet_data.compiled.decorators import kernel
 
 LANE_CHANGE_COST = 80.0  # [m] of detour a driver accepts rather than change lanes
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import ArrayRecord, Float64, RecordArray
+from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 
 STRADDLE = 0.3  # [m] from the new lane's centre until which a vehicle still blocks the lane it leaves

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64, UInt8, UInt64
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 X, Y, HEADING, VX, VY = range(5)
 """Features of a state, in the sample's frame."""

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64, UInt8
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 X, Y, DIRECTION_X, DIRECTION_Y = range(4)
 """Features of a point, in the sample's frame."""

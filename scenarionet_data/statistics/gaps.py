@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import cos, hypot, inf, sin, sqrt
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 
 @kernel

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.geometry import wrap_angle
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario import vocabulary
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType

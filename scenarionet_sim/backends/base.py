@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.kernels.actions import clip_actions
+from scenarionet_sim.backends.action_kernels import clip_actions
 
 if TYPE_CHECKING:
     from scenarionet_sim.worlds.state import State

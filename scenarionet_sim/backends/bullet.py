@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
+from scenarionet_sim.backends.body_kernels import find_bodies, read_motion, write_motion
+from scenarionet_sim.backends.tyre_kernels import apply_tyres
 from scenarionet_sim.backends.world_bodies import Key, WorldBodies
-from scenarionet_sim.kernels.bodies import find_bodies, read_motion, write_motion
-from scenarionet_sim.kernels.tyres import apply_tyres
 
 if TYPE_CHECKING:
     from scenarionet_sim.worlds.state import State

@@ -8,8 +8,8 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
+from scenarionet_sim.backends.bicycle_kernels import GRIP, MAX_STEER, NUM_COLUMNS, STEER_RATE, WHEELBASE, drive_bicycles
 from scenarionet_sim.backends.fleet import Fleet
-from scenarionet_sim.kernels.bicycle import GRIP, MAX_STEER, NUM_COLUMNS, STEER_RATE, WHEELBASE, drive_bicycles
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -38,7 +38,7 @@ class KinematicSession:
     """Vehicles of W worlds; the compiled step drives by ``vehicles`` and ``substeps`` itself.
 
     Attributes:
-        vehicles: (W, N, NUM_COLUMNS) see ``kernels.bicycle``.
+        vehicles: (W, N, NUM_COLUMNS) see ``backends.bicycle_kernels``.
         substeps: Physics steps per control step.
         new_vehicle: (NUM_COLUMNS,) every vehicle at the beginning of an episode; empty for a fleet of several.
     """

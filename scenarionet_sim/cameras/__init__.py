@@ -1,1 +1,1 @@
-"""Cameras: the scene of a world in space, lenses, light and presets, drawn by ``kernels.cameras``."""
+"""Cameras: the scene of a world in space, lenses, light and presets, drawn by ``cameras.draw``."""

@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import UInt8
-from scenarionet_sim.kernels.cameras import layout
+from scenarionet_sim.cameras.draw import layout
 
 
 class SemanticClass(IntEnum):

@@ -9,12 +9,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, Int64, UInt8
-from scenarionet_sim.cameras.meshes.library import library
-from scenarionet_sim.cameras.stage import Scenery, stage_of
-from scenarionet_sim.kernels.cameras.frames import draw_frames
-from scenarionet_sim.kernels.cameras.layout import (
+from scenarionet_data.compiled.decorators import unchecked
+from scenarionet_sim.cameras.draw.frames import draw_frames
+from scenarionet_sim.cameras.draw.layout import (
     BAND,
     BANDS,
     GROUP,
@@ -30,8 +28,10 @@ from scenarionet_sim.kernels.cameras.layout import (
     Look,
     Pictures,
 )
-from scenarionet_sim.kernels.cameras.mounting import mount_cameras
-from scenarionet_sim.threads import Threads
+from scenarionet_sim.cameras.draw.mounting import mount_cameras
+from scenarionet_sim.cameras.meshes.library import library
+from scenarionet_sim.cameras.stage import Scenery, stage_of
+from scenarionet_sim.threads.team import Threads
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -103,7 +103,7 @@ def draw(
     Args:
         batch, state: The worlds and their current state.
         cameras: (B, 3) int32 slot, row of the own vehicle or -1, and how it is shown.
-        poses: (B, NUM_POSE) see ``kernels.cameras.layout``; heights are the scenario's.
+        poses: (B, NUM_POSE) see ``cameras.draw.layout``; heights are the scenario's.
         optics: Lens, size and reach.
         look: Light of each frame.
         scenery: What surrounds the roads.

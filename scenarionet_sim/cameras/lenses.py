@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_sim.kernels.cameras.layout import (
+from scenarionet_sim.cameras.draw.layout import (
     CX,
     CY,
     DISTORTED,

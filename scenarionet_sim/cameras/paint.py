@@ -6,7 +6,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, IntP, UInt8
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_road_line
-from scenarionet_sim.kernels.cameras.layout import CROSSWALK_BAR, WHITE, YELLOW
+from scenarionet_sim.cameras.draw.layout import CROSSWALK_BAR, WHITE, YELLOW
 from scenarionet_sim.roads.roads import Roads
 
 LINE_WIDTH, STOP_WIDTH, DOUBLE_GAP = 0.13, 0.45, 0.16

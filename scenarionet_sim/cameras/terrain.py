@@ -10,9 +10,9 @@ import shapely
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int64, UInt8
 from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_sim.cameras.draw.ground import fill_corners, list_strokes
+from scenarionet_sim.cameras.draw.layout import CROSSWALK_BORDER, HAS_STROKES, KERB, ROAD_BORDER, SIDEWALK_BORDER
 from scenarionet_sim.cameras.paint import crosswalk_paint, lane_paint
-from scenarionet_sim.kernels.cameras.ground import fill_corners, list_strokes
-from scenarionet_sim.kernels.cameras.layout import CROSSWALK_BORDER, HAS_STROKES, KERB, ROAD_BORDER, SIDEWALK_BORDER
 from scenarionet_sim.roads.roads import Roads
 
 CELL = 0.5
@@ -32,7 +32,7 @@ class Terrain:
     """The ground of one world.
 
     Attributes:
-        frame: (5,) see ``kernels.cameras.layout.Ground``, as the other arrays.
+        frame: (5,) see ``cameras.draw.layout.Ground``, as the other arrays.
         corner: (C,).
         cell_start: (C + 1,) from 0.
         strokes: (K, 6).

@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.kernels.cameras.layout import (
+from scenarionet_sim.cameras.draw.layout import (
     CLOUD,
     EXPOSURE,
     HAZE,
@@ -23,8 +23,8 @@ from scenarionet_sim.kernels.cameras.layout import (
     WET,
     Look,
 )
-from scenarionet_sim.kernels.cameras.shading import OCTAVES
-from scenarionet_sim.kernels.cameras.sky import GRAIN_SIZE
+from scenarionet_sim.cameras.draw.shading import OCTAVES
+from scenarionet_sim.cameras.draw.sky import GRAIN_SIZE
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,16 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, IntP, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.agents import DrivenAgents
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.environments.outputs import ENDS, RESULTS, StepOutput, StepOutputs
-from scenarionet_sim.kernels.scoring import NUM_TOTALS, StepResult
-from scenarionet_sim.kernels.seats import Seats
-from scenarionet_sim.kernels.step import OBSERVE, SCORE, SETTLE
-from scenarionet_sim.observer import Observer
 from scenarionet_sim.policies import External
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.agents import DrivenAgents
+from scenarionet_sim.simulation.observer import Observer
+from scenarionet_sim.simulation.seats import Seats
+from scenarionet_sim.simulation.simulation import Simulation
+from scenarionet_sim.simulation.step import OBSERVE, SCORE, SETTLE
+from scenarionet_sim.task.scoring_kernels import NUM_TOTALS, StepResult
 from scenarionet_sim.task.task import Status, task_parameters
 from scenarionet_sim.worlds.world import World
 

@@ -14,13 +14,13 @@ from gymnasium.utils import seeding
 from scenarionet_data.arrays.dtypes import Bool, Int64, IntP
 from scenarionet_data.arrays.memory import release_unused
 from scenarionet_data.errors import ScenarioNetError
+from scenarionet_sim.arrays.structures import Series
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.kernels.seats import Seats
-from scenarionet_sim.kernels.structures import Series
 from scenarionet_sim.scenarios.sampling import CurriculumSampler
 from scenarionet_sim.scenarios.stream import ScenarioStream
+from scenarionet_sim.simulation.seats import Seats
 from scenarionet_sim.worlds.world import World
 
 

@@ -10,16 +10,16 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64, IntP
+from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import BadParameter
+from scenarionet_sim.arrays.structures import FIRST_STEP
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.episodes import Episodes, action_space
-from scenarionet_sim.kernels.seats import Seats, list_ends
-from scenarionet_sim.kernels.structures import FIRST_STEP
 from scenarionet_sim.policies import External
-from scenarionet_sim.threads import all_cores
+from scenarionet_sim.simulation.seats import Seats, list_ends
+from scenarionet_sim.threads.team import all_cores
 from scenarionet_sim.worlds.world import World
 
 _LOADED_AHEAD = 8

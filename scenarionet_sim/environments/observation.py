@@ -10,8 +10,8 @@ import numpy as np
 from gymnasium import spaces
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32
-from scenarionet_sim.kernels.observation import Sensing
 from scenarionet_sim.sensors.base import CompiledSensor, Sensor, compiled_form
+from scenarionet_sim.sensors.observation_kernels import Sensing
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 

@@ -6,7 +6,7 @@ import sys
 
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.kernels.scoring import HAS_ARRIVED, NUMBERS, StepResult
+from scenarionet_sim.task.scoring_kernels import HAS_ARRIVED, NUMBERS, StepResult
 from scenarionet_sim.task.task import ARRIVED, OFF_ROUTE, TIMED_OUT
 
 ENDS = {"success": ARRIVED, "out_of_road": OFF_ROUTE, "timeout": TIMED_OUT}

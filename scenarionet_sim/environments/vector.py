@@ -10,15 +10,15 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP, Object, UInt8
+from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import INFOS, BatchedEnvironment
 from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
-from scenarionet_sim.kernels.scoring import HAS_ARRIVED, TERMINATED, TRUNCATED, list_ended
-from scenarionet_sim.threads import all_cores
+from scenarionet_sim.task.scoring_kernels import HAS_ARRIVED, TERMINATED, TRUNCATED, list_ended
+from scenarionet_sim.threads.team import all_cores
 
 _LOADED_AHEAD = 8  # many episodes tend to end in the same step
 

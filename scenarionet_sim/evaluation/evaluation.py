@@ -22,14 +22,14 @@ from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
-from scenarionet_sim.evaluation.drivers import MANUAL, REACTIVE, find_backend, resolve_drivers
-from scenarionet_sim.evaluation.episode import EPISODES
-from scenarionet_sim.evaluation.loading import loaded_ahead
-from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
-from scenarionet_sim.evaluation.rollout_batch import SLOTS, RolloutBatch, RolloutJob
-from scenarionet_sim.evaluation.rollout_table import concat_rollouts, rollout_rows
-from scenarionet_sim.learning.driver import PREFIX, pinned
+from scenarionet_sim.drivers.by_name import MANUAL, REACTIVE, find_backend, resolve_drivers
+from scenarionet_sim.drivers.trained import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure
+from scenarionet_sim.rollouts.batch import SLOTS, RolloutBatch, RolloutJob
+from scenarionet_sim.rollouts.loading import loaded_ahead
+from scenarionet_sim.rollouts.parts import Part, parts_of, run_parts
+from scenarionet_sim.rollouts.span import EPISODES
+from scenarionet_sim.rollouts.table import concat_rollouts, rollout_rows
 from scenarionet_sim.scenarios.selection import database_reference
 
 PART_SIZE = 32
@@ -158,10 +158,10 @@ def evaluate(
     Args:
         lake: The lake, its path or its URL.
         database: A ``Database``, its name, scenario ids, or None for the whole lake.
-        policy: Driver of the ego: a name in ``evaluation.drivers.DRIVERS`` or ``PLANNERS``, ``random``,
+        policy: Driver of the ego: a name in ``drivers.by_name.DRIVERS`` or ``PLANNERS``, ``random``,
             ``runs/NAME`` of a training run, or ``module:Class`` for one of your own.
         name: Name of the run; None for database, policy, traffic and backend joined by hyphens.
-        traffic: Driver of all other objects: a name in ``evaluation.drivers.TRAFFIC``.
+        traffic: Driver of all other objects: a name in ``drivers.by_name.TRAFFIC``.
         backend: ``bullet`` or ``kinematic``; None for ``bullet`` if actions drive the ego, else ``kinematic``.
         seed: Seed of stochastic policies and of the sensors' noise.
         num_rollouts: Rollouts of each scenario.

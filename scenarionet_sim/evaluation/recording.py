@@ -28,12 +28,12 @@ from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.evaluation.evaluation import describe_database
-from scenarionet_sim.evaluation.parts import Part, parts_of, run_parts
-from scenarionet_sim.kernels.paths import follow_paths
 from scenarionet_sim.policies import Replay, ego, vehicles
+from scenarionet_sim.rollouts.parts import Part, parts_of, run_parts
 from scenarionet_sim.scenarios.selection import database_reference
 from scenarionet_sim.sensors import Camera
-from scenarionet_sim.simulation import LOOK_AHEAD, LOOK_BACK, Simulation
+from scenarionet_sim.simulation.simulation import LOOK_AHEAD, LOOK_BACK, Simulation
+from scenarionet_sim.worlds.path_kernels import follow_paths
 from scenarionet_sim.worlds.world import World
 
 PART_SIZE = 8

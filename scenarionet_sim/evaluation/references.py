@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
-from scenarionet_sim.evaluation.drivers import RANDOM
+from scenarionet_sim.drivers.by_name import RANDOM
 from scenarionet_sim.evaluation.evaluation import Evaluation, run_evaluation
 
 POLICIES: Mapping[str, str] = {"recording": "replay", "constant velocity": "constant", "random actions": RANDOM}

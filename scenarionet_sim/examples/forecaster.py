@@ -25,7 +25,7 @@ from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.forecasts import make_predictions
 from scenarionet_data.samples.training import SampleStream, collate
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_sim.learning import checkpoints
+from scenarionet_sim.drivers import checkpoints
 
 _TYPES = 256  # codes of objects and of map features are below
 TensorBatch = Mapping[str, Tensor]

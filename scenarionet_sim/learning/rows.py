@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 from scenarionet_data.errors import LakeError
-from scenarionet_sim.kernels.scoring import NUMBERS
+from scenarionet_sim.task.scoring_kernels import NUMBERS
 
 
 class AgentRows(Protocol):

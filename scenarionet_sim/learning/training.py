@@ -21,10 +21,10 @@ from scenarionet_data import Database, Lake, version
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
+from scenarionet_sim.drivers import checkpoints
 from scenarionet_sim.environments.config import EnvConfig, MultiAgentConfig, VectorConfig
 from scenarionet_sim.environments.flat import FlatEnv, FlatState
 from scenarionet_sim.evaluation.evaluation import describe_database
-from scenarionet_sim.learning import checkpoints
 from scenarionet_sim.learning.config import LearnerConfig, describe_config, make_learner_config
 from scenarionet_sim.learning.experts import Experts
 from scenarionet_sim.learning.learners import Algorithm, make_learner

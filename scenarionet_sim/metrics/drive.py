@@ -9,8 +9,8 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
 from scenarionet_sim.backends.base import Drive
-from scenarionet_sim.evaluation.rollout import Rollout
 from scenarionet_sim.metrics.comfort import body_acceleration
+from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
 
 _CORNERS = np.array([[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]])

@@ -11,8 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel, unchecked
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
+from scenarionet_data.compiled.decorators import kernel, unchecked
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.roads.roads import Roads
 

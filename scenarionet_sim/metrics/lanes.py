@@ -17,8 +17,8 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, IntP
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.drive import EgoDrive
 from scenarionet_sim.metrics.lane_links import LaneLinks, LaneRows

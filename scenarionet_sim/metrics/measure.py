@@ -9,13 +9,13 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor
-from scenarionet_sim.evaluation.rollout import Rollout
 from scenarionet_sim.metrics.collisions import count_collisions
 from scenarionet_sim.metrics.drive import EgoDrive
 from scenarionet_sim.metrics.nuplan.measure import measure_nuplan
 from scenarionet_sim.metrics.progress import displacement, mean_speed
 from scenarionet_sim.metrics.road import runs_red_light
 from scenarionet_sim.metrics.waymax.measure import measure_waymax
+from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
 
 

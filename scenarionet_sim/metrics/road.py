@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32, IntP
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.lane_polygons import HALF_WIDTH
 from scenarionet_sim.roads.roads import Roads
 

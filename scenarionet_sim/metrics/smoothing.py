@@ -12,8 +12,8 @@ from functools import cache
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 
 def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivative: int = 0) -> Float64:

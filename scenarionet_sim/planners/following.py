@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_sim.kernels.log import HEADING, VALID, X, Y
+from scenarionet_sim.arrays.log import HEADING, VALID, X, Y
 from scenarionet_sim.planners.base import Action, Planner, Trajectory
 from scenarionet_sim.planners.view import View
 from scenarionet_sim.planners.way import Obstacles, Way

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64
-from scenarionet_sim.kernels.frames import FramePose, motion_to_frame, path_to_frame
-from scenarionet_sim.kernels.log import HEADING, VX, VY
+from scenarionet_sim.arrays.log import HEADING, VX, VY
+from scenarionet_sim.planners.frame_kernels import FramePose, motion_to_frame, path_to_frame
 
 _TURN = 2.0 * math.pi
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64, IntP, UInt8
 from scenarionet_data.errors import BadParameter
+from scenarionet_sim.arrays.log import HEADING, VALID, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.backends.base import Backend, Session, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.kernels.log import HEADING, VALID, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.planners.base import Planner, Trajectory
 from scenarionet_sim.planners.tracking import Lqr, TrackedVehicle, Tracker
 from scenarionet_sim.planners.view import View

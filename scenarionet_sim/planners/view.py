@@ -17,9 +17,9 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32, IntP, Object, UInt8
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
-from scenarionet_sim.kernels.log import ARC, HEADING, VX, VY, YAW_RATE, X, Y
-from scenarionet_sim.kernels.paths import locate_point
+from scenarionet_sim.arrays.log import ARC, HEADING, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.planners.frame import ViewFrame
+from scenarionet_sim.worlds.path_kernels import locate_point
 from scenarionet_sim.worlds.routes import ways_beyond
 
 if TYPE_CHECKING:

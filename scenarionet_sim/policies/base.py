@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
-from scenarionet_sim.kernels.motion import UNCOMPILED
+from scenarionet_sim.policies.motion_kernels import UNCOMPILED
 from scenarionet_sim.policies.objects import ObjectMask, all_objects
 from scenarionet_sim.worlds.lane_routes import LaneRoute
 from scenarionet_sim.worlds.state import State
@@ -50,12 +50,12 @@ class Policy:
 
     @property
     def movement(self) -> int:
-        """How the compiled step moves its objects: a constant of ``kernels.motion``."""
+        """How the compiled step moves its objects: a constant of ``policies.motion_kernels``."""
         return UNCOMPILED
 
     @property
     def law(self) -> Float64:
-        """(8,) numbers of a ``kernels.idm.Law`` for ``kernels.motion.FOLLOW_PATH``."""
+        """(8,) numbers of a ``policies.idm_kernels.Law`` for ``policies.motion_kernels.FOLLOW_PATH``."""
         return np.zeros(8)
 
     def begin(self, batch: WorldBatch, state: State, slot: int) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenarionet_sim.kernels.motion import CARRY_ON
 from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.motion_kernels import CARRY_ON
 
 
 @dataclass(frozen=True)

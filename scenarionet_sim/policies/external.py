@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenarionet_sim.kernels.motion import ENTER
 from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.motion_kernels import ENTER
 from scenarionet_sim.policies.objects import ObjectMask, ego
 
 
@@ -14,7 +14,7 @@ class External(Policy):
     """Objects driven by actions, through the backend.
 
     An agent appears as recorded at its first valid timestep and stays, independent of the log, until it is retired
-    (:meth:`scenarionet_sim.simulation.Simulation.retire`).
+    (:meth:`scenarionet_sim.simulation.simulation.Simulation.retire`).
     """
 
     objects: ObjectMask = ego

@@ -8,9 +8,9 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.kernels.idm import Law
-from scenarionet_sim.kernels.motion import FOLLOW_PATH
 from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.idm_kernels import Law
+from scenarionet_sim.policies.motion_kernels import FOLLOW_PATH
 from scenarionet_sim.policies.objects import ObjectMask, other_vehicles
 from scenarionet_sim.worlds.world import World
 

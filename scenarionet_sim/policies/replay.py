@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scenarionet_sim.kernels.motion import REPLAY
 from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.motion_kernels import REPLAY
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool
-from scenarionet_sim.kernels.log import HEADING, VX, VY
+from scenarionet_sim.arrays.log import HEADING, VX, VY
 from scenarionet_sim.policies.constant_velocity import ConstantVelocity
 from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.worlds.world import World

@@ -9,11 +9,11 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64, IntP, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
-from scenarionet_sim.kernels.episodes import UNDRIVEN
-from scenarionet_sim.kernels.motion import FOLLOW_PATH, UNCOMPILED
-from scenarionet_sim.kernels.step_arrays import Traffic
 from scenarionet_sim.policies.base import Policy, is_compiled
 from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.motion_kernels import FOLLOW_PATH, UNCOMPILED
+from scenarionet_sim.policies.traffic import Traffic
+from scenarionet_sim.worlds.episode_kernels import UNDRIVEN
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.kernels.walking import ForceLaw, walk
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.objects import ObjectMask, OfType
+from scenarionet_sim.policies.walking_kernels import ForceLaw, walk
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 

@@ -10,8 +10,8 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Int32, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import Moment
+from scenarionet_sim.arrays.log import HEADING, VALID
 from scenarionet_sim.cameras.weather import DAY, Weather
-from scenarionet_sim.kernels.log import HEADING, VALID
 from scenarionet_sim.sensors.camera import Camera, Mount
 from scenarionet_sim.sensors.camera_presets import CHASE, COCKPIT
 from scenarionet_sim.worlds.state import State

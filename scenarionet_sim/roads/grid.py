@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
+from scenarionet_data.compiled.decorators import kernel
 
 CELL = 10.0
 """Side of a cell [m], unless another is given."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
-from scenarionet_sim.kernels.rays import LINE_BITS
-from scenarionet_sim.kernels.structures import CELLS_IN_BLOCK
+from scenarionet_sim.arrays.structures import CELLS_IN_BLOCK
 from scenarionet_sim.roads.grid import Grid
+from scenarionet_sim.roads.ray_kernels import LINE_BITS
 
 _CELL = 5.0
 """Side of a cell [m]: fastest for rays, which pass 5 cells and 15 segments on average."""
@@ -17,7 +17,7 @@ _CELL = 5.0
 
 @dataclass(frozen=True, eq=False)
 class LineGrid:
-    """C cells, F of them filled, in blocks; counted from 0, otherwise as in ``kernels.structures.Lines``.
+    """C cells, F of them filled, in blocks; counted from 0, otherwise as in ``arrays.structures.Lines``.
 
     Attributes:
         frame: (5,) float64, see ``Grid``.

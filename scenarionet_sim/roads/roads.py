@@ -23,9 +23,9 @@ from scenarionet_data.scenario.vocabulary import (
     is_road_edge,
     is_road_line,
 )
-from scenarionet_sim.kernels.containment import find_polygon, find_polygons, find_stays, strips_of
-from scenarionet_sim.kernels.lanes import find_lanes
+from scenarionet_sim.arrays.containment import find_polygon, find_polygons, find_stays, strips_of
 from scenarionet_sim.roads.grid import Grid
+from scenarionet_sim.roads.lane_kernels import find_lanes
 from scenarionet_sim.roads.line_grid import LineGrid
 
 

@@ -29,10 +29,10 @@ OBJECT_TYPES = 256
 
 
 class CompiledSensor(NamedTuple):
-    """A sensor as the compiled step takes it, see ``kernels.observation.Sensing``.
+    """A sensor as the compiled step takes it, see ``sensors.observation_kernels.Sensing``.
 
     Attributes:
-        kind: A constant of ``kernels.observation``, such as ``LIDAR``.
+        kind: A constant of ``sensors.observation_kernels``, such as ``LIDAR``.
         scale: Up to eight numbers.
         parts: Number of rays or points.
         types: (256,) visible types.
@@ -104,7 +104,7 @@ def require_located(lost: int, agents: Int32) -> None:
     """Raise if an agent is not located on its path.
 
     Args:
-        lost: Index of the agent, or -1; see ``kernels.route_observation``.
+        lost: Index of the agent, or -1; see ``sensors.route_kernels``.
         agents: (A, 2) world and row.
 
     Raises:
@@ -113,7 +113,7 @@ def require_located(lost: int, agents: Int32) -> None:
     if lost >= 0:
         raise BadParameter(
             f"object {agents[lost, 1]} of world {agents[lost, 0]} is not located on its path; a simulation locates "
-            "its agents, call kernels.paths.follow_paths for other objects"
+            "its agents, call worlds.path_kernels.follow_paths for other objects"
         )
 
 

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Float64, Int16, Int32
+from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import (
     AREAS_TO_DRIVE_ON,
@@ -21,8 +21,9 @@ from scenarionet_data.scenario.vocabulary import (
     is_road_edge,
     is_road_line,
 )
-from scenarionet_sim.kernels.log import HEADING, X, Y
-from scenarionet_sim.kernels.raster import (
+from scenarionet_sim.arrays.log import HEADING, X, Y
+from scenarionet_sim.sensors.base import Sensor, map_types, require
+from scenarionet_sim.sensors.raster_kernels import (
     Crossings,
     draw_boxes,
     draw_polygons,
@@ -31,7 +32,6 @@ from scenarionet_sim.kernels.raster import (
     list_in_window,
     list_lines_in_window,
 )
-from scenarionet_sim.sensors.base import Sensor, map_types, require
 from scenarionet_sim.worlds.state import History, State
 from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch

@@ -12,12 +12,12 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Float64, Int32
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.cameras.cuda.availability import require_cuda
+from scenarionet_sim.cameras.draw.layout import Look
 from scenarionet_sim.cameras.drawing import CHANNELS, Optics, draw, poses_on, scaled_down
 from scenarionet_sim.cameras.formats import add_pixel_noise
 from scenarionet_sim.cameras.lenses import Intrinsics, lens_of, rays_of
 from scenarionet_sim.cameras.stage import Scenery
 from scenarionet_sim.cameras.weather import DAY, Weather, look_of
-from scenarionet_sim.kernels.cameras.layout import Look
 from scenarionet_sim.sensors.base import Sensor, require
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch

@@ -8,8 +8,8 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
-from scenarionet_sim.kernels.route_observation import observe_light
 from scenarionet_sim.sensors.base import Sensor, require, require_located
+from scenarionet_sim.sensors.route_kernels import observe_light
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 

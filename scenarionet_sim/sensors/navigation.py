@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32
-from scenarionet_sim.kernels.observation import WAY_AHEAD
-from scenarionet_sim.kernels.route_observation import points_ahead
 from scenarionet_sim.sensors.base import CompiledSensor, Sensor, require, require_located
+from scenarionet_sim.sensors.observation_kernels import WAY_AHEAD
+from scenarionet_sim.sensors.route_kernels import points_ahead
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 

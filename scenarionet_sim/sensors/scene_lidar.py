@@ -10,9 +10,9 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32
 from scenarionet_sim.cameras.classes import SemanticClass
+from scenarionet_sim.cameras.draw.layout import FX, FY, KIND, NUM_LENS, RINGS
 from scenarionet_sim.cameras.drawing import Optics, draw, poses_on
 from scenarionet_sim.cameras.weather import DAY, look_of
-from scenarionet_sim.kernels.cameras.layout import FX, FY, KIND, NUM_LENS, RINGS
 from scenarionet_sim.sensors.base import Sensor, require
 from scenarionet_sim.sensors.camera import Mount
 from scenarionet_sim.sensors.noise import add_noise

@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float64, Int32
-from scenarionet_sim.kernels.observation import OWN_MOTION
-from scenarionet_sim.kernels.route_observation import observe_self
 from scenarionet_sim.sensors.base import CompiledSensor, Sensor, require, require_located
+from scenarionet_sim.sensors.observation_kernels import OWN_MOTION
+from scenarionet_sim.sensors.route_kernels import observe_self
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float64, Int32
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.kernels.route_observation import observe_others
 from scenarionet_sim.sensors.base import Sensor, require, visible_objects
+from scenarionet_sim.sensors.route_kernels import observe_others
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 

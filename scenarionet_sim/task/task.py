@@ -76,7 +76,7 @@ MULTI_AGENT = (
 
 
 def task_parameters(reward: Reward, termination: Termination) -> Float64:
-    """Return (12,) the attributes of both, in their order, as ``kernels.scoring.score`` takes them."""
+    """Return (12,) the attributes of both, in their order, as ``task.scoring_kernels.score`` takes them."""
     return np.array([*astuple(reward), *astuple(termination)], dtype=np.float64)
 
 

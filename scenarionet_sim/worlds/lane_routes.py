@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.kernels.log import HEADING, Z
+from scenarionet_sim.arrays.log import HEADING, Z
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
 from scenarionet_sim.worlds.world import World

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Int32
-from scenarionet_sim.kernels.log import ARC, thin
-from scenarionet_sim.kernels.paths import find_stops
+from scenarionet_sim.arrays.log import ARC, thin
 from scenarionet_sim.roads.roads import Roads
+from scenarionet_sim.worlds.path_kernels import find_stops
 
 SPACING = 0.1
 """Least distance between points of a path [m]: the noise of a standing object must not form a path."""

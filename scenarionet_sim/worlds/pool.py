@@ -8,11 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64, IntP, UInt8
-from scenarionet_sim.kernels.episodes import play_worlds
-from scenarionet_sim.kernels.log import VALID
-from scenarionet_sim.kernels.structures import (
+from scenarionet_data.compiled.decorators import unchecked
+from scenarionet_sim.arrays.log import VALID
+from scenarionet_sim.arrays.structures import (
     BLOCKS,
     CELLS,
     DRIVERS,
@@ -30,6 +29,7 @@ from scenarionet_sim.kernels.structures import (
     StoredWorlds,
 )
 from scenarionet_sim.worlds.blocks import Blocks
+from scenarionet_sim.worlds.episode_kernels import play_worlds
 from scenarionet_sim.worlds.world import World
 
 _FEWEST = 32
@@ -73,7 +73,7 @@ class WorldPool:
 
     Attributes:
         kinds: The arrays of all worlds, by kind of block.
-        arrays: The same by name, as ``kernels.structures.Recorded`` and ``Lines`` describe them.
+        arrays: The same by name, as ``arrays.structures.Recorded`` and ``Lines`` describe them.
         worlds: The worlds by number; numbers of removed ones are used again.
         stored: Where their rows are, and which are played.
         moment: Number of times that worlds were put into slots.

@@ -8,9 +8,9 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP
 from scenarionet_data.arrays.geometry import wrap_angle
-from scenarionet_sim.kernels.lanes import follow_lanes
-from scenarionet_sim.kernels.log import HEADING, Z
-from scenarionet_sim.kernels.structures import Lanes
+from scenarionet_sim.arrays.log import HEADING, Z
+from scenarionet_sim.arrays.structures import Lanes
+from scenarionet_sim.roads.lane_kernels import follow_lanes
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
 from scenarionet_sim.worlds.world import World

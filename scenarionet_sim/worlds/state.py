@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, UInt8
-from scenarionet_sim.kernels.log import HEADING, VX, YAW_RATE, Z
-from scenarionet_sim.kernels.structures import StateArrays
+from scenarionet_sim.arrays.log import HEADING, VX, YAW_RATE, Z
+from scenarionet_sim.arrays.structures import StateArrays
 
 
 @dataclass(eq=False)
@@ -56,7 +56,7 @@ class State:
 
     Attributes:
         motion: (W, N, 7) float64 x, y, z [m] of the box's centre, heading [rad] in [-pi, pi), velocity x, y [m/s],
-            yaw rate [rad/s]; columns as in ``kernels.log``. ``position``, ``heading`` and so on are views of it.
+            yaw rate [rad/s]; columns as in ``arrays.log``. ``position``, ``heading`` and so on are views of it.
         route: (W, N, 2) float64 [m] arc length along the object's own path (NaN until it is known, infinite once
             the object has left at the end of the path), and lateral offset to its left.
         present: (W, N) bool.

@@ -19,7 +19,7 @@ from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.building import resample
 from scenarionet_data.scenario.description import ScenarioDescription, Tracks
 from scenarionet_data.scenario.stop_points import light_places
-from scenarionet_sim.kernels.log import HEADING, VALID, VX, YAW_RATE, Z, write_log
+from scenarionet_sim.arrays.log import HEADING, VALID, VX, YAW_RATE, Z, write_log
 from scenarionet_sim.roads.heights import Heights
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
@@ -40,7 +40,7 @@ class World:
         object_type: (N,) uint8 codes of ``ObjectType``.
         size: (N, 3) float32 [m] length, width, height: the median over the valid steps.
         log: (T, N, 8) float32 x, y, z [m], heading [rad], vx, vy [m/s], yaw rate [rad/s], 1 where valid, else 0;
-            columns as in ``kernels.log``. ``log_position`` and so on are views of it.
+            columns as in ``arrays.log``. ``log_position`` and so on are views of it.
         top_speed: (N,) float32 highest recorded speed [m/s].
         paths: Reference paths.
         stops: Stop points of lights on the paths.

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array, Float64, Int32, Int64, IntP
-from scenarionet_sim.kernels.episodes import play_scenarios
-from scenarionet_sim.kernels.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, SERIAL, Lines, Recorded, Series
+from scenarionet_data.compiled.decorators import unchecked
+from scenarionet_sim.arrays.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, SERIAL, Lines, Recorded, Series
+from scenarionet_sim.worlds.episode_kernels import play_scenarios
 from scenarionet_sim.worlds.pool import WorldPool
 from scenarionet_sim.worlds.world import World
 
@@ -36,7 +36,7 @@ class WorldBatch:
 
     Attributes:
         recorded, lines: Their arrays as kernels take them.
-        place: (W, NUM_PLACES) see ``kernels.structures.Recorded``.
+        place: (W, NUM_PLACES) see ``arrays.structures.Recorded``.
     """
 
     def __init__(

@@ -17,7 +17,7 @@ from scenarionet_data.arrays.dtypes import Int32
 from scenarionet_sim.policies import Replay
 from scenarionet_sim.sensors import BirdView, Camera
 from scenarionet_sim.sensors.lidar_presets import HDL_32E, PANDAR_64
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.bench.measure import Figure
 

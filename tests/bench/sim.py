@@ -28,7 +28,7 @@ from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
 from scenarionet_sim.policies import External, Idm, Policy, Replay
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors import BirdView, BoundaryDetector, EgoState, Lidar, Navigation
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.task.task import Termination
 from scenarionet_sim.worlds.world import World
 from tests.bench import beside, many_worlds

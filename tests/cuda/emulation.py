@@ -6,12 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
-from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_square
-from scenarionet_sim.kernels.cameras.layout import NUM_SHADES
-from scenarionet_sim.kernels.cameras.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
-from scenarionet_sim.kernels.cameras.thread_layout import PixelMemory
-from scenarionet_sim.kernels.cameras.thread_pixels import draw_pixel, light_sky, stretch_sky
+from scenarionet_data.compiled.decorators import kernel
+from scenarionet_sim.cameras.draw.finishing import noisy_level, root_mean_square
+from scenarionet_sim.cameras.draw.layout import NUM_SHADES
+from scenarionet_sim.cameras.draw.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
+from scenarionet_sim.cameras.draw.thread_layout import PixelMemory
+from scenarionet_sim.cameras.draw.thread_pixels import draw_pixel, light_sky, stretch_sky
 
 LANES = 32
 

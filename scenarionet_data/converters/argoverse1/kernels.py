@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import sqrt
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import kernel
 
 _LEAST_SPREAD = 1e-6
 """Variance of times below which a slope is undefined [s²]."""

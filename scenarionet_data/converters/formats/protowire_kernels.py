@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Int32, Int64, UInt8, UInt64
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 VARINT, DOUBLE, BYTES, FLOAT = 0, 1, 2, 5
 """Wire types."""

@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array, Int64, Object
+from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_data.converters.waymo.wire import WaymoWireMap
 
 _LONGEST_ROW = 6 * 21 + 20  # six numbers of 20 characters and a comma, and the brackets and keys around them

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import kernel
 
 
 @kernel(nogil=True, allocates=False)

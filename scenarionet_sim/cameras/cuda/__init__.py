@@ -1,1 +1,1 @@
-"""Cameras on a graphics card: ``kernels.cameras`` compiled by numba-cuda, and frames that stay in its memory."""
+"""Cameras on a graphics card: ``cameras.draw`` compiled by numba-cuda, and frames that stay in its memory."""

@@ -15,10 +15,7 @@ from scenarionet_sim.cameras.cuda import kernels
 from scenarionet_sim.cameras.cuda.frames import DeviceFrames
 from scenarionet_sim.cameras.cuda.kernels import LANES, launch
 from scenarionet_sim.cameras.cuda.memory import DeviceMemory
-from scenarionet_sim.cameras.drawing import CHANNELS, TAILS, Optics, shape_of_channel
-from scenarionet_sim.cameras.meshes.library import library
-from scenarionet_sim.cameras.stage import Scenery, Stage, stage_of
-from scenarionet_sim.kernels.cameras.layout import (
+from scenarionet_sim.cameras.draw.layout import (
     BAND,
     GROUP,
     NUM_LIGHTS,
@@ -30,7 +27,7 @@ from scenarionet_sim.kernels.cameras.layout import (
     Pictures,
     Solids,
 )
-from scenarionet_sim.kernels.cameras.thread_layout import (
+from scenarionet_sim.cameras.draw.thread_layout import (
     NUM_BOX,
     NUM_COUNTS,
     NUM_INSTANCE,
@@ -42,6 +39,9 @@ from scenarionet_sim.kernels.cameras.thread_layout import (
     Shots,
     Triangles,
 )
+from scenarionet_sim.cameras.drawing import CHANNELS, TAILS, Optics, shape_of_channel
+from scenarionet_sim.cameras.meshes.library import library
+from scenarionet_sim.cameras.stage import Scenery, Stage, stage_of
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -93,7 +93,7 @@ def _draw(
     memory: DeviceMemory, batch: WorldBatch, state: State, cameras: Int32, poses: Float64, optics: Optics, look: Look,
     stage: Stage, pictures: Pictures,
 ) -> None:  # fmt: skip
-    """Launch the kernels of all steps, see ``kernels.cameras.thread_items``."""
+    """Launch the kernels of all steps, see ``cameras.draw.thread_items``."""
     size, num_frames = (optics.height, optics.width), len(cameras)
     is_colored = len(pictures.rgb) > 0
     options = optics.are_boxes, is_colored, optics.reach, optics.flow_time

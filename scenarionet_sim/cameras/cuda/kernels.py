@@ -1,4 +1,4 @@
-"""The CUDA kernels: each thread calls one function of ``kernels.cameras.thread_items`` or ``finishing``.
+"""The CUDA kernels: each thread calls one function of ``cameras.draw.thread_items`` or ``finishing``.
 
 Importing this module needs numba-cuda; the kernels compile at their first launch in a process.
 """
@@ -12,11 +12,11 @@ import numba.cuda
 from numba import float32, int32
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
-from scenarionet_sim.kernels.cameras.finishing import noisy_level, root_mean_square
-from scenarionet_sim.kernels.cameras.layout import NUM_SHADES, Ground, Look, Meshes, Pictures, Solids
-from scenarionet_sim.kernels.cameras.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
-from scenarionet_sim.kernels.cameras.thread_layout import DrawingOptions, Items, PixelMemory, Shots, Triangles
-from scenarionet_sim.kernels.cameras.thread_pixels import draw_pixel, light_sky, stretch_sky
+from scenarionet_sim.cameras.draw.finishing import noisy_level, root_mean_square
+from scenarionet_sim.cameras.draw.layout import NUM_SHADES, Ground, Look, Meshes, Pictures, Solids
+from scenarionet_sim.cameras.draw.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
+from scenarionet_sim.cameras.draw.thread_layout import DrawingOptions, Items, PixelMemory, Shots, Triangles
+from scenarionet_sim.cameras.draw.thread_pixels import draw_pixel, light_sky, stretch_sky
 
 cuda: Any = numba.cuda
 

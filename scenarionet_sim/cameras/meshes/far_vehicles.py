@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarionet_sim.cameras.draw import layout as at
 from scenarionet_sim.cameras.meshes.vehicles import hull
 from scenarionet_sim.cameras.shapes import Shape, box, from_quads, without_bottom
-from scenarionet_sim.kernels.cameras import layout as at
 
 
 def middle_car() -> list[Shape]:

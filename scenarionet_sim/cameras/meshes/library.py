@@ -7,11 +7,11 @@ from functools import lru_cache
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32
+from scenarionet_sim.cameras.draw import layout as at
+from scenarionet_sim.cameras.draw.layout import Meshes
 from scenarionet_sim.cameras.meshes import far_vehicles, people, things, vehicles
 from scenarionet_sim.cameras.meshes.materials import MATERIAL_COLORS, PAINTS
 from scenarionet_sim.cameras.shapes import Shape, box, joined, tube, with_normals
-from scenarionet_sim.kernels.cameras import layout as at
-from scenarionet_sim.kernels.cameras.layout import Meshes
 
 _CREASE = 0.75
 """Edges sharper than this [rad] are seen as edges; others are smooth."""

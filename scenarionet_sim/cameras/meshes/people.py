@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarionet_sim.cameras.draw import layout as at
 from scenarionet_sim.cameras.shapes import Shape, ball, box, tube
-from scenarionet_sim.kernels.cameras import layout as at
 
 
 def person(height: float = 1.0, base: float = 0.0, lean: float = 0.0) -> list[Shape]:

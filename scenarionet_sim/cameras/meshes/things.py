@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarionet_sim.cameras.draw import layout as at
 from scenarionet_sim.cameras.shapes import Shape, ball, box, from_quads, loft, tube, without_bottom
-from scenarionet_sim.kernels.cameras import layout as at
 
 
 def cone() -> list[Shape]:

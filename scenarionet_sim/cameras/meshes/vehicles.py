@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from scenarionet_sim.cameras.draw import layout as at
 from scenarionet_sim.cameras.shapes import Shape, box, loft, outward, tube
-from scenarionet_sim.kernels.cameras import layout as at
 
 
 def _wheels(axles: tuple[float, ...], radius: float, length: float, height: float, tread: float) -> list[Shape]:

@@ -14,9 +14,9 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
-from scenarionet_sim.evaluation.parts import run_parts
 from scenarionet_sim.learning.config import LearnerConfig
 from scenarionet_sim.learning.experiments.statistics import Interval, Verdict, bootstrap, has_flattened, verdict
+from scenarionet_sim.rollouts.parts import run_parts
 
 
 @dataclass(frozen=True)

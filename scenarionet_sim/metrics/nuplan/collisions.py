@@ -15,10 +15,10 @@ from enum import StrEnum
 import numpy as np
 import shapely
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.kernels.overlap import is_overlapping
+from scenarionet_sim.arrays.overlap import is_overlapping
 from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
 
 STOPPED = 0.05

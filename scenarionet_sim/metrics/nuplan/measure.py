@@ -11,7 +11,6 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_sim.evaluation.rollout import Rollout
 from scenarionet_sim.metrics.comfort import measure_comfort
 from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
 from scenarionet_sim.metrics.lanes import DrivenLanes
@@ -27,6 +26,7 @@ from scenarionet_sim.metrics.nuplan.time_to_collision import BOUND, time_to_coll
 from scenarionet_sim.metrics.progress import progress_ratio
 from scenarionet_sim.metrics.road import is_off_road
 from scenarionet_sim.roads.roads import Roads
+from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.paths import SPACING
 from scenarionet_sim.worlds.world import World
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_sim.evaluation.rollout import Rollout
 from scenarionet_sim.metrics.drive import EgoDrive
 from scenarionet_sim.metrics.waymax.kinematics import is_infeasible
 from scenarionet_sim.metrics.waymax.overlap import overlaps
 from scenarionet_sim.metrics.waymax.roadgraph import RoadEdges, is_offroad
 from scenarionet_sim.metrics.waymax.routes import Routes, off_route, progression, wrong_way
+from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
 
 

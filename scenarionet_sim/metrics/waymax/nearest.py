@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 _IN_BOX = 16
 """Consecutive points that are left out together, if the box around them is far; and boxes around that many boxes."""

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64
-from scenarionet_sim.kernels.overlap import is_overlapping
+from scenarionet_data.compiled.decorators import kernel
+from scenarionet_sim.arrays.overlap import is_overlapping
 
 
 @kernel

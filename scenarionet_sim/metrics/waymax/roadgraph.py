@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.waymax.nearest import nearest_rows
 from scenarionet_sim.roads.roads import Roads

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function, kernel
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 FAR = 1e10
 """Distance to an object that does not exist."""

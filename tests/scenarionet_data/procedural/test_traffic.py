@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.arrays import idm
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.geometry import box_corners
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.procedural.construction import boxes
 from scenarionet_data.procedural.generate import generate
 from scenarionet_data.procedural.options import GeneratorOptions

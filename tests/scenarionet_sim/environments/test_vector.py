@@ -18,10 +18,10 @@ from scenarionet_sim.environments.config import PAPER_OBSERVATION, VectorConfig
 from scenarionet_sim.environments.outputs import ENDS
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-from scenarionet_sim.kernels.scoring import NUMBERS
 from scenarionet_sim.policies import External, Idm, Replay
 from scenarionet_sim.scenarios import Curriculum, Scenarios
 from scenarionet_sim.sensors import BirdView
+from scenarionet_sim.task.scoring_kernels import NUMBERS
 from scenarionet_sim.worlds.world import World
 
 NAMES = ("wall", "crowd", "empty", "walker")

@@ -14,7 +14,7 @@ from scenarionet_sim.evaluation.recording import record
 from scenarionet_sim.policies import Replay
 from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.sensors import Camera
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake

@@ -8,9 +8,9 @@ import pytest
 pytestmark = pytest.mark.learn
 torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
 
+from scenarionet_sim.backends.bicycle_kernels import drive_bicycles  # noqa: E402
 from scenarionet_sim.environments.config import MultiAgentConfig  # noqa: E402
 from scenarionet_sim.environments.flat import FlatEnv  # noqa: E402
-from scenarionet_sim.kernels.bicycle import drive_bicycles  # noqa: E402
 from scenarionet_sim.learning.airl import AirlLearner, InverseDynamics  # noqa: E402
 from scenarionet_sim.learning.config import AirlConfig, GailConfig  # noqa: E402
 from scenarionet_sim.learning.experts import Experts  # noqa: E402
@@ -72,7 +72,19 @@ def test_airl_and_discrete_policies_learn(env):
 def test_inverse_dynamics_finds_the_controls_of_the_bicycle_model():
     """The mean squared error is below 0.001 on transitions that it has not seen."""
     rng, count = np.random.default_rng(0), 20_000
-    vehicle = [np.radians(40.0), 4.0, 8.0, 40.0, 0.6, 8.0, np.inf, 0.0, 0.0, 0.0, 0.0]  # columns of kernels.bicycle
+    vehicle = [
+        np.radians(40.0),
+        4.0,
+        8.0,
+        40.0,
+        0.6,
+        8.0,
+        np.inf,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    ]  # see bicycle_kernels
     controls = rng.uniform(-1.0, 1.0, (count, 2))
     motion, size = np.zeros((1, count, 7)), np.tile([4.6, 1.9, 1.6], (1, count, 1))
     heading, speed = rng.uniform(-np.pi, np.pi, count), rng.uniform(2.0, 8.0, count)

@@ -13,10 +13,10 @@ pytestmark = [pytest.mark.learn, pytest.mark.long, pytest.mark.filterwarnings("d
 torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
 sb3 = pytest.importorskip("stable_baselines3")
 
-from scenarionet_sim.kernels.scoring import NUMBERS  # noqa: E402
 from scenarionet_sim.learning.config import PpoConfig, Td3Config  # noqa: E402
 from scenarionet_sim.learning.ppo import PpoLearner  # noqa: E402
 from scenarionet_sim.learning.td3 import Td3Learner  # noqa: E402
+from scenarionet_sim.task.scoring_kernels import NUMBERS  # noqa: E402
 
 SEEDS, EPISODES, STEPS = range(5), 100, 200
 PPO_STEPS, TD3_STEPS = 18 * 8 * 512, 7_000

@@ -13,7 +13,7 @@ from scenarionet_data.errors import BadParameter, LakeError  # noqa: E402
 from scenarionet_data.maintenance.fsck import fsck  # noqa: E402
 from scenarionet_data.storage.files.opening import open_files  # noqa: E402
 from scenarionet_sim import record  # noqa: E402
-from scenarionet_sim.learning import checkpoints  # noqa: E402
+from scenarionet_sim.drivers import checkpoints  # noqa: E402
 from scenarionet_sim.learning.config import make_learner_config  # noqa: E402
 from scenarionet_sim.learning.training import train  # noqa: E402
 

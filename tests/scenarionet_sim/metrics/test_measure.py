@@ -11,10 +11,10 @@ from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.schema import tables
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.evaluation.drivers import resolve_drivers
-from scenarionet_sim.evaluation.rollout import Rollout
-from scenarionet_sim.evaluation.rollout_batch import RolloutBatch, RolloutJob
+from scenarionet_sim.drivers.by_name import resolve_drivers
 from scenarionet_sim.metrics.measure import measure
+from scenarionet_sim.rollouts.batch import RolloutBatch, RolloutJob
+from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 

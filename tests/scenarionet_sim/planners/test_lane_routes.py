@@ -9,7 +9,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.planners import Planned
 from scenarionet_sim.planners.following import IdmPlanner
 from scenarionet_sim.policies import External, Idm, Replay, ego
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.lane_routes import LaneRoute, route_between
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import make_drive

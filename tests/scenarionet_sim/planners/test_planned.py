@@ -9,12 +9,12 @@ import pytest
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
-from scenarionet_sim.evaluation.drivers import MANUAL, PLANNERS, resolve_drivers
+from scenarionet_sim.drivers.by_name import MANUAL, PLANNERS, resolve_drivers
 from scenarionet_sim.planners import PerfectTracking, Planned, Planner, Trajectory, View
 from scenarionet_sim.planners.following import ConstantVelocityPlanner, IdmPlanner, LogReplayPlanner, PurePursuitPlanner
 from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
 from scenarionet_sim.policies import Replay, other_vehicles
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.lane_routes import LaneRoute
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

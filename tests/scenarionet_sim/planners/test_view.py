@@ -8,7 +8,7 @@ import pytest
 from scenarionet_data.scenario.vocabulary import LightColor, ObjectType
 from scenarionet_sim.planners import Planned, Planner, Trajectory, View
 from scenarionet_sim.policies import Replay
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario

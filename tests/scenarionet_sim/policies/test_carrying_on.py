@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from scenarionet_sim.policies import ConstantVelocity, External, Replay, vehicles
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 

@@ -13,7 +13,7 @@ from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, ObjectType
 from scenarionet_sim.metrics.comfort import body_acceleration, measure_comfort
 from scenarionet_sim.policies import External, Idm, Replay, ego, vehicles
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 

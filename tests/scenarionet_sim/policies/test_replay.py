@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenarionet_sim.policies import Replay
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.scenarios import make_scenario
 

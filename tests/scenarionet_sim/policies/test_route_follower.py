@@ -9,7 +9,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.policies import Idm, Replay, RouteFollower, ego
 from scenarionet_sim.roads.roads import Roads
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.routes import continued
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

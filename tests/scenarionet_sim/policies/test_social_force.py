@@ -8,7 +8,7 @@ import pytest
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.policies import ConstantVelocity, Replay, SocialForce, all_objects
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario

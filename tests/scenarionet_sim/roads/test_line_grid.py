@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_sim.kernels.rays import LINE_BITS
-from scenarionet_sim.kernels.structures import CELLS_IN_BLOCK
+from scenarionet_sim.arrays.structures import CELLS_IN_BLOCK
 from scenarionet_sim.roads.grid import Grid
 from scenarionet_sim.roads.line_grid import LineGrid
+from scenarionet_sim.roads.ray_kernels import LINE_BITS
 
 TYPES = np.array([MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE, MapFeatureType.ROAD_EDGE_MEDIAN], np.uint8)
 

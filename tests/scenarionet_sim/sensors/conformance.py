@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scenarionet_sim.sensors import Sensor
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from tests.fixtures.simulations import alone, crowd, simulate
 
 

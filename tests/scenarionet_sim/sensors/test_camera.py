@@ -11,10 +11,10 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.cameras.classes import CITYSCAPES, CLASS_COLORS, METADRIVE, SemanticClass
+from scenarionet_sim.cameras.draw.lens import project
 from scenarionet_sim.cameras.formats import from_nv12, to_nv12
 from scenarionet_sim.cameras.lenses import lens_of, rays_of
 from scenarionet_sim.cameras.terrain import Terrain
-from scenarionet_sim.kernels.cameras.lens import project
 from scenarionet_sim.roads.heights import Heights
 from scenarionet_sim.sensors import Camera, Mount
 from scenarionet_sim.sensors.camera_presets import camera_ring

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_sim.kernels.log import HEADING, X, Y
-from scenarionet_sim.kernels.rays import cast_at_segments
+from scenarionet_sim.arrays.log import HEADING, X, Y
+from scenarionet_sim.roads.ray_kernels import cast_at_segments
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.sensors import BoundaryDetector, LaneLineDetector
 from scenarionet_sim.sensors.base import directions, table

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.kernels.point_cloud import spin
 from scenarionet_sim.sensors import PointCloud
 from scenarionet_sim.sensors.base import directions
+from scenarionet_sim.sensors.point_cloud_kernels import spin
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate
 from tests.scenarionet_sim.sensors import oracle

@@ -11,7 +11,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.policies import Replay
 from scenarionet_sim.sensors import EgoState, LightAhead, Navigation, Surrounding
-from scenarionet_sim.simulation import Simulation
+from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate

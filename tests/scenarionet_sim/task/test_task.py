@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.kernels.log import ARC, VX, VY
-from scenarionet_sim.kernels.scoring import COMPLETION, NUM_TOTALS, TERMS, StepResult, score
-from scenarionet_sim.kernels.structures import NUM_OBJECTS, NUM_PLACES, NUM_STEPS, OBJECTS, StateArrays
+from scenarionet_sim.arrays.log import ARC, VX, VY
+from scenarionet_sim.arrays.structures import NUM_OBJECTS, NUM_PLACES, NUM_STEPS, OBJECTS, StateArrays
+from scenarionet_sim.task.scoring_kernels import COMPLETION, NUM_TOTALS, TERMS, StepResult, score
 from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Status, is_terminated, task_parameters
 from tests.fixtures.recorded import recorded
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from scenarionet_sim.kernels.structures import (
+from scenarionet_sim.arrays.structures import (
     BLOCKS,
     CELLS,
     LIGHTS,

@@ -138,7 +138,7 @@ def command(
     Finished scenarios are kept: run the same command again to continue after an interruption.
     """
     from scenarionet_pipelines.machine import default_workers
-    from scenarionet_sim.evaluation.drivers import MANUAL
+    from scenarionet_sim.drivers.by_name import MANUAL
     from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
     from scenarionet_sim.evaluation.references import run_references
 

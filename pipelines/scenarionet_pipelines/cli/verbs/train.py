@@ -83,8 +83,8 @@ def command(
     Run the same command again to continue after an interruption; the weights at the end are the same.
     """
     from scenarionet_data.storage.files.opening import open_files
+    from scenarionet_sim.drivers.trained import load_driver
     from scenarionet_sim.learning.config import make_learner_config
-    from scenarionet_sim.learning.driver import load_driver
 
     config = make_learner_config(algorithm, size, pairs(parameters, "-p"))
     try:

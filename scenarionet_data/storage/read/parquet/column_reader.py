@@ -18,9 +18,9 @@ import pyarrow.parquet as pq
 import zstandard
 
 from scenarionet_data.arrays.columns import FIRST, SIZE, ColumnBlock, ColumnLayout, Columns
-from scenarionet_data.arrays.compiled import unchecked
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
+from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.storage.read.parquet import page_kernels as pages
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, StoredGroup, UnreadableFile

@@ -17,8 +17,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.storage.read.parquet.byte_kernels import double_at, pointer_to
 
 _POLYNOMIAL = 0x104C11DB7

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.columns import LIST, NULLABLE
-from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.storage.read.parquet.byte_kernels import double_at, trailing_zeros, word_at
 from scenarionet_data.storage.read.parquet.page_kernels import (
     COUNT,

@@ -12,8 +12,8 @@ a value and 0 for null.
 
 from __future__ import annotations
 
-from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.storage.read.parquet.crc_kernels import crc32
 from scenarionet_data.storage.read.parquet.lz4_kernels import decompress
 from scenarionet_data.storage.read.parquet.thrift_kernels import (

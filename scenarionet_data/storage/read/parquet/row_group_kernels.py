@@ -7,8 +7,8 @@ decompressed between two calls. The kernels release the interpreter lock, so tha
 from __future__ import annotations
 
 from scenarionet_data.arrays.columns import FIRST_BYTE, LAST_BYTE, ColumnBlock
-from scenarionet_data.arrays.compiled import kernel
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.storage.read.parquet.page_kernels import (
     CHUNK_END,
     DAMAGED,

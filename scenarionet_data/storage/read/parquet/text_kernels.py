@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.storage.read.parquet.byte_kernels import byte_at, double_at, store_8
 
 _NOT_ASCII = np.uint64(0x8080808080808080)

@@ -5,8 +5,8 @@ Format: https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-pr
 
 from __future__ import annotations
 
-from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import device_function
 
 UNKNOWN = -1
 """Result for bytes that differ from what our writer produces."""

@@ -28,8 +28,8 @@ from scenarionet_data.arrays.columns import (
     WORDS,
     ColumnBlock,
 )
-from scenarionet_data.arrays.compiled import device_function
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.storage.read.parquet.byte_kernels import byte_at, word_at
 from scenarionet_data.storage.read.parquet.level_kernels import keep_levels, read_levels, repeat_levels
 from scenarionet_data.storage.read.parquet.page_kernels import (

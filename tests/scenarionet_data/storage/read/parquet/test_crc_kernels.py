@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.storage.read.parquet import crc_kernels
 
 

@@ -5,7 +5,7 @@ import pyarrow as pa
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from scenarionet_data.arrays.compiled import kernel
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.storage.read.parquet import lz4_kernels
 
 GUARD = 8

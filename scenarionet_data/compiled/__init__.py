@@ -1,0 +1,1 @@
+"""Compilation with Numba: the decorators of all kernels, and the compiler behind them."""

@@ -1,0 +1,1 @@
+"""Kernels that draw frames: instances, triangles, ground, sky, light and labels."""

@@ -1,0 +1,250 @@
+"""Shading of a tile: shadows on the ground, the colours of triangles, haze and the tone of the picture."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
+from scenarionet_data.compiled.decorators import device_function
+from scenarionet_sim.arrays.minmax import larger, smaller
+from scenarionet_sim.cameras.draw.layout import (
+    BLUE,
+    DISTANCE,
+    EXPOSURE,
+    EYE,
+    FACADE,
+    FAR,
+    FX,
+    GAIN,
+    GREEN,
+    GROUND_X,
+    GROUND_Y,
+    HAZE,
+    HORIZON,
+    MATERIAL,
+    NOTHING,
+    ON_GROUND,
+    RAY_Z,
+    RED,
+    VIGNETTE,
+)
+from scenarionet_sim.cameras.draw.singles import bits_of, number_of, rounded_down, single, single_of
+
+OCTAVES = -12.0, math.log2(3.0)
+"""Binary logarithms of the linear light that is shown as black and as white."""
+
+_DARKEST, _BRIGHTEST = 2.0 ** OCTAVES[0], 2.0 ** OCTAVES[1]
+_SCALE = 2.0 / (OCTAVES[1] - OCTAVES[0])
+_MANTISSA, _ONE_BITS = np.int32((1 << 23) - 1), np.int32(127 << 23)
+_PER_BIT, _SHIFT, _BEND, _BEND_STEP = (
+    _SCALE * factor for factor in (2.0**-23, 127 + sum(OCTAVES) / 2, 0.42086, -0.15639)
+)
+"""The bits of a float32 are its binary logarithm but for the bend of that between powers of two, here to 0.001."""
+
+PART = 32
+"""Pixels of a row that are tested together for being beside a shadow."""
+
+LONG = 8
+"""Pixels of a row from which on it is worth finding all that see the same triangle."""
+
+SOFT = 0.3
+"""Width of the soft edge of a shadow outside of its outline [m]."""
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def cast_shadows(
+    row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, seen: Int32,
+    xs: Float32, ys: Float32, shade: Float32,
+) -> None:  # fmt: skip
+    """Lower the share of sunlight that arrives at the ground, under and behind objects, in pixels of a row.
+
+    Only points of the ground are on a line: what is seen before it, and the sky, does not bound those between.
+    """
+    for n in range(num_shadows):
+        if not shadows[n, 9] <= row < shadows[n, 11]:
+            continue
+        first, end = int(larger(shadows[n, 8] - start, 0.0)), int(smaller(shadows[n, 10] - start, len(xs) * 1.0))
+        for begin in range(first, end, PART):
+            left, right = begin, smaller(begin + PART, end)
+            while left < right and seen[left] != ON_GROUND:
+                left += 1
+            while left < right and seen[right - 1] != ON_GROUND:
+                right -= 1
+            if left == right or _is_beside(shadows[n], frame, xs[left], ys[left], xs[right - 1], ys[right - 1]):
+                continue
+            _cast(
+                single(strength), single(shadows[n, 0] - frame[0]), single(shadows[n, 1] - frame[1]), shadows[n],
+                xs[left:right], ys[left:right], shade[left:right],
+            )  # fmt: skip
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _is_beside(shadow: Float64, frame: Float64, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """Whether a shadow and the points between two are on different sides of an edge of the box around the shadow."""
+    cos, sin, x, y = shadow[2], shadow[3], shadow[0] - frame[0], shadow[1] - frame[1]
+    first, last = cos * (x0 - x) + sin * (y0 - y), cos * (x1 - x) + sin * (y1 - y)
+    pad, sweep = shadow[4] + SOFT, shadow[6]
+    if larger(first, last) < smaller(sweep, 0.0) - pad or smaller(first, last) > larger(sweep, 0.0) + pad:
+        return True
+    first, last = cos * (y0 - y) - sin * (x0 - x), cos * (y1 - y) - sin * (x1 - x)
+    pad, sweep = shadow[5] + SOFT, shadow[7]
+    return bool(larger(first, last) < smaller(sweep, 0.0) - pad or smaller(first, last) > larger(sweep, 0.0) + pad)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _cast(strength: float, x0: float, y0: float, shadow: Float64, xs: Float32, ys: Float32, shade: Float32) -> None:
+    """Cast the shadow of a box, swept along the light, with an edge that softens with the distance from the box."""
+    cos, sin = single(shadow[2]), single(shadow[3])
+    half_length, half_width = single(shadow[4]), single(shadow[5])
+    sweep_x, sweep_y = single(shadow[6]), single(shadow[7])
+    inverse = 1.0 / (sweep_x * sweep_x + sweep_y * sweep_y + 1e-9)
+    for k in range(len(xs)):
+        dx, dy = xs[k] - x0, ys[k] - y0
+        x, y = cos * dx + sin * dy, cos * dy - sin * dx
+        along = smaller(larger((x * sweep_x + y * sweep_y) * inverse, 0.0), 1.0)
+        out = larger(abs(x - along * sweep_x) - half_length, abs(y - along * sweep_y) - half_width)
+        close = larger(abs(x) - half_length, abs(y) - half_width)
+        cast = smaller(larger(0.5 - out / (0.05 + 0.30 * along), 0.0), 1.0) * (1.0 - 0.35 * along)
+        contact = 0.9 * smaller(larger(0.55 - close * 2.0, 0.0), 1.0)
+        shade[k] *= 1.0 - strength * larger(cast, contact)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def color_triangles(
+    row: int, shift: int, first: int, end: int, pose: Float64, lens: Float64, frame: Float64, colors: Float32,
+    labels: Int32, seen: Int32, shades: Float32,
+) -> None:  # fmt: skip
+    """Write the light of triangles in pixels of a row, run by run of those that see the same one.
+
+    Args:
+        row, shift: Pixel k of the tile is in this row and in column ``k + shift``.
+        first, end: Pixels of the tile.
+        pose, lens, frame: Of the camera and the ground's grid.
+        colors, labels, seen, shades: See ``FrameMemory``.
+    """
+    reds, greens, blues = shades[RED], shades[GREEN], shades[BLUE]
+    begin, line = first, single(row)
+    while begin < end:
+        triangle = seen[begin]
+        if triangle < 0:
+            begin += 1
+            continue
+        color, column, stop = colors[triangle], single(begin + shift), begin + 1
+        is_wall = labels[triangle, MATERIAL] == FACADE
+        if is_wall or (begin + LONG <= end and seen[begin + LONG - 1] == triangle):
+            while stop < end and seen[stop] == triangle:
+                stop += 1
+        red, green = color[0] + color[1] * column + color[2] * line, color[3] + color[4] * column + color[5] * line
+        blue = color[6] + color[7] * column + color[8] * line
+        if stop == begin + 1 and not is_wall:
+            begin += _grade_few(
+                begin, end, triangle, seen, red, color[1], green, color[4], blue, color[7], reds, greens, blues
+            )
+            continue
+        _grade(begin, stop, red, color[1], green, color[4], blue, color[7], reds, greens, blues)
+        if is_wall:
+            nx, ny = color[9] * (1.0 / 3.2), color[10] * (1.0 / 3.2)
+            _open_windows(
+                begin, stop, single(nx), single(ny), single((nx * frame[1] - ny * frame[0]) % 1.0),
+                single(pose[EYE + 2]), single(0.8 / lens[FX]), shades[DISTANCE], shades[RAY_Z], shades[GROUND_X],
+                shades[GROUND_Y], reds, greens, blues,
+            )  # fmt: skip
+        begin = stop
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _grade(
+    first: int, end: int, red: float, red_step: float, green: float, green_step: float, blue: float, blue_step: float,
+    reds: Float32, greens: Float32, blues: Float32,
+) -> None:  # fmt: skip
+    """Write light that is linear along a row."""
+    for lane in range(end - first):
+        k, at = first + lane, single_of(lane)
+        reds[k], greens[k], blues[k] = red + red_step * at, green + green_step * at, blue + blue_step * at
+
+
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+def _grade_few(
+    first: int, end: int, triangle: int, seen: Int32, red: float, red_step: float, green: float, green_step: float,
+    blue: float, blue_step: float, reds: Float32, greens: Float32, blues: Float32,
+) -> int:  # fmt: skip
+    """Write light that is linear along a row in at most ``LONG`` pixels that see a triangle; return how many."""
+    count = LONG
+    for lane in range(smaller(end - first, LONG)):
+        k, at = first + lane, single_of(lane)
+        is_same = seen[k] == triangle
+        reds[k] = red + red_step * at if is_same else reds[k]
+        greens[k] = green + green_step * at if is_same else greens[k]
+        blues[k] = blue + blue_step * at if is_same else blues[k]
+        count = smaller(count, LONG if is_same else lane)
+    return smaller(count, end - first)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _open_windows(
+    first: int, end: int, nx: float, ny: float, offset: float, level: float, angle: float, distances: Float32,
+    zs: Float32, xs: Float32, ys: Float32, red: Float32, green: Float32, blue: Float32,
+) -> None:  # fmt: skip
+    """Darken the windows of the storeys of a wall."""
+    for k in range(first, end):
+        far = distances[k]
+        u, v = nx * ys[k] - ny * xs[k] + offset, (level + far * zs[k]) * (1.0 / 3.3)
+        u, v = u - rounded_down(u), v - rounded_down(v)
+        is_window = (u > 0.22) & (u < 0.78) & (v > 0.28) & (v < 0.80)
+        share = smaller(larger(1.2 - far * angle, 0.0), 1.0)
+        bright = 1.0 - 0.72 * ((1.0 if is_window else 0.0) * share + 0.29 * (1.0 - share))
+        red[k] *= bright
+        green[k] *= bright
+        blue[k] *= 0.1 + 0.9 * bright
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def expose(
+    first: int, size: tuple[int, int], light: Float64, tone: Float32, seen: Int32, shades: Float32, picture: UInt8
+) -> None:
+    """Add haze and write the colours of a tile into a part of a picture (3 * count,), pixel by pixel.
+
+    Args:
+        first: Number of the tile's first pixel in the picture.
+        size: Height and width of the picture.
+        light, tone: Light of the frame, and the tone curve.
+        seen, shades: Memory of the tile.
+        picture: Output.
+    """
+    count, gains = len(seen), shades[GAIN]
+    for k in range(count):
+        gains[k] = light[EXPOSURE]
+    if light[VIGNETTE] > 0.0:
+        for k in range(count):
+            row, column = (first + k) // size[1], (first + k) % size[1]
+            below, beside = (row + 0.5) / size[0] - 0.5, (column + 0.5) / size[1] - 0.5
+            gains[k] *= 1.0 - 2.0 * light[VIGNETTE] * (below * below + beside * beside)
+    _develop(count, light, tone, seen, shades[FAR], gains, shades[RED], shades[GREEN], shades[BLUE], picture)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _develop(
+    count: int, light: Float64, tone: Float32, seen: Int32, far: Float32, gains: Float32, red: Float32,
+    green: Float32, blue: Float32, picture: UInt8,
+) -> None:  # fmt: skip
+    """Blend what is far away with the light of the horizon; write the levels of linear light."""
+    haze = single(light[HAZE])
+    r, g, b = single(light[HORIZON]), single(light[HORIZON + 1]), single(light[HORIZON + 2])
+    for k in range(count):
+        mist = 0.0 if seen[k] == NOTHING else far[k] * haze
+        clear, gain = 1.0 / (1.0 + mist * (1.0 + 0.5 * mist)), gains[k]
+        picture[3 * k] = level_of((r + clear * (red[k] - r)) * gain, tone)
+        picture[3 * k + 1] = level_of((g + clear * (green[k] - g)) * gain, tone)
+        picture[3 * k + 2] = level_of((b + clear * (blue[k] - b)) * gain, tone)
+
+
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+def level_of(light: float, tone: Float32) -> int:
+    """Return the level of linear light, see ``Look.tone``."""
+    bits = bits_of(smaller(larger(light, _DARKEST), _BRIGHTEST))
+    rest = number_of(int((bits & _MANTISSA) | _ONE_BITS)) - 1.0
+    x = single(bits) * _PER_BIT - _SHIFT + (rest - rest * rest) * (_BEND + _BEND_STEP * rest)
+    low = tone[0] + x * (tone[1] + x * (tone[2] + x * tone[3]))
+    return np.int32(low + x * x * x * x * (tone[4] + x * (tone[5] + x * (tone[6] + x * (tone[7] + x * tone[8])))))  # type: ignore[return-value]

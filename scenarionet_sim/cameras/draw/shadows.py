@@ -1,0 +1,76 @@
+"""Shadows of boxes on the ground."""
+
+from __future__ import annotations
+
+import math
+
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.compiled.decorators import device_function
+from scenarionet_sim.arrays.minmax import larger, smaller
+from scenarionet_sim.cameras.draw.layout import (
+    CX,
+    CY,
+    DOWN,
+    EYE,
+    FORWARD,
+    FX,
+    FY,
+    RIGHT,
+    SUN,
+)
+from scenarionet_sim.cameras.draw.vertices import NEAREST
+
+SHADOW_REACH = 120.0
+"""Shadows farther than this are not seen [m]."""
+
+LEAST_SHADOW = 0.6
+"""Height on the screen [pixels] below which shadows are not drawn."""
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def add_shadow(
+    box: Float64, pose: Float64, lens: Float64, width: int, height: int, light: Float64, shadows: Float64,
+    num_shadows: int,
+) -> int:  # fmt: skip
+    """Add the shadow of a box on the ground; return the new number of shadows."""
+    wx, wy = box[0] - pose[EYE], box[1] - pose[EYE + 1]
+    if num_shadows >= len(shadows):
+        return num_shadows
+    cos, sin = math.cos(box[3]), math.sin(box[3])
+    length = box[6] / larger(light[SUN + 2], 0.2)
+    sweep_x = -length * (cos * light[SUN] + sin * light[SUN + 1])
+    sweep_y = -length * (cos * light[SUN + 1] - sin * light[SUN])
+    pad = 0.45
+    low_x, high_x = smaller(sweep_x, 0.0) - 0.5 * box[4] - pad, larger(sweep_x, 0.0) + 0.5 * box[4] + pad
+    low_y, high_y = smaller(sweep_y, 0.0) - 0.5 * box[5] - pad, larger(sweep_y, 0.0) + 0.5 * box[5] + pad
+    left, top, right, bottom = width * 1.0, height * 1.0, 0.0, 0.0
+    bx = by = bz = 0.0
+    for corner in range(5):  # the outline, clipped before the camera
+        x = low_x if corner == 0 or corner >= 3 else high_x
+        y = low_y if corner < 2 or corner == 4 else high_y
+        if corner == 4:
+            x = low_x
+        dx, dy, dz = wx + cos * x - sin * y, wy + sin * x + cos * y, box[2] - pose[EYE + 2]
+        ax = pose[RIGHT] * dx + pose[RIGHT + 1] * dy + pose[RIGHT + 2] * dz
+        ay = pose[DOWN] * dx + pose[DOWN + 1] * dy + pose[DOWN + 2] * dz
+        az = pose[FORWARD] * dx + pose[FORWARD + 1] * dy + pose[FORWARD + 2] * dz
+        for step in range(2):
+            px, py, pz = ax, ay, az
+            if step == 0:
+                if corner == 0 or (az < NEAREST) == (bz < NEAREST):
+                    continue
+                share = (NEAREST - bz) / (az - bz)
+                px, py, pz = bx + share * (ax - bx), by + share * (ay - by), NEAREST
+            if pz >= NEAREST:
+                column, row = lens[FX] * px / pz + lens[CX], lens[FY] * py / pz + lens[CY]
+                left, right = smaller(left, column), larger(right, column)
+                top, bottom = smaller(top, row), larger(bottom, row)
+        bx, by, bz = ax, ay, az
+    if right <= 0.0 or left >= width or bottom <= 0.0 or top >= height or left >= right:
+        return num_shadows
+    shadow = shadows[num_shadows]
+    shadow[0], shadow[1], shadow[2], shadow[3] = box[0], box[1], cos, sin
+    shadow[4], shadow[5], shadow[6], shadow[7] = 0.5 * box[4], 0.5 * box[5], sweep_x, sweep_y
+    shadow[8], shadow[9] = larger(math.floor(left), 0.0), larger(math.floor(top) - 1.0, 0.0)
+    shadow[10], shadow[11] = smaller(math.ceil(right), width), smaller(math.ceil(bottom) + 1.0, height)
+    return num_shadows + 1

@@ -1,1 +1,0 @@
-"""Numba kernels over plain arrays, independent of the classes of the simulator."""

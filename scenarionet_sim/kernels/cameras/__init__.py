@@ -1,1 +1,0 @@
-"""Compiled loops of cameras: lenses, triangles in view, the ground, shading, whole frames."""

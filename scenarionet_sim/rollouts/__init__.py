@@ -1,0 +1,1 @@
+"""Episodes as arrays: how they are simulated in batches, recorded and stored."""

@@ -1,0 +1,216 @@
+"""Observation of the agent's own path, and of the objects around it, in its frame (x forward, y left)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_sim.arrays.log import ARC, HEADING, VX, VY, YAW_RATE, X, Y
+from scenarionet_sim.arrays.minmax import larger, smaller
+from scenarionet_sim.arrays.structures import LIGHTS, NUM_STEPS, OBJECTS, Recorded
+from scenarionet_sim.worlds.path_kernels import PathRows, direction, pose_on, segment_at, segment_from
+
+_STANDING = 0.1
+"""Speed [m/s] below which a vehicle's motion does not reveal its steering."""
+
+
+@kernel
+def points_ahead(
+    agents: Int32, motion: Float64, route: Float64, recorded: Recorded, spacing: float, out: Float64
+) -> int:
+    """Sample points of each agent's path ahead; points beyond the end are the end.
+
+    Args:
+        agents: (A, 2) world and row.
+        motion, route: See ``State``.
+        recorded: Paths of W worlds.
+        spacing: Distance between points along the path [m]; the first is one spacing ahead.
+        out: (A, K, 2) output [m]; 0 for an agent without a path.
+
+    Returns:
+        Index of the first agent whose arc length is NaN (not located on its path), or -1.
+    """
+    lost = -1
+    for a in range(agents.shape[0]):
+        w, own = agents[a, 0], agents[a, 1]
+        if lost < 0 and np.isnan(route[w, own, 0]):
+            lost = a
+        row = recorded.place[w, OBJECTS] + own
+        way = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
+        way_ahead(motion[w, own], route[w, own], way, spacing, out[a])
+    return lost
+
+
+@device_function
+def way_ahead(me: Float64, route: Float64, way: PathRows, spacing: float, out: Float64) -> None:
+    """Sample the path of one agent, with rows (7,) of motion and (2,) of route; see :func:`points_ahead`."""
+    cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
+    x, y, segment = 0.0, 0.0, segment_at(way, larger(route[0], 0.0))
+    for k in range(out.shape[0]):
+        out[k, 0], out[k, 1] = 0.0, 0.0
+        if way.end == way.first:
+            continue
+        x, y = float(way.points[way.first, X]), float(way.points[way.first, Y])
+        if way.end - way.first > 1:
+            s = smaller(larger(route[0] + (k + 1) * spacing, 0.0), np.float64(way.points[way.end - 1, ARC]))
+            segment = segment_from(way, segment, s)
+            x, y, _, _ = pose_on(way, segment, s)
+        dx, dy = x - me[X], y - me[Y]
+        out[k, 0], out[k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@kernel
+def observe_self(
+    agents: Int32,
+    motion: Float64,
+    route: Float64,
+    size: Float64,
+    recorded: Recorded,
+    wheelbase: float,
+    out: Float64,
+) -> int:
+    """Observe each agent's own motion and its location on its path.
+
+    Args:
+        agents: (A, 2) world and row.
+        motion, route, size: See ``State``.
+        recorded: Paths of W worlds.
+        wheelbase: Distance between the axles, as a share of the length.
+        out: (A, 7) output: speed forward and to the left [m/s], yaw rate [rad/s], steering angle [rad], heading
+            relative to the path [rad] in [-pi, pi], offset to its left [m], completed share of its length.
+
+    Returns:
+        Index of the first agent whose arc length is NaN (not located on its path), or -1.
+    """
+    lost = -1
+    for a in range(agents.shape[0]):
+        w, own = agents[a, 0], agents[a, 1]
+        if lost < 0 and np.isnan(route[w, own, 0]):
+            lost = a
+        row = recorded.place[w, OBJECTS] + own
+        way = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
+        own_motion(motion[w, own], route[w, own], size[w, own, 0], way, wheelbase, out[a])
+    return lost
+
+
+@device_function
+def own_motion(me: Float64, route: Float64, length: float, way: PathRows, wheelbase: float, out: Float64) -> None:
+    """Observe one agent, with rows (7,) of motion and (2,) of route; see :func:`observe_self`."""
+    cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
+    forward = cos * me[VX] + sin * me[VY]
+    out[0] = forward
+    out[1] = cos * me[VY] - sin * me[VX]
+    out[2] = me[YAW_RATE]
+    out[3] = 0.0  # yaw rate of a bicycle = speed * tan(steering) / wheelbase
+    if abs(forward) >= _STANDING:
+        out[3] = np.arctan(wheelbase * length * me[YAW_RATE] / forward)
+    out[4], out[5], out[6] = 0.0, route[1], 1.0
+    if way.end - way.first > 1:
+        tx, ty, _ = direction(way, segment_at(way, route[0]))
+        out[4] = np.arctan2(sin * tx - cos * ty, cos * tx + sin * ty)
+        out[6] = smaller(larger(route[0] / way.points[way.end - 1, ARC], 0.0), 1.0)
+
+
+@kernel
+def observe_others(
+    agents: Int32,
+    motion: Float64,
+    size: Float64,
+    object_type: UInt8,
+    is_visible: Bool,
+    reach: float,
+    out: Float64,
+) -> None:
+    """Observe the objects nearest to each agent, nearest first; ties in the order of their rows.
+
+    Args:
+        agents: (A, 2) world and row.
+        motion, size, object_type: See ``State``.
+        is_visible: (W, N) objects to report.
+        reach: Largest distance between centres [m].
+        out: (A, K, 13) output, zeros beyond the last object: 1; centre x, y [m]; cosine and sine of the object's
+            heading minus the agent's; velocity minus the agent's, x, y [m/s]; length, width, height [m]; 1 for
+            types 1, 2 and 3 (vehicle, pedestrian, cyclist).
+    """
+    most = out.shape[1]
+    apart, rows = np.empty(most), np.empty(most, np.int32)
+    for a in range(agents.shape[0]):
+        w, own = agents[a, 0], agents[a, 1]
+        me = motion[w, own]
+        found = 0
+        for n in range(motion.shape[1]):
+            if n == own or not is_visible[w, n]:
+                continue
+            dx, dy = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y]
+            distance = dx * dx + dy * dy
+            if distance > reach * reach or (found == most and distance >= apart[found - 1]):
+                continue
+            found = smaller(found + 1, most)
+            place = found - 1
+            while place > 0 and apart[place - 1] > distance:
+                apart[place], rows[place] = apart[place - 1], rows[place - 1]
+                place -= 1
+            apart[place], rows[place] = distance, n
+        cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
+        for place in range(most):
+            for column in range(out.shape[2]):
+                out[a, place, column] = 0.0
+            if place >= found:
+                continue
+            n = rows[place]
+            dx, dy = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y]
+            vx, vy = motion[w, n, VX] - me[VX], motion[w, n, VY] - me[VY]
+            turn = motion[w, n, HEADING] - me[HEADING]
+            out[a, place, 0] = 1.0
+            out[a, place, 1], out[a, place, 2] = cos * dx + sin * dy, cos * dy - sin * dx
+            out[a, place, 3], out[a, place, 4] = np.cos(turn), np.sin(turn)
+            out[a, place, 5], out[a, place, 6] = cos * vx + sin * vy, cos * vy - sin * vx
+            for axis in range(3):
+                out[a, place, 7 + axis] = size[w, n, axis]
+            if 1 <= object_type[w, n] <= 3:
+                out[a, place, 9 + object_type[w, n]] = 1.0
+
+
+@kernel
+def observe_light(
+    agents: Int32,
+    route: Float64,
+    timestep: Int32,
+    recorded: Recorded,
+    colors: UInt8,
+    reach: float,
+    out: Float32,
+) -> int:
+    """Observe the next traffic light on each agent's path.
+
+    Args:
+        agents: (A, 2) world and row.
+        route, timestep: See ``State``.
+        recorded: Stops and lights of W worlds.
+        colors: (K,) ``LightColor`` by ``LightState``.
+        reach: Range along the path [m].
+        out: (A, 4) output: distance along the path to the stop point divided by ``reach``, 1 without a light in
+            reach; then 1 at the light's current colour (the last recorded one after the end): green, yellow, red.
+
+    Returns:
+        Index of the first agent whose arc length is NaN (not located on its path), or -1.
+    """
+    lost = -1
+    for a in range(agents.shape[0]):
+        w, own = agents[a, 0], agents[a, 1]
+        if lost < 0 and np.isnan(route[w, own, 0]):
+            lost = a
+        out[a, 0], out[a, 1], out[a, 2], out[a, 3] = 1.0, 0.0, 0.0, 0.0
+        row, num_steps = recorded.place[w, OBJECTS] + own, recorded.place[w, NUM_STEPS]
+        lights = recorded.place[w, LIGHTS] + smaller(timestep[w], num_steps - 1)
+        for stop in range(recorded.stop_offsets[row], recorded.stop_offsets[row + 1]):
+            apart = recorded.stop_arc[stop] - route[w, own, 0]
+            if apart >= 0.0:
+                if apart <= reach:
+                    out[a, 0] = apart / reach
+                    color = colors[recorded.light_state[lights + recorded.stop_light[stop] * num_steps]]
+                    if color > 0:
+                        out[a, color] = 1.0
+                break
+    return lost

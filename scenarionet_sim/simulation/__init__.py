@@ -1,0 +1,1 @@
+"""The simulation loop: one compiled step of many worlds, their agents, and what observes them."""

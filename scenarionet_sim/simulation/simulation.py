@@ -1,0 +1,392 @@
+"""The simulation loop: W worlds advanced in lockstep."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP, UInt8, UInt32
+from scenarionet_data.compiled.decorators import unchecked
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.arrays.structures import Series
+from scenarionet_sim.backends.base import Backend, checked_actions
+from scenarionet_sim.backends.bicycle_kernels import NUM_COLUMNS
+from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
+from scenarionet_sim.policies import External, Policy, Replay
+from scenarionet_sim.policies.slots import SlotPolicies, prepared
+from scenarionet_sim.policies.strip_kernels import SightMemory
+from scenarionet_sim.sensors.base import require_located
+from scenarionet_sim.sensors.observation_kernels import Scratch
+from scenarionet_sim.simulation.agents import DrivenAgents
+from scenarionet_sim.simulation.observer import Observer
+from scenarionet_sim.simulation.step import (
+    DRIVE,
+    GO_ON,
+    LOCATE,
+    MOVE,
+    OBSERVE,
+    ONLY_BEGUN,
+    SETTLE,
+    step_reactive_worlds,
+    step_worlds,
+)
+from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays
+from scenarionet_sim.threads.sharing import Team
+from scenarionet_sim.threads.team import Threads
+from scenarionet_sim.worlds.episode_kernels import AT_FIRST, GOES_ON, UNDRIVEN
+from scenarionet_sim.worlds.state import History, State
+from scenarionet_sim.worlds.world import World
+from scenarionet_sim.worlds.world_batch import WorldBatch
+
+LOOK_BACK, LOOK_AHEAD = 10.0, 20.0
+"""Search window on an agent's path around its last location [m]."""
+
+
+class Simulation:
+    """Worlds advanced in lockstep, each in a slot with its own episode.
+
+    In a step every policy writes the next state of its objects, the backend moves the agents by their actions, then
+    contacts and locations on paths are updated, and an observer scores and observes the agents. All of it is one
+    compiled function over ranges of worlds, except policies and backends of your own and Bullet. Results are
+    deterministic and independent of the number of threads.
+
+    Args:
+        worlds: One per slot; all with the same timestep length.
+        policies: Policies in rising priority: an object is driven by the last one that selects it.
+        backend: Vehicle dynamics of the agents; None for ``Kinematic()``.
+        history: Number of past moments to keep in ``state.history``, for sensors that show them.
+        has_passengers: The agents are the egos, which policies drive: they are scored and observed without actions.
+        threads: Largest number of threads.
+        keep: Number of worlds to keep in memory that no slot plays.
+        observer: Scores and observes the agents.
+
+    Attributes:
+        batch: Maps, logs and paths of the worlds.
+        state: The current state, and ``previous`` the one before; a step exchanges the two.
+        driver: (W, N) uint8 policy of each object, or ``UNDRIVEN``.
+        agents: (A, 2) int32 world and row of each present agent, sorted; the order of ``step``'s actions.
+        actions: (A, 2) float64 actions of the last step, clipped to [-1, 1].
+        route: (W, N, 2) float64 location of the agents on their paths, see ``State``.
+        contacts: (A, N) bool objects that each agent's box overlaps.
+        hits: (A,) uint32 types of those objects: bit k is set for type k.
+
+    Example:
+        simulation = Simulation([World.from_scenario(scenario)], (Replay(), Idm(), External()))
+        simulation.step([[0.0, 1.0]])  # straight on, full throttle
+        simulation.state.position[0, simulation.batch.ego[0]]
+    """
+
+    def __init__(
+        self,
+        worlds: Sequence[World],
+        policies: Iterable[Policy] = (Replay(), External()),
+        backend: Backend | None = None,
+        history: int = 0,
+        *,
+        has_passengers: bool = False,
+        threads: int = 1,
+        keep: int = 32,
+        observer: Observer | None = None,
+    ) -> None:
+        self.observer = observer or Observer.nothing(len(worlds))
+        self._dt = worlds[0].dt
+        self._threads = Threads(threads)
+        self._memory: list[tuple[Any, ...]] = []  # by thread
+        self._memory_for: tuple[int, Any] = 0, None  # largest number of objects, kinds of sensors
+        self._policies = SlotPolicies(tuple(policies), len(worlds))
+        self._agents = DrivenAgents(self._policies.are_external, len(worlds), are_egos=has_passengers)
+        self.batch = WorldBatch(worlds, self.policies, self._prepare, keep)
+        shape = len(worlds), self.batch.max_objects
+        self.state = State.empty(*shape)
+        history = max([history, *(policy.history for policy in self.policies)])
+        if history:
+            self.state.history = History.empty(history, *shape)
+        self.previous = self.state.twin()
+        self.driver: UInt8 = np.full(shape, UNDRIVEN, np.uint8)
+        self._session = (backend or Kinematic()).open(self.batch)
+        self._numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if has_passengers else 1.0
+        self._substeps = self._session.substeps if isinstance(self._session, KinematicSession) else 1
+        self._begins: Int32 = np.full(len(worlds), GOES_ON, np.int32)
+        is_kinematic = isinstance(self._session, KinematicSession)
+        self._is_compiled = is_kinematic and self._policies.are_compiled
+        self._moving = MOVE | DRIVE if is_kinematic and not has_passengers else MOVE
+        has_new_vehicle = isinstance(self._session, KinematicSession) and len(self._session.new_vehicle) > 0
+        self._begins_in_step = has_new_vehicle and self._policies.are_compiled and not history
+        self._arrays: dict[int, StepArrays] = {}  # of the step to each of the two states, by the identity of the state
+        self.reset_slots(range(len(worlds)), worlds)
+
+    def __repr__(self) -> str:
+        drivers = ", ".join(type(policy).__name__ for policy in self.policies)
+        return f"Simulation({len(self.batch)} worlds, {len(self.agents)} agents, policies: {drivers})"
+
+    @property
+    def policies(self) -> tuple[Policy, ...]:
+        """Policies of the episodes that begin next; others of the same kinds can be set, with other parameters."""
+        return self._policies.of_next
+
+    @policies.setter
+    def policies(self, policies: tuple[Policy, ...]) -> None:
+        self._policies.replace(policies)
+
+    @property
+    def agents(self) -> Int32:
+        """(A, 2) world and row of each present agent, sorted."""
+        return self._agents.rows
+
+    @property
+    def actions(self) -> Float64:
+        """(A, 2) actions of the last step."""
+        return self._agents.actions[self._agents.places]
+
+    @property
+    def contacts(self) -> Bool:
+        """(A, N) objects that each agent's box overlaps."""
+        return self._agents.contacts[self._agents.places]
+
+    @property
+    def hits(self) -> UInt32:
+        """(A,) types of those objects, as bits."""
+        return self._agents.hits[self._agents.places]
+
+    @property
+    def by_place(self) -> DrivenAgents:
+        """The agents by their places, at which observers write their results."""
+        return self._agents
+
+    @property
+    def dt(self) -> float:
+        """Length of a step [s]."""
+        return self._dt
+
+    @property
+    def route(self) -> Float64:
+        """(W, N, 2) location of the agents on their paths."""
+        return self._agents.route(self.state)
+
+    def reset(self, slot: int, world: World | None = None, start: int | None = None) -> None:
+        """Begin an episode in a slot.
+
+        Args:
+            slot: The slot.
+            world: Its next world; None for the same again.
+            start: First timestep of the log; None for the first at which the ego is valid.
+
+        Raises:
+            BadParameter: The world has another timestep length.
+        """
+        self.reset_slots([slot], [world], start)
+
+    def reset_slots(
+        self, slots: Sequence[int] | IntP, worlds: Sequence[World | None], start: int | None = None
+    ) -> None:
+        """Begin episodes in several slots, and observe the agents there; as :meth:`reset`."""
+        self.begin(slots, worlds, start)
+        self.observe_begun()
+
+    def begin(self, slots: Sequence[int] | IntP, worlds: Sequence[World | None], start: int | None = None) -> None:
+        """Begin episodes in several slots in the next step, in which their worlds do not move; as :meth:`reset`.
+
+        The step has to come next: until then, the state of these slots is undefined.
+        """
+        self.batch.replace(slots, worlds, self.policies)
+        self._grow()
+        self._policies.begin(slots)
+        self._begins[slots] = AT_FIRST if start is None else start
+        self._prepare_beginning(slots)
+
+    def begin_known(self, slots: IntP, coming: IntP, series: Series) -> int:
+        """Begin episodes of scenarios, as :meth:`begin`, if the pool has all of their worlds.
+
+        Args:
+            slots: (B,) the slots.
+            coming: (B + L,) their scenarios, and those that come later.
+            series: What ``WorldBatch.note`` noted of them.
+
+        Returns:
+            Number of the later ones that the pool has not; -1 if it has not all of the others, or if other policies
+            were set since, and then nothing is changed.
+        """
+        if self._policies.are_replaced:
+            return -1
+        num_unknown = self.batch.begin_known(slots, coming, series, self._begins)
+        if num_unknown >= 0:
+            self._prepare_beginning(slots)
+        return num_unknown
+
+    def observe_begun(self) -> None:
+        """Observe the agents of worlds that have begun an episode, which then move in the next step."""
+        self.observer.copy_results()
+        self._run(LOCATE | ONLY_BEGUN | GO_ON | self.observer.phases & ~SETTLE)
+
+    def step(self, actions: npt.ArrayLike | None = None) -> None:
+        """Advance every world by one timestep.
+
+        Args:
+            actions: (A, 2) steering and throttle in [-1, 1] for each of ``agents``, clipped; None for zeros.
+
+        Raises:
+            BadParameter: The number of actions differs from that of agents, or one is NaN.
+        """
+        self._agents.actions[:] = 0.0
+        if actions is not None:
+            checked = checked_actions(actions)
+            if len(checked) != len(self.agents):
+                raise BadParameter(f"{len(checked)} actions for {len(self.agents)} agents; pass one per agent")
+            self._agents.actions[self._agents.places] = checked
+        self._step()
+
+    def step_by_place(self, actions: npt.ArrayLike, num_given: int = 1) -> None:
+        """Advance every world by one timestep; see ``DrivenAgents.act`` for the arguments."""
+        self._agents.act(actions, num_given)
+        self._step()
+
+    def settle(self) -> None:
+        """Let agents that ended leave their rows of flat buffers, if that is not a part of each step."""
+        self._run(SETTLE)
+        self._agents.forget_list()
+
+    def retire(self, agents: npt.ArrayLike) -> None:
+        """Remove agents from their worlds for the rest of the episode.
+
+        Args:
+            agents: (K, 2) world and row of each, out of ``agents``.
+        """
+        worlds, rows = np.asarray(agents, np.int32).reshape(-1, 2).T
+        self.driver[worlds, rows] = UNDRIVEN
+        self.state.present[worlds, rows] = self.previous.present[worlds, rows] = False
+        self._agents.remove(worlds, rows)
+        self.observer.is_stale = True
+
+    def rest(self, slot: int) -> None:
+        """Stop driving the objects of a slot, until its next episode begins."""
+        self.driver[slot] = UNDRIVEN
+        self._agents.remove_all(slot)
+        self.observer.is_stale = True
+
+    def observe(self) -> None:
+        """Let the observer observe the agents again, if some have left since the last step."""
+        if self.observer.is_stale:
+            self.observer.copy_results()
+            self._run(OBSERVE)
+
+    def close(self) -> None:
+        """Release the resources of the backend, and stop the threads."""
+        self._session.close()
+        self._threads.close()
+
+    def _prepare_beginning(self, slots: Sequence[int] | IntP) -> None:
+        """Prepare for episodes that begin in slots, whose worlds and first timesteps are set."""
+        self._agents.forget_list()
+        if not self._begins_in_step:
+            self._begin_now(list(slots))
+
+    def _begin_now(self, slots: list[int]) -> None:
+        """Begin episodes before the next step, for what is outside of it."""
+        self._run(0)
+        for slot in slots:
+            self._session.reset(slot, self.state)
+            if not self._policies.are_compiled:
+                self._policies.begin_uncompiled(self.batch, self.state, slot)
+        if self.state.history is not None:
+            self.state.history.present[:, slots] = False
+
+    def _step(self) -> None:
+        """Advance every world by one timestep, in which the agents act as they are set to."""
+        if self.state.history is not None:
+            self.state.history.push(self.state)
+        self.state, self.previous = self.previous, self.state
+        self.observer.renew_results()
+        if self._is_compiled:
+            self._run(self._moving | LOCATE | GO_ON | self.observer.phases)
+        else:
+            self._step_in_parts()
+        self._agents.forget_list()
+
+    def _step_in_parts(self) -> None:
+        """Step with policies or a backend outside of the compiled step."""
+        self._run(self._moving)
+        if not self._policies.are_compiled:
+            goes_on = self._begins == GOES_ON
+            driver = np.where(goes_on[:, None], self.driver, np.uint8(UNDRIVEN))
+            self._policies.advance_uncompiled(self.batch, self.previous, self.state, driver, self.dt)
+        if self._moving == MOVE and len(self.agents) and not self._agents.are_egos:
+            moves = self._begins[self.agents[:, 0]] == GOES_ON
+            self._session.drive(self.state, self.agents[moves], self.actions[moves], self.dt)
+        self._run(LOCATE | GO_ON | self.observer.phases)
+
+    def _run(self, phases: int) -> None:
+        """Run phases of the compiled step in all worlds."""
+        observer, arrays = self.observer, self._arrays.get(id(self.state))
+        if arrays is None or arrays.recorded is not self.batch.recorded:
+            arrays = self._arrays[id(self.state)] = self._collect()
+        counts, numbers, memory = self._counts, self._numbers, self._memory
+        exchange = Exchange(self._agents.actions, observer.result, observer.sensing)
+        step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
+
+        def run(own: int, team: Team) -> None:
+            step(own, team, phases, counts, numbers, arrays, exchange, *memory[own])
+
+        lost = self._threads.share(run, len(self.batch))
+        if phases & OBSERVE:
+            observer.is_stale &= bool(phases & ONLY_BEGUN)
+            if lost >= 0:
+                require_located(0, self.agents[self._agents.places == lost])
+
+    def _collect(self) -> StepArrays:
+        """Return the arrays of a step from the previous state to the current one."""
+        self._allocate_memory()
+        session, agents = self._session, self._agents.arrays(self.previous, self.state)
+        vehicles, new_vehicle = _NO_VEHICLE
+        if isinstance(session, KinematicSession):
+            vehicles, new_vehicle = session.vehicles, session.new_vehicle
+        moments, traffic = (self.previous.moment, self.state.moment), self._policies.traffic(self.driver)
+        return StepArrays(
+            self._begins, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles, new_vehicle,
+            self.observer.task, self.observer.totals, self.observer.seats,
+        )  # fmt: skip
+
+    def _allocate_memory(self) -> None:
+        """Allocate the memory of the threads for the compiled step, if it is for other sensors or smaller worlds."""
+        count, sensing = self.batch.max_objects, self.observer.sensing
+        if self._memory and self._memory_for[0] == count and self._memory_for[1] is sensing.kind:
+            return
+        self._threads.dismiss()
+        self._memory_for = count, sensing.kind
+        self._memory = [
+            (Scratch.of(count, sensing), *((SightMemory.of(count),) if self._policies.follow_paths else ()))
+            for _ in range(self._threads.count)
+        ]
+
+    def _prepare(self, world: World, policies: Any) -> tuple[World, UInt8, Bool]:
+        """Return a world as policies need it, the policy of each object, and the agents."""
+        if abs(world.dt - self._dt) > 1e-3:
+            raise BadParameter(
+                f"{world.scenario_id}: timestep {world.dt} s among worlds of {self._dt} s; make it with "
+                f"World.from_scenario(scenario, dt={self._dt})"
+            )
+        prepared_world, driver = prepared(world, policies)
+        return prepared_world, driver, self._agents.among(prepared_world, driver)
+
+    def _grow(self) -> None:
+        """Make room for the largest world."""
+        more = self.batch.max_objects - self.driver.shape[1]
+        has_other_places = self._agents.make_room(self.batch)
+        self._arrays.clear()
+        num_places, num_seats = self._agents.row_at.shape[1], self.observer.num_seats
+        self._counts = self._substeps, num_places if num_seats is None else num_seats
+        if has_other_places or more > 0:
+            self.observer.resize(self._agents.num_places, len(self.batch), self.batch.max_objects)
+        if more <= 0:
+            return
+        if isinstance(self._session, KinematicSession):
+            self._session.make_room(self.batch.max_objects)
+        self.state = self.state.resized(self.batch.max_objects)
+        self.previous = self.previous.twin_resized(self.state)
+        self.driver = np.pad(self.driver, ((0, 0), (0, more)), constant_values=UNDRIVEN)
+
+
+_NO_VEHICLE = np.zeros((0, 0, NUM_COLUMNS)), np.zeros(0)
+"""Vehicles and a new one for the compiled step of a backend that is not part of it."""

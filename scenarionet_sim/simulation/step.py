@@ -1,0 +1,294 @@
+"""One step of a simulation, world by world: traffic, agents, contacts, scores and observations.
+
+A world's step reads and writes rows of that world only, so threads can share worlds out, with the same result.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_sim.arrays.boxes import write_boxes
+from scenarionet_sim.arrays.minmax import larger, smaller
+from scenarionet_sim.arrays.overlap import touch
+from scenarionet_sim.arrays.structures import (
+    DRIVERS,
+    FIRST_STEP,
+    NUM_OBJECTS,
+    OBJECTS,
+    Recorded,
+    StateArrays,
+)
+from scenarionet_sim.backends.bicycle_kernels import drive_bicycle
+from scenarionet_sim.policies.idm_kernels import Law, drive_along_paths
+from scenarionet_sim.policies.motion_kernels import FOLLOW_PATH, move_objects
+from scenarionet_sim.policies.strip_kernels import SightMemory
+from scenarionet_sim.sensors.observation_kernels import Scratch, observe
+from scenarionet_sim.simulation.agent_kernels import DrivenArrays, admit_agents, is_agent_of, list_agents
+from scenarionet_sim.simulation.seats import seat_agents, settle
+from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays
+from scenarionet_sim.task.scoring_kernels import StepResult, clear_score, excuse, score
+from scenarionet_sim.threads.sharing import LEADER, Team, begin, end, keep, kept, take
+from scenarionet_sim.worlds.episode_kernels import AT_FIRST, BEGUN, GOES_ON, begin_world
+from scenarionet_sim.worlds.path_kernels import PathRows, locate
+
+MOVE, DRIVE, LOCATE, SCORE, OBSERVE, SETTLE, GO_ON, ONLY_BEGUN = (1 << bit for bit in range(8))
+"""Phases of a step, in order: traffic moves; agents drive by their actions; those that have appeared get places, and
+all are located and their contacts found; scored; observed; those that ended leave; episodes that have
+begun go on. Episodes begin before.
+``ONLY_BEGUN``: in worlds that have just begun an episode alone."""
+
+
+@kernel(nogil=True, allocates=False)
+def step_worlds(
+    own: int,
+    team: Team,
+    phases: int,
+    counts: tuple[int, int],
+    numbers: tuple[float, float, float, float],
+    arrays: StepArrays,
+    exchange: Exchange,
+    scratch: Scratch,
+) -> None:
+    """Advance worlds by one step; the largest result of any thread is an agent that is not located on its path, or -1.
+
+    Args:
+        own: Number of the thread.
+        team: Threads that share the worlds; all but the leader's arguments are taken from the leader.
+        phases: Phases of the step.
+        counts: Substeps of the vehicle model; number of places of each world whose agents are observed.
+        numbers: Length of the step [s]; search window on a path behind and ahead of an agent [m]; 1 if the routes
+            of the agents are those of the state, 0 if they have a location of their own.
+        arrays: What steps read and write.
+        exchange: What the step gets and returns.
+        scratch: Memory of this thread.
+    """
+    if own == LEADER:
+        keep(team, (phases, counts, numbers, arrays, exchange))
+    turn = begin(team, own, 0)
+    while turn:
+        given = kept(team, (phases, counts, numbers, arrays, exchange))
+        lost, w = -1, take(team.ranges, own)
+        while w >= 0:
+            _begin_or_move(w, given[0], given[2], given[3])
+            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], given[4], scratch))
+            w = take(team.ranges, own)
+        turn = end(team, own, turn, lost)
+
+
+@kernel(nogil=True, allocates=False)
+def step_reactive_worlds(
+    own: int,
+    team: Team,
+    phases: int,
+    counts: tuple[int, int],
+    numbers: tuple[float, float, float, float],
+    arrays: StepArrays,
+    exchange: Exchange,
+    scratch: Scratch,
+    memory: SightMemory,
+) -> None:
+    """Advance worlds in which objects follow paths by IDM: a kernel of its own, as replays need not compile that.
+
+    Args:
+        own, team, phases, counts, numbers, arrays, exchange, scratch: See :func:`step_worlds`.
+        memory: Memory of this thread.
+    """
+    if own == LEADER:
+        keep(team, (phases, counts, numbers, arrays, exchange))
+    turn = begin(team, own, 0)
+    while turn:
+        given = kept(team, (phases, counts, numbers, arrays, exchange))
+        lost, w = -1, take(team.ranges, own)
+        while w >= 0:
+            _begin_or_move(w, given[0], given[2], given[3])
+            _drive_by_idm(w, given[0], given[2][0], given[3], memory)
+            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], given[4], scratch))
+            w = take(team.ranges, own)
+        turn = end(team, own, turn, lost)
+
+
+@device_function(forceinline=True)
+def _finish(
+    w: int,
+    phases: int,
+    counts: tuple[int, int],
+    numbers: tuple[float, float, float, float],
+    arrays: StepArrays,
+    exchange: Exchange,
+    scratch: Scratch,
+) -> int:
+    """Run the phases after the traffic's in a world; return an agent that is not located on its path, or -1."""
+    dt, back, ahead, is_own = numbers
+    agents, recorded, then, result = arrays.agents, arrays.recorded, arrays.then, exchange.result
+    has_begun, lost, num_places = arrays.begins[w] == BEGUN, -1, agents.rows.shape[1]
+    if phases & ONLY_BEGUN and not has_begun:
+        return lost
+    first = w * num_places
+    if phases & DRIVE and not has_begun:
+        for k in range(num_places):
+            n = agents.rows[w, k]
+            if n >= 0:
+                vehicle, row, action = arrays.vehicles[w, n], then.motion[w, n], exchange.actions[first + k]
+                drive_bicycle(action[0], action[1], dt, counts[0], vehicle, then.size[w, n, 0], row)
+    if phases & LOCATE and not has_begun:
+        admit_agents(w, recorded, arrays.now, then, arrays.traffic.driver, agents)
+    num_boxes = 0
+    if phases & (LOCATE | OBSERVE) and _has_agents(w, agents):
+        count = recorded.place[w, NUM_OBJECTS]
+        num_boxes = write_boxes(count, then.motion[w], then.size[w], then.present[w], scratch.boxes)
+    if phases & LOCATE:
+        for k in range(num_places):
+            n = agents.rows[w, k]
+            if n >= 0:
+                _locate(w, n, back, ahead, is_own != 0.0, recorded, then, agents)
+                _find_contacts(first + k, w, n, num_boxes, then, agents, scratch)
+                if has_begun or agents.is_new[w, k]:  # what it touches from the beginning is no crash
+                    _remember_contacts(first + k, agents)
+    if phases & SCORE:
+        if has_begun:
+            _clear_totals(w, is_own == 0.0, arrays)
+        for k in range(num_places):
+            n, result.timestep[first + k] = agents.rows[w, k], then.timestep[w]
+            if n >= 0 and has_begun:
+                clear_score(first + k, result)
+            elif n >= 0:
+                steering = 0.0 if agents.is_new[w, k] else exchange.actions[first + k, 0]
+                _score(first + k, w, n, steering, recorded, then, agents, arrays.task, arrays.totals, result)
+                if agents.is_new[w, k]:
+                    excuse(first + k, result)
+    if phases & OBSERVE:
+        for k in range(smaller(num_places, counts[1])):
+            n = agents.rows[w, k]
+            if n < 0:
+                continue
+            if np.isnan(agents.route[w, n, 0]):
+                lost = first + k
+            at = w * counts[1] + k
+            observe(at, w, n, num_boxes, recorded, arrays.lines, then, agents.route, exchange.sensing, scratch)
+    if phases & SETTLE:
+        settle(w, recorded, arrays.now, then, arrays.traffic.driver, agents, result, arrays.seats)
+    if phases & GO_ON:
+        arrays.begins[w] = GOES_ON
+    return lost
+
+
+@device_function(forceinline=True)
+def _drive_by_idm(w: int, phases: int, dt: float, arrays: StepArrays, memory: SightMemory) -> None:
+    """Write the next state of objects that follow paths by IDM."""
+    if not phases & MOVE or arrays.begins[w] == BEGUN:
+        return
+    recorded, traffic = arrays.recorded, arrays.traffic
+    for policy in range(len(traffic.movement)):
+        if traffic.movement[policy] == FOLLOW_PATH and recorded.place[w, DRIVERS] >> policy & 1:
+            row = traffic.law[w, policy]
+            law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
+            drive_along_paths(
+                w, recorded, arrays.now, arrays.then, traffic.driver, policy, dt, law, traffic.colors, memory
+            )
+
+
+@device_function(forceinline=True)
+def _begin_or_move(w: int, phases: int, numbers: tuple[float, float, float, float], arrays: StepArrays) -> None:
+    """Begin an episode, or write the next state of all objects, which is the current one of those that IDM drives."""
+    recorded, now, then, traffic, at = arrays.recorded, arrays.now, arrays.then, arrays.traffic, arrays.begins[w]
+    if at >= 0 or at == AT_FIRST:
+        start = at if at >= 0 else recorded.place[w, FIRST_STEP]
+        begin_world(w, start, recorded, now, then, traffic.driver)
+        _begin_agents(w, numbers[3] == 0.0, arrays)
+        arrays.begins[w] = BEGUN
+    elif phases & MOVE and at == GOES_ON:
+        move_objects(w, recorded, now, then, traffic.driver, traffic.movement, numbers[0])
+
+
+@device_function(forceinline=True)
+def _begin_agents(w: int, are_egos: bool, arrays: StepArrays) -> None:
+    """Give the agents of a world places, rows of flat buffers and new vehicles."""
+    agents, driver = arrays.agents, arrays.traffic.driver
+    list_agents(w, are_egos, arrays.recorded, arrays.then, driver, agents)
+    seat_agents(w, arrays.seats, agents)
+    for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
+        if is_agent_of(w, n, are_egos, arrays.recorded, driver, agents):
+            for column in range(len(arrays.new_vehicle)):
+                arrays.vehicles[w, n, column] = arrays.new_vehicle[column]
+            if are_egos:
+                agents.route[w, n, 0], agents.route[w, n, 1] = np.nan, np.nan
+
+
+@device_function
+def _has_agents(w: int, agents: DrivenArrays) -> bool:
+    """Return whether a world has an agent."""
+    has_agents = False
+    for k in range(agents.rows.shape[1]):
+        has_agents |= agents.rows[w, k] >= 0
+    return has_agents
+
+
+@device_function(forceinline=True)
+def _locate(
+    w: int,
+    n: int,
+    back: float,
+    ahead: float,
+    is_own: bool,
+    recorded: Recorded,
+    then: StateArrays,
+    agents: DrivenArrays,
+) -> None:
+    """Locate an agent on its path."""
+    route = agents.route[w, n]
+    if not is_own:
+        agents.route_before[w, n, 0], agents.route_before[w, n, 1] = route[0], route[1]
+    row = recorded.place[w, OBJECTS] + n
+    path = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
+    locate(path, back, ahead, then.motion[w, n], route, is_own)
+
+
+@device_function(forceinline=True)
+def _find_contacts(
+    a: int, w: int, n: int, num_boxes: int, then: StateArrays, agents: DrivenArrays, scratch: Scratch
+) -> None:
+    """Find what an agent touches: nothing if it is absent."""
+    contacts, agents.hits[a] = agents.contacts[a], 0
+    for m in range(len(contacts)):
+        contacts[m] = False
+    if then.present[w, n]:
+        motion, size, object_type = then.motion[w], then.size[w], then.object_type[w]
+        agents.hits[a] = touch(n, motion, size, object_type, scratch.boxes, num_boxes, contacts)
+
+
+@device_function(forceinline=True)
+def _clear_totals(w: int, are_egos: bool, arrays: StepArrays) -> None:
+    """Clear the sums over the episodes of the agents of a world."""
+    for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
+        if is_agent_of(w, n, are_egos, arrays.recorded, arrays.traffic.driver, arrays.agents):
+            for column in range(arrays.totals.shape[2]):
+                arrays.totals[w, n, column] = 0.0
+
+
+@device_function(forceinline=True)
+def _score(
+    a: int,
+    w: int,
+    n: int,
+    steering: float,
+    recorded: Recorded,
+    then: StateArrays,
+    agents: DrivenArrays,
+    task: Float64,
+    totals: Float64,
+    result: StepResult,
+) -> None:
+    """Score an agent, and remember its contacts."""
+    touched = agents.contacts[a], agents.contacts_before[a], agents.hits[a]
+    route, route_before = agents.route[w, n], agents.route_before[w, n]
+    score(a, w, n, steering, touched, then, route, route_before, recorded, task, totals, result)
+    _remember_contacts(a, agents)
+
+
+@device_function(forceinline=True)
+def _remember_contacts(a: int, agents: DrivenArrays) -> None:
+    """Keep what an agent touches for the next step."""
+    for m in range(agents.contacts.shape[1]):
+        agents.contacts_before[a, m] = agents.contacts[a, m]

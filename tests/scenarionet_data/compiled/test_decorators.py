@@ -1,0 +1,170 @@
+"""Compiled functions: one decorator module, cache invalidation, clear errors, one message before a long compilation."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarionet_data.compiled import decorators as compiled
+from scenarionet_data.compiled.decorators import compilations, device_function, kernel
+
+ROOT = Path(__file__).parents[3]
+
+DEVICE = """
+from scenarionet_data.compiled.decorators import device_function
+FACTOR = 2.0
+
+@device_function
+def scaled(value):
+    return value * FACTOR + 0.0
+"""
+KERNEL = """
+from device_of_test import scaled
+from scenarionet_data.compiled.decorators import kernel
+
+@kernel
+def total(values):
+    result = 0.0
+    for value in values:
+        result += scaled(value)
+    return result
+"""
+
+
+@device_function
+def first(values):
+    return values[0]
+
+
+@device_function
+def with_ends(values):
+    return values[1:], values[:1]
+
+
+@kernel
+def call_first(values):
+    return first(values)
+
+
+@kernel
+def call_with_ends(values):
+    return with_ends(values)
+
+
+def test_numba_is_used_in_one_module_only():
+    files = [
+        file for name in ("scenarionet_data", "scenarionet_sim", "pipelines") for file in (ROOT / name).rglob("*.py")
+    ]
+    users = {file.relative_to(ROOT).as_posix() for file in files if "njit" in file.read_text()}
+    assert users == {"scenarionet_data/compiled/decorators.py"}
+
+
+def test_device_function_called_from_python_raises_error():
+    with pytest.raises(TypeError, match=r"first\(\) is a device function.*first\.py_func"):
+        first(np.zeros(3))
+    assert call_first(np.ones(3)) == 1.0
+    assert first.py_func(np.ones(3)) == 1.0
+
+
+def test_device_function_returning_arrays_must_declare_it():
+    with pytest.raises(TypeError, match="allocates=True"):
+        call_with_ends(np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "result"),
+    [("FACTOR = 2.0", "FACTOR = 3.0", 9.0), ("+ 0.0", "+ 1.0", 9.0), ("FACTOR = 2.0", "FACTOR = 2.0  # same", 6.0)],
+    ids=["constant", "code", "comment"],
+)
+def test_kernel_is_recompiled_when_its_device_function_changes(tmp_path, monkeypatch, old, new, result):
+    def run():
+        for name in ("device_of_test", "kernel_of_test"):
+            spec = importlib.util.spec_from_file_location(name, tmp_path / f"{name}.py")
+            module = importlib.util.module_from_spec(spec)
+            monkeypatch.setitem(sys.modules, name, module)
+            spec.loader.exec_module(module)
+        known = len(compilations)
+        value = module.total(np.ones(3))
+        return value, [done.from_cache for done in compilations[known:]]
+
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "device_of_test.py").write_text(DEVICE)
+    (tmp_path / "kernel_of_test.py").write_text(KERNEL)
+    assert run() == (6.0, [False])
+    assert run() == (6.0, [True])
+    (tmp_path / "device_of_test.py").write_text(DEVICE.replace(old, new))
+    assert run() == (result, [result == 6.0])
+
+
+def test_cache_that_names_a_renamed_class_is_ignored(tmp_path, monkeypatch):
+    def run(name):
+        source = f"""
+from typing import NamedTuple
+from scenarionet_data.compiled.decorators import kernel
+
+class {name}(NamedTuple):
+    x: float
+
+@kernel
+def double(point):
+    return 2.0 * point.x
+
+result = double({name}(1.5))
+"""
+        (tmp_path / "renamed_of_test.py").write_text(source)
+        spec = importlib.util.spec_from_file_location("renamed_of_test", tmp_path / "renamed_of_test.py")
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "renamed_of_test", module)
+        spec.loader.exec_module(module)
+        return module.result
+
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+    assert run("Before") == 3.0
+    assert run("After") == 3.0
+
+
+def test_constant_argument_is_not_compiled_separately():
+    @device_function
+    def twice(value, flag):
+        return value * 2 if flag else value
+
+    @kernel
+    def both(value):
+        return twice(value, True) + twice(value, False) + twice(value, value > 0.0)
+
+    assert both(1.0) == 5.0
+    assert len(twice.signatures) == 1
+
+
+def test_compilation_is_announced_once_per_group(monkeypatch):
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(compiled, "_announced", set())
+    for module in (
+        "scenarionet_sim.roads.ray_kernels",
+        "scenarionet_sim.task.task",
+        "scenarionet_data.codec.track_kernels",
+    ):
+        compiled._announce(module)
+    with compiled.silent():
+        compiled._announce("scenarionet_data.procedural.drive")
+    compiled._announce("somewhere.else")
+    lines = terminal.getvalue().splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("Compiling loops for the simulator, once per installation (about ")
+
+
+def test_nothing_is_announced_without_a_terminal(monkeypatch):
+    pipe = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", pipe)
+    monkeypatch.setattr(compiled, "_announced", set())
+    compiled._announce("scenarionet_sim.roads.ray_kernels")
+    assert pipe.getvalue() == ""
