@@ -19,7 +19,8 @@ ALSO_ALLOWED = {"CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "SECURITY.md"
 LAYERS = (
     "errors", "version", "compiled", "arrays", "schema", "scenario", "building", "statistics", "codec", "ingest",
     "procedural", "converters", "execution", "storage", "databases", "query", "operations", "loader", "samples",
-    "forecasts", "quality", "packs", "export", "publishing", "maintenance", "conversion", "lake", "plots", "display", "testing",
+    "forecasts", "quality", "packs", "export", "publishing", "maintenance", "conversion", "lake", "plots", "display",
+    "testing",
 )  # fmt: skip
 """Parts of scenarionet_data; each imports only itself and parts before it."""
 SIMULATOR_LAYERS = (
