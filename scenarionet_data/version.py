@@ -4,10 +4,10 @@ from __future__ import annotations
 
 PACKAGE = "scenarionet-lake"
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 """The only place that states the version; the build backend reads it from this line."""
 
 
 def name_and_version() -> str:
-    """Return for example ``scenarionet-lake 0.1.0``."""
+    """Return for example ``scenarionet-lake 0.2.0``."""
     return f"{PACKAGE} {__version__}"
