@@ -15,7 +15,7 @@ RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nupla
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
-	clean convert docs docs-site notebooks test-cuda test-devkits test-learn test-metadrive
+	clean convert docs docs-site notebooks mutants test-cuda test-devkits test-learn test-metadrive
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-16s %s\n", $$1, $$2}'
@@ -103,6 +103,13 @@ test-devkits: install .venv-devkits/.installed  ## Compare the converters with t
 
 .venv-metadrive/.installed: tests/metadrive/make_environment.sh
 	sh $< $(PYTHON)
+	@touch $@
+
+mutants: install .venv/.installed-mutants  ## Put 200 small bugs into the core and count those that the tests catch (hours; resumes).
+	$(BIN)/python -m tests.mutation $(ARGS)
+
+.venv/.installed-mutants: pyproject.toml
+	$(PIP_INSTALL) -e '.[mutants]'
 	@touch $@
 
 check: install  ## Check lint, format and types.

@@ -1,0 +1,236 @@
+"""Put small bugs into the core, one at a time, and count those that its tests catch.
+
+``make mutants`` draws mutants of the areas in ``core.toml`` with a fixed seed, runs the tests of the area for each in a
+clone of the last commit, and prints the share that was caught. Results are kept in ``.mutants/session.sqlite``, so an
+interrupted run goes on where it stopped. Mutants in ``equivalent.toml`` change no result; others are drawn instead.
+
+Cosmic Ray makes the mutants. Its operators that cannot change a result here are left out: decorators only compile, and
+annotations are not evaluated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+from cosmic_ray.commands.init import init
+from cosmic_ray.mutating import mutate_and_test
+from cosmic_ray.work_db import WorkDB, use_db
+from cosmic_ray.work_item import MutationSpec, TestOutcome, WorkItem
+
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / ".mutants"
+CHECKOUT = FOLDER / "checkout"
+NO_EFFECT = ("core/RemoveDecorator", "core/ExceptionReplacer")
+LONGEST = 600.0  # [s] a mutant whose tests take longer is an endless loop, which counts as caught
+BAR = 0.9
+
+
+@dataclass(frozen=True)
+class Area:
+    """A part of the core: its name, number of mutants, files, tests, and whether the tests need torch."""
+
+    name: str
+    number: int
+    modules: tuple[Path, ...]
+    tests: tuple[str, ...]
+    needs_torch: bool
+
+    @property
+    def command(self) -> str:
+        """The command that runs the tests until the first one fails."""
+        python = ROOT / (".venv-learn" if self.needs_torch else ".venv") / "bin" / "python"
+        marks = "learn and not long" if self.needs_torch else "not long and not learn and not damage and not packaging"
+        return f"{python} -m pytest -x -q -p no:cacheprovider -m '{marks}' {' '.join(self.tests)}"
+
+
+def read_areas() -> list[Area]:
+    """Return the areas of ``core.toml``; raise where a pattern names no file."""
+    areas = []
+    for entry in tomllib.loads((ROOT / "tests" / "mutation" / "core.toml").read_text("utf-8"))["area"]:
+        modules: list[Path] = []
+        for pattern in entry["modules"]:
+            found = sorted(path.relative_to(CHECKOUT) for path in CHECKOUT.glob(pattern) if path.stem != "__init__")
+            if not found:
+                raise SystemExit(f"core.toml, {entry['name']}: no file is named {pattern}; correct the pattern")
+            modules += found
+        missing = [name for name in entry["tests"] if not (CHECKOUT / name).exists()]
+        if missing:
+            raise SystemExit(f"core.toml, {entry['name']}: no tests in {missing}; correct the paths")
+        torch = entry.get("environment") == "learn"
+        areas.append(Area(entry["name"], entry["number"], tuple(modules), tuple(entry["tests"]), torch))
+    return areas
+
+
+def equivalent_mutants() -> dict[str, str]:
+    """Return the proofs of ``equivalent.toml`` by the mutant's name, see :func:`name_of`."""
+    entries = tomllib.loads((ROOT / "tests" / "mutation" / "equivalent.toml").read_text("utf-8"))
+    return {entry["mutant"]: entry["proof"] for entry in entries.get("equivalent", [])}
+
+
+def name_of(mutation: MutationSpec) -> str:
+    """Return a name that stays the same while the mutated definition is unchanged above the mutant."""
+    first = first_line(mutation)
+    place = f"{mutation.module_path}:{mutation.definition_name}+{first}:{mutation.start_pos[1]}"
+    return f"{place} {mutation.operator_name}{variant(mutation)}"
+
+
+def first_line(mutation: MutationSpec) -> int:
+    """Return the line of a mutant within the definition around it."""
+    lines = [
+        node.lineno
+        for node in ast.walk(ast.parse((CHECKOUT / mutation.module_path).read_text("utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == mutation.definition_name
+    ]
+    return mutation.start_pos[0] - max((line for line in lines if line <= mutation.start_pos[0]), default=0)
+
+
+def variant(mutation: MutationSpec) -> str:
+    """Return which of the mutants of one place it is: numbers have two, one more and one less."""
+    return "+-"[mutation.occurrence % 2] if mutation.operator_name == "core/NumberReplacer" else ""
+
+
+def unevaluated(path: Path) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Return the ranges of a file (line, column) that are annotations or type aliases."""
+    ranges = []
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        notes: list[ast.expr | None] = []
+        if isinstance(node, ast.arg | ast.AnnAssign):
+            notes.append(node.annotation)
+        elif isinstance(node, ast.FunctionDef):
+            notes.append(node.returns)
+        for note in notes:
+            if note is not None:
+                ranges.append(((note.lineno, note.col_offset), (note.end_lineno or 0, note.end_col_offset or 0)))
+    return ranges
+
+
+def candidates(area: Area, database: WorkDB) -> list[WorkItem]:
+    """Return all mutants of an area that can change a result, in a fixed order."""
+    init(area.modules, database, {})
+    notes = {path: unevaluated(path) for path in area.modules}
+    items = [
+        item
+        for item in database.work_items
+        for mutation in item.mutations
+        if mutation.operator_name not in NO_EFFECT
+        and not any(start <= mutation.start_pos < end for start, end in notes[mutation.module_path])
+    ]
+    database.clear()
+    return sorted(items, key=place_of)
+
+
+def place_of(item: WorkItem) -> tuple[str, tuple[int, int], str, int]:
+    """Return a key that orders mutants by their place and kind."""
+    mutation = item.mutations[0]
+    return str(mutation.module_path), mutation.start_pos, mutation.operator_name, mutation.occurrence
+
+
+def draw(area: Area, items: list[WorkItem], seed: int) -> list[WorkItem]:
+    """Draw the mutants of an area: every place in the code is as likely, however many mutants it has."""
+    places: dict[tuple[Path, tuple[int, int]], list[WorkItem]] = {}
+    for item in items:
+        places.setdefault((item.mutations[0].module_path, item.mutations[0].start_pos), []).append(item)
+    generator, proofs = random.Random(f"{seed} {area.name}"), equivalent_mutants()
+    order = sorted(places)
+    generator.shuffle(order)
+    drawn = []
+    for place in order:
+        item = generator.choice(places[place])
+        if name_of(item.mutations[0]) not in proofs:
+            drawn.append(item)
+        if len(drawn) == area.number:
+            break
+    return drawn
+
+
+def prepare_checkout() -> None:
+    """Clone the last commit into ``.mutants/checkout``, or bring the clone to it, without mutants left by a kill."""
+    FOLDER.mkdir(exist_ok=True)
+    if not CHECKOUT.exists():
+        subprocess.run(["git", "clone", "--quiet", "--shared", str(ROOT), str(CHECKOUT)], check=True)
+    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    subprocess.run(["git", "fetch", "--quiet", str(ROOT), head.strip()], cwd=CHECKOUT, check=True)
+    subprocess.run(["git", "reset", "--quiet", "--hard", head.strip()], cwd=CHECKOUT, check=True)
+
+
+def session_for(seed: int, scale: float, areas: list[Area]) -> tuple[WorkDB, dict[Path, Area]]:
+    """Open the session, drawing the mutants if it is new; also return the area of each module."""
+    path = FOLDER / "session.sqlite"
+    is_new = not path.exists()
+    database = WorkDB(path, WorkDB.Mode.create)
+    if is_new:
+        with use_db(FOLDER / "all.sqlite") as scratch:
+            for area in areas:
+                drawn = draw(area, candidates(area, scratch), seed)
+                database.add_work_items(drawn[: round(scale * area.number)])
+    return database, {module: area for area in areas for module in area.modules}
+
+
+def check_unmutated(areas: list[Area]) -> None:
+    """Raise if the tests of an area fail without a mutant; this also compiles the kernels."""
+    for area in areas:
+        done = subprocess.run(area.command, shell=True, capture_output=True, text=True, check=False)  # noqa: S602
+        if done.returncode:
+            raise SystemExit(f"{area.name}: the tests fail without a mutant\n{done.stdout[-3000:]}")
+
+
+def run(database: WorkDB, areas: dict[Path, Area]) -> None:
+    """Run the tests for each mutant that has no result yet."""
+    pending = list(database.pending_work_items)
+    for number, item in enumerate(pending, 1):
+        mutation = item.mutations[0]
+        result = mutate_and_test(item.mutations, areas[mutation.module_path].command, LONGEST)
+        database.set_result(item.job_id, result)
+        word = "caught" if result.is_killed else "SURVIVED"
+        print(f"{number}/{len(pending)} {word} {name_of(mutation)}", flush=True)
+
+
+def report(database: WorkDB, areas: dict[Path, Area]) -> float:
+    """Print the share of caught mutants by area, and each survivor; return the share of all."""
+    items = {item.job_id: item.mutations[0] for item in database.work_items}
+    caught: dict[str, list[bool]] = {}
+    for job, result in database.results:
+        caught.setdefault(areas[items[job].module_path].name, []).append(result.test_outcome != TestOutcome.SURVIVED)
+        if result.test_outcome == TestOutcome.SURVIVED:
+            print(f"\nsurvived: {name_of(items[job])}\n{result.diff}")
+    for name, outcomes in caught.items():
+        print(f"{sum(outcomes):4} of {len(outcomes):3} caught: {name}")
+    every = [outcome for outcomes in caught.values() for outcome in outcomes]
+    print(f"{sum(every):4} of {len(every):3} caught in all, {len(equivalent_mutants())} equivalent ones replaced")
+    return sum(every) / len(every) if every else 1.0
+
+
+def main() -> None:
+    """Run the session from where it is, and exit with 1 below the bar."""
+    parser = argparse.ArgumentParser(prog="make mutants", description=__doc__)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--scale", type=float, default=1.0, help="share of the numbers in core.toml")
+    parser.add_argument("--area", help="only areas whose name contains this")
+    parser.add_argument("--fresh", action="store_true", help="forget earlier results")
+    parser.add_argument("--report", action="store_true", help="only print the results")
+    arguments = parser.parse_args()
+    if arguments.fresh:
+        (FOLDER / "session.sqlite").unlink(missing_ok=True)
+    if not arguments.report:
+        prepare_checkout()
+    os.chdir(CHECKOUT)
+    os.environ["PYTHONPATH"] = f"{CHECKOUT}:{CHECKOUT / 'pipelines'}"
+    areas = [area for area in read_areas() if not arguments.area or arguments.area in area.name]
+    database, area_of = session_for(arguments.seed, arguments.scale, areas)
+    if not arguments.report:
+        check_unmutated(areas)
+        run(database, area_of)
+    sys.exit(report(database, area_of) < BAR)
+
+
+if __name__ == "__main__":
+    main()
