@@ -14,7 +14,6 @@ import argparse
 import ast
 import os
 import random
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -178,7 +177,7 @@ def session_for(seed: int, scale: float, areas: list[Area]) -> tuple[WorkDB, dic
 def check_unmutated(areas: list[Area]) -> None:
     """Raise if the tests of an area fail without a mutant; this also compiles the kernels."""
     for area in areas:
-        done = subprocess.run(area.command, shell=True, capture_output=True, text=True, check=False)  # noqa: S602
+        done = subprocess.run(area.command, shell=True, capture_output=True, text=True, check=False)
         if done.returncode:
             raise SystemExit(f"{area.name}: the tests fail without a mutant\n{done.stdout[-3000:]}")
 
