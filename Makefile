@@ -45,7 +45,7 @@ demo: $(if $(wildcard $(INSTALLED)),$(INSTALLED),$(INSTALLED_DEMO))  ## Generate
 	$(BIN)/python -m scenarionet_pipelines.demo
 
 compile: install  ## Compile all kernels beforehand, so that first uses are fast.
-	$(BIN)/scenarionet compile
+	$(BIN)/scenarionet maintain compile
 
 test: install  ## Run the tests, about five minutes of processor time (ARGS="-k lake" selects some).
 	$(PYTEST) $(ARGS)

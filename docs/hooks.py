@@ -19,7 +19,8 @@ from scenarionet_data import Lake
 from scenarionet_data.quality import rules
 from scenarionet_data.query import named_sql
 from scenarionet_data.schema.package_data import SQL
-from scenarionet_pipelines.cli import VERBS, cli
+from scenarionet_pipelines.cli.group import find_verb
+from scenarionet_pipelines.cli.tree import GROUPS, SECTIONS
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
@@ -45,12 +46,13 @@ def _fenced(example: re.Match[str]) -> str:
 
 def command_line() -> Iterator[str]:
     """Every verb by section: usage, description, arguments, options, examples."""
-    for section, names in VERBS.items():
-        yield f"\n## {section}\n"
+    groups = {
+        f"Group `{name}`": (group.doc, [f"{name} {verb}" for verb in group.verbs]) for name, group in GROUPS.items()
+    }
+    for section, (doc, names) in ({title: ("", verbs) for title, verbs in SECTIONS.items()} | groups).items():
+        yield f"\n## {section}\n\n{doc}\n"
         for name in names:
-            verb = cli.get_command(click.Context(cli), name)
-            if verb is None:
-                raise KeyError(name)
+            verb = find_verb(name)
             context = click.Context(verb, info_name=f"scenarionet {name}")
             yield f"\n### `{name}`\n"
             yield f"```text\n{' '.join([context.command_path, *verb.collect_usage_pieces(context)])}\n```\n"

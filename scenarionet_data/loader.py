@@ -190,4 +190,4 @@ def _disk_position(row: Metadata) -> tuple[str, int]:
 
 def _without_tracks(metadata: Sequence[Metadata]) -> LakeError:
     name = metadata[0]["scenario_id"]
-    return LakeError(f"{name} has no tracks; `scenarionet check` lists all such scenarios: convert them again")
+    return LakeError(f"{name} has no tracks; `scenarionet maintain check` lists all such scenarios: convert them again")

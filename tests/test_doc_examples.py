@@ -200,9 +200,8 @@ def test_example_converter_installs_as_a_package(tmp_path):
         "PIP_DISABLE_PIP_VERSION_CHECK": "1",
     }
     (typed,) = blocks(page, "bash")
-    asked = (
-        "scenarionet converters --json > listed.json\nscenarionet sql lake 'SELECT * FROM metadata' --json > rows.json"
-    )
+    asked = "scenarionet info converters --json > listed.json\n"
+    asked += "scenarionet sql lake 'SELECT * FROM metadata' --json > rows.json"
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", f"{typed}\n{asked}"],
         cwd=tmp_path, env=environment, capture_output=True, text=True, check=False,

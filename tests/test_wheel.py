@@ -131,7 +131,8 @@ def test_uninstalled_checkout_works(tmp_path):
 
 def check_command(*scenarionet: str | Path, cwd: Path) -> None:
     """Run converters, a conversion, a query and a filter."""
-    names = {each["name"] for each in json.loads(call(*scenarionet, "converters", "--json", cwd=cwd))["converters"]}
+    listed = json.loads(call(*scenarionet, "info", "converters", "--json", cwd=cwd))
+    names = {each["name"] for each in listed["converters"]}
     assert {"pg", "scenarionet", "waymo"} <= names
     (cwd / "tests" / "fixtures").mkdir(parents=True)
     for name in ("gate.py", "made.py", "scenarios.py", "waiting.py"):

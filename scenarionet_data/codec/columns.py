@@ -67,8 +67,9 @@ def _table(name: str, words: tuple[str, ...], vocabulary: type[IntEnum]) -> Arra
     unknown = [word for word in words if word not in known]
     if unknown:
         raise LakeError(
-            f"{name} is {unknown[0]!r}, which is no {vocabulary.__name__}: a file is damaged; `scenarionet fsck "
-            "--deep` names it; restore it from a copy of the lake, or convert its recordings again"
+            f"{name} is {unknown[0]!r}, which is no {vocabulary.__name__}: a file is damaged; "
+            "`scenarionet maintain fsck --deep` names it; restore it from a copy of the lake, "
+            "or convert its recordings again"
         )
     return np.array([*(known[word] for word in words), 0], np.uint8)
 

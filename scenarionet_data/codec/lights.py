@@ -98,7 +98,7 @@ def _lights(columns: Columns, first: int, last: int, steps: int, memory: Memory)
     described = columns.layout.places(_COLUMNS), stored.plan, first, last, steps, states, provenances
     if not unchecked(fill_lights)(columns.block, *described, stored.memory, stored.places):
         raise LakeError(
-            "lights.state does not have one state per timestep: its file is damaged; `scenarionet check` lists the "
-            "affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
+            "lights.state does not have one state per timestep: its file is damaged; `scenarionet maintain check` "
+            "lists the affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
         )
     return Lights.read({}, stored)

@@ -158,8 +158,8 @@ def check_points(columns: Columns, names: tuple[str, ...]) -> None:
 def _require(column: str, fits: bool) -> None:
     if not fits:
         raise LakeError(
-            f"maps.{column} does not match its polylines: its file is damaged; `scenarionet check` lists the affected "
-            "scenarios; restore the file from a copy of the lake, or convert its recordings again"
+            f"maps.{column} does not match its polylines: its file is damaged; `scenarionet maintain check` lists "
+            "the affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
         )
 
 

@@ -190,6 +190,6 @@ def _encode_flags(flags: Array, lengths: Array, *, default: bool) -> pa.Array:
 def _require(column: str, fits: bool) -> None:
     if not fits:
         raise LakeError(
-            f"tracks.{column} does not match the scenario's spans: its file is damaged; `scenarionet check` lists the "
-            "affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
+            f"tracks.{column} does not match the scenario's spans: its file is damaged; `scenarionet maintain check` "
+            "lists the affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
         )

@@ -223,7 +223,8 @@ def _notes(files: LakeFiles, named: set[str] | None) -> tuple[Note, ...]:
         named: Files that snapshots refer to; None if a manifest is damaged.
     """
     unused = [each for each in list_files(files) if each.name not in named] if named is not None else []
-    text = "not part of any snapshot: a job may be about to commit them, otherwise `scenarionet vacuum` deletes them"
+    removed = "otherwise `scenarionet maintain vacuum` deletes them"
+    text = f"not part of any snapshot: a job may be about to commit them, {removed}"
     temporary = "below .tmp: a job may be writing them, otherwise the next one deletes them after a day"
     kinds = {text: unused, temporary: files.listing(".tmp")}
     return tuple(Note(text, len(found), sum(x.size for x in found)) for text, found in kinds.items() if found)

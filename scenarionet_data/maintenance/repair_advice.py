@@ -9,20 +9,20 @@ import pyarrow as pa
 
 _SHOWN = 3
 _OF_FOLDER = {
-    "databases": "restore it from a copy of the lake, or `scenarionet drop LAKE {reference} --force` and create it "
-    "again "
-    "(`scenarionet rebase` does, if its members have changed)",
-    "layers": "restore it from a copy of the lake, or `scenarionet tag LAKE --drop {reference} --force` and tag again",
+    "databases": "restore it from a copy of the lake, or `scenarionet db drop LAKE {reference} --force` and create it "
+    "again (`scenarionet db rebase` does, if its members have changed)",
+    "layers": "restore it from a copy of the lake, or `scenarionet db tag LAKE --drop {reference} --force` and tag "
+    "again",
     "results": "remove the run's folder and simulate again",
     "origins.json": "restore it from a copy of the pack",
 }
-_MERGED = "`scenarionet fsck LAKE --repair` merges it again"
+_MERGED = "`scenarionet maintain fsck LAKE --repair` merges it again"
 _SNAPSHOT = (
     "restore it from a copy of the lake, or remove it: the previous snapshot has everything except what was added by it"
 )
 _OLDER = (
-    "the newest snapshot does not need it: `scenarionet rebase` the databases made on older ones, then "
-    "`scenarionet vacuum LAKE --keep-last 1 --yes`; or restore it from a copy of the lake"
+    "the newest snapshot does not need it: `scenarionet db rebase` the databases made on older ones, then "
+    "`scenarionet maintain vacuum LAKE --keep-last 1 --yes`; or restore it from a copy of the lake"
 )
 _MANIFEST = "restore it from a copy of the lake; without it the shards of its snapshots are unknown"
 
@@ -59,7 +59,7 @@ def remedy(file: str, newest: Inputs) -> str:
     if listed:
         more = f" and {len(listed) - _SHOWN:,} more" if len(listed) > _SHOWN else ""
         return (
-            "restore it from a copy of the lake, or `scenarionet fsck LAKE --repair` and convert again "
+            "restore it from a copy of the lake, or `scenarionet maintain fsck LAKE --repair` and convert again "
             f"{', '.join(listed[:_SHOWN])}{more}"
         )
     name, _, version = rest.removesuffix(".parquet").partition("/")

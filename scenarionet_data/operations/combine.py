@@ -57,7 +57,7 @@ def checkout(lake: LakeLike, database: DatabaseRecord | str) -> DatabaseRecord:
     reference = database if isinstance(database, str) else database.reference
     name, version = records.parse_reference(reference)
     if version is None:
-        raise BadParameter(f"wanted an old version, for example {name}@1; `scenarionet lineage` lists them")
+        raise BadParameter(f"wanted an old version, for example {name}@1; `scenarionet db lineage` lists them")
     old = view.record(reference)
     return writer.save(view.files, name, old.members, old.lineage, replace=True)
 
@@ -73,7 +73,7 @@ def rename(lake: LakeLike, database: DatabaseRecord | str, *, name: str) -> Data
         old.name,
         None,
         f'lake.copy("{old.name}", name="{name}") keeps it',
-        f"scenarionet copy {view.root} {old.name} {name}",
+        f"scenarionet db copy {view.root} {old.name} {name}",
     )
     records.rename(view.files, old.name, name)
     return records.read(view.files, name)

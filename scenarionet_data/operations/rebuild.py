@@ -42,7 +42,7 @@ def rebuild(lake: LakeLike, database: DatabaseRecord | str) -> RebuildResult:
         raise type(error)(
             f"{found.reference} cannot be made again as it was: {error}; it can still be read where its scenarios are "
             f'unchanged, and lake.rebase("{found.name}", keep_members=True) updates it',
-            cli_remedy=f"scenarionet rebase --keep-members {view.root} {found.name}",
+            cli_remedy=f"scenarionet db rebase --keep-members {view.root} {found.name}",
         ) from error
     again = query.run(lineage.sql, lineage.parameters)
     members, tables = relation(found)

@@ -179,7 +179,7 @@ def _check_counts(query: DatabaseQuery, counts: Mapping[str, int], allow_empty: 
     """Raise unless every scenario is in one part, and no part is empty."""
     total = sum(counts.values())
     if total != len(query):
-        raise LakeError(f"{total:,} of {len(query):,} scenarios fell into a part: run `scenarionet check`")
+        raise LakeError(f"{total:,} of {len(query):,} scenarios fell into a part: run `scenarionet maintain check`")
     empty = [part for part, count in counts.items() if not count]
     if empty and not allow_empty:
         raise EmptyResult(

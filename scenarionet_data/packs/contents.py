@@ -143,8 +143,8 @@ class PackWriter:
             files = self._view.files
             raise LakeError(
                 f"{files.url('snapshots')}: metadata name {file}, which no shard of snapshot "
-                f"{self._view.snapshot.number} lists; `scenarionet fsck` lists damaged files: restore the manifest "
-                "from a copy of the lake"
+                f"{self._view.snapshot.number} lists; `scenarionet maintain fsck` lists damaged files: restore the "
+                "manifest from a copy of the lake"
             )
         return shards
 

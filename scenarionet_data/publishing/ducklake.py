@@ -58,7 +58,9 @@ def write_ducklake(folder: Path, files: Mapping[str, Sequence[str]]) -> dict[str
                     )
             connection.execute("DETACH lake")
         except duckdb.Error as error:
-            raise LakeError(f"{path}: DuckDB cannot publish the lake ({error}); run scenarionet fsck on it") from error
+            raise LakeError(
+                f"{path}: DuckDB cannot publish the lake ({error}); run scenarionet maintain fsck on it"
+            ) from error
     return dict.fromkeys(files, str(path))
 
 

@@ -54,7 +54,9 @@ def publish(lake: LakeLike, path: str | Path, catalog: Catalog) -> PublishReport
     view = open_view(lake)
     out = local_path(path, "a catalog").absolute()
     if is_url(view.root):
-        raise BadParameter(f"{view.root}: only lakes in local folders are published; copy it first (scenarionet copy)")
+        raise BadParameter(
+            f"{view.root}: only lakes in local folders are published; copy it first (scenarionet db copy)"
+        )
     if out.exists() or out.is_symlink():
         raise BadParameter(f"{out}: exists; choose another name, or remove it first")
     if not view.paths("metadata"):

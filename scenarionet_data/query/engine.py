@@ -200,7 +200,7 @@ class Engine:
                 failure = self._filesystem and self._filesystem.pop_failure()
                 failure = failure or damage(self._files, self._views.scanned, error, sql)
                 if failure is None and isinstance(error, duckdb.IOException):
-                    remedy = f"`scenarionet check {self._files.root}` lists missing and damaged files"
+                    remedy = f"`scenarionet maintain check {self._files.root}` lists missing and damaged files"
                     message, _, excerpt = str(error).partition("\n")
                     failure = LakeError(f"{message}; {remedy}\n{excerpt}".rstrip())
                 raise failure or QueryError(str(error)) from error

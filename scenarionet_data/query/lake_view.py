@@ -328,7 +328,7 @@ class LakeView:
             raise NoSuchSnapshot(
                 f"{latest.reference} was made on snapshot {latest.lineage.snapshot}, which has expired, and some of "
                 f"its members have changed since; {_rebase(latest)} makes it again on the newest snapshot",
-                cli_remedy=f"scenarionet rebase {self.root} {latest.name}",
+                cli_remedy=f"scenarionet db rebase {self.root} {latest.name}",
             ) from error
         for database in databases:
             count, example = count_changed(older.engine, database)
@@ -337,13 +337,13 @@ class LakeView:
                     f"{self.root}: no snapshot has the members of {' and '.join(d.reference for d in databases)} "
                     f"unchanged: {count:,} of {len(database):,} of {database.reference} are not in snapshot "
                     f"{older.snapshot.number}, for example {example}; update it with {_rebase(first)}",
-                    cli_remedy=f"scenarionet rebase {self.root} {first.name}",
+                    cli_remedy=f"scenarionet db rebase {self.root} {first.name}",
                 )
         warnings.warn(
             StaleDatabaseWarning(
                 f"{changed[first.reference][0]} of {len(first)} members of {first.reference} changed after snapshot "
                 f"{first.lineage.snapshot} and are read from it; {_rebase(first)} updates the database",
-                cli_remedy=f"scenarionet rebase {self.root} {first.name}",
+                cli_remedy=f"scenarionet db rebase {self.root} {first.name}",
             ),
             stacklevel=3,
         )

@@ -36,4 +36,4 @@ def similar_columns(where: str, user_columns: Iterable[str] = ()) -> str:
     words = {word.lower() for word in re.findall(r"[A-Za-z_]\w*", where)} - set(columns)
     near = [name for word in sorted(words) for name in difflib.get_close_matches(word, columns, n=3, cutoff=0.5)]
     hint = f"similar: {', '.join(dict.fromkeys(near))}; " if near else ""
-    return f"{hint}`scenarionet filters --columns` explains all columns"
+    return f"{hint}`scenarionet info filters --columns` explains all columns"

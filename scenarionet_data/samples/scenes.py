@@ -184,7 +184,9 @@ class SceneReader:
         """
         rows = self._reader.read(metadata, self._tables)
         if rows["tracks"] is None:
-            raise LakeError(f"{metadata[0]['scenario_id']} has no tracks; `scenarionet check` lists all such scenarios")
+            raise LakeError(
+                f"{metadata[0]['scenario_id']} has no tracks; `scenarionet maintain check` lists all such scenarios"
+            )
         with_map = "maps" in self._tables
         crops = [self._crop(row) if with_map and row["map_crop"] is not None else None for row in metadata]
         return Scenes(metadata, rows["tracks"], rows.get("maps"), crops, requests, self._reader.memory)

@@ -1,4 +1,4 @@
-"""Transitions of experts: what recorded vehicles observed along the log, by ``scenarionet record``."""
+"""Transitions of experts: what recorded vehicles observed along the log, by ``scenarionet runs record``."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Experts:
 
     @classmethod
     def recorded(cls, lake: Lake | str | Path, run: str) -> Experts:
-        """Return the transitions of a run of ``scenarionet record``.
+        """Return the transitions of a run of ``scenarionet runs record``.
 
         Raises:
             BadParameter: There is no such run, or it has no transitions.
@@ -54,7 +54,7 @@ class Experts:
         if not len(rows):
             raise BadParameter(
                 f"no transitions of experts in run {run!r}; record them with scenarionet_sim.record and pass its name",
-                cli_remedy="scenarionet record LAKE DATABASE --name NAME, then --observations NAME",
+                cli_remedy="scenarionet runs record LAKE DATABASE --name NAME, then --observations NAME",
             )
         columns = [rows[name].combine_chunks() for name in ("observation", "after")]
         arrays: list[Float32] = [column.flatten().to_numpy().reshape(len(column), -1) for column in columns]

@@ -60,7 +60,7 @@ def make_learner(algorithm: str, env: FlatEnv, config: LearnerConfig, seed: int,
         if experts is None:
             raise BadParameter(
                 f"{algorithm} imitates experts; pass observations='NAME' of a run of scenarionet_sim.record",
-                cli_remedy="--observations NAME of a run of `scenarionet record`",
+                cli_remedy="--observations NAME of a run of `scenarionet runs record`",
             )
         return (AirlLearner if isinstance(config, AirlConfig) else GailLearner)(env, config, seed, experts)  # type: ignore[arg-type]
     if isinstance(config, Td3Config):

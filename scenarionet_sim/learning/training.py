@@ -55,7 +55,7 @@ class Training:
         config: Settings.
         seed: Seed of weights, actions, minibatches and scenarios.
         tests: Databases on which the policy is tested at each checkpoint.
-        observations: Run of ``scenarionet record`` with the experts' observations, for imitation.
+        observations: Run of ``scenarionet runs record`` with the experts' observations, for imitation.
     """
 
     lake: str

@@ -10,18 +10,14 @@ import click
 import pytest
 
 from scenarionet_data import version
-from scenarionet_pipelines.cli import VERBS, cli
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.group import Verb
+from scenarionet_pipelines.cli.group import find_verb
+from scenarionet_pipelines.cli.tree import GROUPS, SECTIONS
 from tests.scenarionet_pipelines.conftest import run
 
-ALL_VERBS = [name for names in VERBS.values() for name in names]
-
-
-def verb(name: str) -> Verb:
-    found = cli.get_command(click.Context(cli), name)
-    assert isinstance(found, Verb)
-    return found
+TOP = [name for names in SECTIONS.values() for name in names]
+GROUPED = [f"{group} {name}" for group, (_, names) in GROUPS.items() for name in names]
+ALL_VERBS = TOP + GROUPED
 
 
 # --- help ---------------------------------------------------------------------------------------------------
@@ -40,30 +36,35 @@ def test_help_imports_no_heavy_package():
 
 def test_help_lists_every_verb_with_a_sentence():
     text = run("--help").stdout
-    for name in ALL_VERBS:
+    assert len(TOP) <= 16
+    for name in (*TOP, *GROUPS):
         assert f"\n  {name} " in text
-        assert verb(name).help.split("\n")[0].endswith(".")
+    for name in GROUPED:
+        group, word = name.split()
+        assert f"\n  {word} " in run(group, "--help").stdout
+    assert [name for name in ALL_VERBS if not find_verb(name).help.split("\n")[0].endswith(".")] == []
 
 
 @pytest.mark.parametrize("name", ALL_VERBS)
 def test_examples_of_every_verb_are_valid(name):
-    found = verb(name)
+    found = find_verb(name)
     assert found.examples
     for example in found.examples:
-        assert f"  {example}\n" in run(name, "--help").stdout
-        program, typed, *words = shlex.split(example)
-        assert (program, typed) == ("scenarionet", name)
+        assert f"  {example}\n" in run(*name.split(), "--help").stdout
+        program, *words = shlex.split(example)
+        typed = [words.pop(0) for _ in name.split()]
+        assert (program, *typed) == ("scenarionet", *name.split())
         found.make_context(name, words)  # raises when a word is not understood
 
 
 @pytest.mark.parametrize("name", ALL_VERBS)
 def test_every_option_has_help(name):
-    options = [param for param in verb(name).params if isinstance(param, click.Option)]
+    options = [param for param in find_verb(name).params if isinstance(param, click.Option)]
     assert [option.name for option in options if not option.help] == []
 
 
 def test_every_verb_has_a_json_option():
-    assert [name for name in ALL_VERBS if "--json" not in {o for p in verb(name).params for o in p.opts}] == []
+    assert [name for name in ALL_VERBS if "--json" not in {o for p in find_verb(name).params for o in p.opts}] == []
 
 
 def test_version():
@@ -79,9 +80,9 @@ def test_version():
         ("convert wymo {raw} new", 2, "did you mean waymo"),
         ("convert tests.fixtures.made:Made nowhere new", 2, "nowhere: no such folder"),
         ("convert tests.fixtures.made:Made {raw} new --split a/b", 2, "use letters, digits"),
-        ("convert tests.fixtures.made:Made {raw} new -O colour=red", 2, "it has max_bad_rows, num_objects"),
-        ("convert tests.fixtures.made:Made {raw} new -O num_objects=many", 2, "wants int"),
-        ("convert tests.fixtures.made:Made {raw} new -O num_objects", 2, "expects name=value"),
+        ("convert tests.fixtures.made:Made {raw} new -p colour=red", 2, "it has max_bad_rows, num_objects"),
+        ("convert tests.fixtures.made:Made {raw} new -p num_objects=many", 2, "wants int"),
+        ("convert tests.fixtures.made:Made {raw} new -p num_objects", 2, "expects name=value"),
         ("convert tests.fixtures.made:Made {raw} {raw}/a.made --quiet", 1, "choose a folder"),
         ("list nowhere", 1, "no lake there"),
         ("list {lake} --snapshot 7", 1, "no snapshot 7"),
@@ -92,7 +93,7 @@ def test_version():
         ("sql {lake} sumary", 2, "did you mean summary"),
         ("sql {lake} summary -p colour=red", 2, "no parameter 'colour'"),
         ("sql {lake} summary -o rows.txt", 2, ".parquet"),
-        ("files {lake} colours", 2, "no table 'colours'"),
+        ("tables files {lake} colours", 2, "no table 'colours'"),
         ("filter {lake} --where 'true; drop' --name x", 2, "wanted one condition"),
         ("filter {lake} --filter ego_distanc --name x", 2, "did you mean ego_distance"),
         ("filter {lake} --filter ego_distance:max=far --name x", 2, "max wants float"),
@@ -104,17 +105,17 @@ def test_version():
         ("filter {lake} --id nobody --name x", 1, "ids are not in snapshot 1"),
         ("sample {lake} --name x", 2, "either a number of scenarios or a fraction"),
         ("merge {lake} nothing none --name x", 2, "no database 'nothing'"),
-        ("diff {lake} @1 @9", 1, "no snapshot 9"),
-        ("overlap {lake} one", 2, "two databases or more"),
-        ("lineage {lake} nothing", 2, "no database 'nothing'"),
-        ("drop {lake} nothing@x", 2, "with a number"),
+        ("db diff {lake} @1 @9", 1, "no snapshot 9"),
+        ("db overlap {lake} one", 2, "two databases or more"),
+        ("db lineage {lake} nothing", 2, "no database 'nothing'"),
+        ("db drop {lake} nothing@x", 2, "with a number"),
         ("split {lake}", 2, "wanted one of fractions"),
         ("split {lake} --fractions train=0.9", 2, "add up to 1"),
         ("split {lake} --fractions train=most", 2, "expects a number"),
         ("split {lake} --fractions train=0.5 train=0.5", 2, "'train' twice"),
         ("split {lake} --fractions a=0.5 b=0.5 --by colour", 2, "no column 'colour'"),
         ("export {lake} nothing out", 2, "no database 'nothing'"),
-        ("converters nobody", 2, "no converter 'nobody'"),
+        ("info converters nobody", 2, "no converter 'nobody'"),
     ],
 )
 def test_errors_are_one_line_with_an_exit_code(words, code, says, raw, lake, tmp_path, monkeypatch):
@@ -138,6 +139,7 @@ def test_unparsable_arguments_are_usage_errors(words):
 
 def test_similar_verbs_are_suggested():
     assert "did you mean filter" in run("fliter", "lake").stderr
+    assert "did you mean maintain fsck" in run("fskc", "lake").stderr
 
 
 def test_debug_shows_the_traceback():

@@ -1,4 +1,4 @@
-"""``scenarionet compile``: later processes do not compile anything."""
+"""``scenarionet maintain compile``: later processes do not compile anything."""
 
 from __future__ import annotations
 

@@ -67,66 +67,66 @@ def test_sets(two, ok, as_json):
     text = ok("merge", two, "low", "high", "--name", "both")
     assert text == "both@1: 9 scenarios\nleft out: 2 repeated scenarios\n"
     assert as_json("merge", two, "low", "high", "--name", "both", "--replace")["repeated"] == 2
-    assert ok("intersect", two, "low", "high", "--name", "shared") == "shared@1: 2 scenarios\n"
-    assert ok("subtract", two, "low", "high", "--name", "rest") == "rest@1: 2 scenarios\n"
-    assert as_json("subtract", two, "low", "low", "--name", "none", "--allow-empty")["count"] == 0
+    assert ok("db", "intersect", two, "low", "high", "--name", "shared") == "shared@1: 2 scenarios\n"
+    assert ok("db", "subtract", two, "low", "high", "--name", "rest") == "rest@1: 2 scenarios\n"
+    assert as_json("db", "subtract", two, "low", "low", "--name", "none", "--allow-empty")["count"] == 0
     assert run("merge", two, "low", "--name", "x").exit_code == 2
 
 
 def test_diff(two, ok, as_json):
-    text = ok("diff", two, "low@1", "low")
+    text = ok("db", "diff", two, "low@1", "low")
     assert text.startswith("low@1 -> low@2: 0 scenarios came, 5 scenarios went, 0 scenarios changed; 9 -> 4\n")
     assert "  went  made/v1/s000011\n" in text
-    assert len(as_json("diff", two, "low", "@1")["came"]) == 5
-    assert as_json("diff", two, "low", "low")["columns"] == []
+    assert len(as_json("db", "diff", two, "low", "@1")["came"]) == 5
+    assert as_json("db", "diff", two, "low", "low")["columns"] == []
 
 
 @pytest.mark.long
 def test_overlap(two, ok, as_json):
-    text = ok("overlap", two, "low", "high")
+    text = ok("db", "overlap", two, "low", "high")
     assert "low@2 / high@1  same_scenario" in text
-    assert as_json("overlap", two, "low", "high", "--only", "same_scenario")["overlaps"][0]["num_first"] == 2
-    assert run("overlap", two, "low", "high", "--strict").exit_code == 1
-    ok("subtract", two, "low", "high", "--name", "rest")
-    assert as_json("overlap", two, "rest", "high", "--only", "same_scenario", "--strict")["is_clean"]
+    assert as_json("db", "overlap", two, "low", "high", "--only", "same_scenario")["overlaps"][0]["num_first"] == 2
+    assert run("db", "overlap", two, "low", "high", "--strict").exit_code == 1
+    ok("db", "subtract", two, "low", "high", "--name", "rest")
+    assert as_json("db", "overlap", two, "rest", "high", "--only", "same_scenario", "--strict")["is_clean"]
 
 
 def test_lineage_is_a_tree(two, ok, as_json):
     ok("sample", two, "low", "-n", "2", "--seed", "7", "--name", "few")
-    text = ok("lineage", two, "few")
+    text = ok("db", "lineage", two, "few")
     assert text.startswith("few@1: 2 scenarios by sample, seed 7, snapshot 1, ")
     assert "\n    low@2: 4 scenarios by filter, snapshot 1, " in text
     assert "\n        versions 1, 2\n        used by few@1\n" in text
-    detailed = ok("lineage", two, "few", "--sql")
+    detailed = ok("db", "lineage", two, "few", "--sql")
     assert "    $seed = 7\n" in detailed
     assert "source_scenario_id <= 's000004'" in detailed
-    tree = as_json("lineage", two, "few")
+    tree = as_json("db", "lineage", two, "few")
     assert tree["parents"][0]["lineage"]["operation"] == "filter"
-    ok("drop", two, "low", "--force")
-    assert "    low@2: no longer in the lake\n" in ok("lineage", two, "few")
+    ok("db", "drop", two, "low", "--force")
+    assert "    low@2: no longer in the lake\n" in ok("db", "lineage", two, "few")
 
 
 def test_rebuild_and_rebase(two, ok, as_json):
-    assert ok("rebuild", two, "low") == "low@2: the same 4 scenarios in the same order\n"
-    assert as_json("rebuild", two, "low@1")["is_same"]
-    assert ok("rebase", two, "low") == "low is already on the newest snapshot\n"
-    text = ok("rebase", two, "low", "--keep-members")
+    assert ok("db", "rebuild", two, "low") == "low@2: the same 4 scenarios in the same order\n"
+    assert as_json("db", "rebuild", two, "low@1")["is_same"]
+    assert ok("db", "rebase", two, "low") == "low is already on the newest snapshot\n"
+    text = ok("db", "rebase", two, "low", "--keep-members")
     assert text == "low@2 -> low@3: 0 scenarios came, 0 scenarios went, 0 scenarios changed; 4 -> 4\n"
-    assert as_json("rebase", two, "low")["moved"] == []
+    assert as_json("db", "rebase", two, "low")["moved"] == []
 
 
 def test_rename_copy_and_drop(two, ok, as_json):
-    assert ok("copy", two, "low@1", "everything") == "everything@1: 9 scenarios\n"
-    assert run("copy", two, "low", "everything").exit_code == 1
-    assert run("rename", two, "low", "high").exit_code == 1
-    assert "scenarionet copy" in run("rename", two, "low", "deep").stderr  # all others depend on it
-    assert ok("rename", two, "high", "top") == "high -> top\n"
-    assert as_json("drop", two, "low@2") == {"dropped": "low@2"}
-    assert "--force" in run("drop", two, "low").stderr
-    assert ok("drop", two, "low", "--force") == "dropped low\n"
+    assert ok("db", "copy", two, "low@1", "everything") == "everything@1: 9 scenarios\n"
+    assert run("db", "copy", two, "low", "everything").exit_code == 1
+    assert run("db", "rename", two, "low", "high").exit_code == 1
+    assert "scenarionet db copy" in run("db", "rename", two, "low", "deep").stderr  # all others depend on it
+    assert ok("db", "rename", two, "high", "top") == "high -> top\n"
+    assert as_json("db", "drop", two, "low@2") == {"dropped": "low@2"}
+    assert "--force" in run("db", "drop", two, "low").stderr
+    assert ok("db", "drop", two, "low", "--force") == "dropped low\n"
     assert Lake(two).databases == ["everything", "top"]
 
 
 def test_checkout(two, ok):
-    assert ok("checkout", two, "low@1") == "low@3: 9 scenarios\n"
-    assert run("checkout", two, "low").exit_code == 2
+    assert ok("db", "checkout", two, "low@1") == "low@3: 9 scenarios\n"
+    assert run("db", "checkout", two, "low").exit_code == 2

@@ -1,4 +1,4 @@
-"""``scenarionet score`` with predictions, and ``scenarionet submit``."""
+"""``scenarionet forecast score`` with predictions, and ``scenarionet forecast submit``."""
 
 from __future__ import annotations
 
@@ -33,16 +33,20 @@ def run(*words):
 
 
 def test_scores_are_printed_and_written(lake, tmp_path):
-    done = run("score", lake, lake / "predictions.parquet", "--by", "dataset", "-o", tmp_path / "scores.parquet")
+    done = run(
+        "forecast", "score", lake, lake / "predictions.parquet", "--by", "dataset", "-o", tmp_path / "scores.parquet"
+    )
     assert done.exit_code == 0 and "waymo_min_fde_5s" in done.output and "made" in done.output
     assert pq.read_table(tmp_path / "scores.parquet")["track_id"].to_pylist() == ["t0"]
-    found = json.loads(run("score", lake, lake / "predictions.parquet", "--json").stdout)
+    found = json.loads(run("forecast", "score", lake, lake / "predictions.parquet", "--json").stdout)
     assert found["by"][0]["targets"] == 1 and found["by"][0]["min_fde"] < 1e-3 and found["findings"] == {}
     assert {each["seconds"] for each in found["precision"]} == {3, 5}
 
 
 def test_a_submission_is_written(lake, tmp_path):
-    done = run("submit", lake, lake / "predictions.parquet", tmp_path / "out.parquet", "--format", "argoverse2")
+    done = run(
+        "forecast", "submit", lake, lake / "predictions.parquet", tmp_path / "out.parquet", "--format", "argoverse2"
+    )
     assert done.exit_code == 0 and done.output == f"wrote 1 target to {tmp_path / 'out.parquet'}\n"
     assert pq.read_table(tmp_path / "out.parquet").num_rows == 1
 

@@ -94,9 +94,9 @@ def test_sql_limits_printed_rows(lake):
 
 
 def test_files(lake, ok, as_json):
-    paths = ok("files", lake, "tracks").split()
+    paths = ok("tables", "files", lake, "tracks").split()
     assert sum(pl.read_parquet(path).height for path in paths) == 9 * 5
-    assert as_json("files", lake, "tracks")["files"] == paths
+    assert as_json("tables", "files", lake, "tracks")["files"] == paths
 
 
 def test_filter(lake, ok, as_json):
@@ -112,17 +112,17 @@ def test_filter(lake, ok, as_json):
 
 
 def test_filters(ok, as_json):
-    text = ok("filters")
+    text = ok("info", "filters")
     assert "ego_distance:min=10,max=1e+09\n" in text
     assert {
         "name": "has_construction",
         "doc": "Scenarios with traffic cones or barriers.",
         "parameters": {},
-    } in as_json("filters")["filters"]
-    columns = {column["name"] for column in as_json("filters", "--columns")["columns"]}
+    } in as_json("info", "filters")["filters"]
+    columns = {column["name"] for column in as_json("info", "filters", "--columns")["columns"]}
     assert {"ego_distance", "objects_per_100m"} <= columns
     assert "tracks_file" not in columns
-    assert "ego_distance [m]\n" in ok("filters", "--columns")
+    assert "ego_distance [m]\n" in ok("info", "filters", "--columns")
 
 
 @pytest.mark.parametrize(
@@ -162,30 +162,30 @@ def test_export_is_read_back(lake, tmp_path, ok, as_json):
 
 def test_check(lake, ok, as_json):
     ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--name", "few")
-    text = ok("check", lake)  # the lanes of the fixture jump, which only --strict reports
+    text = ok("maintain", "check", lake)  # the lanes of the fixture jump, which only --strict reports
     assert "ok        ids_are_unique" in text
     assert "successors_are_close: 9 scenarios, for example\n  made/v1/s000001" in text
-    assert run("check", lake, "--strict").exit_code == 1
-    assert "successors_are_close: 6 scenarios" in ok("check", lake, "few")
-    (one,) = as_json("check", lake, "--only", "ids_are_unique")["checks"]
+    assert run("maintain", "check", lake, "--strict").exit_code == 1
+    assert "successors_are_close: 6 scenarios" in ok("maintain", "check", lake, "few")
+    (one,) = as_json("maintain", "check", lake, "--only", "ids_are_unique")["checks"]
     assert (one["is_met"], one["is_hard"]) == (True, True)
-    assert run("check", lake, "--only", "ids_are_uniqe").exit_code == 2
+    assert run("maintain", "check", lake, "--only", "ids_are_uniqe").exit_code == 2
 
 
 @pytest.mark.long
 def test_scorecard(lake, ok, as_json, tmp_path):
-    text = ok("check", lake, "--scorecard", "-o", tmp_path / "card.csv")
+    text = ok("maintain", "check", lake, "--scorecard", "-o", tmp_path / "card.csv")
     assert text.startswith("made/v1/train\n  holds    9 scenarios, 1 in quarantine\n")
     assert "no published counts for this split" in text
     assert "budgets  velocity_median 0.5, velocity_p99 5, " in text
     assert "doubtful  successors_are_close     9  100.00%  made/v1/s000001: " in text
     rows = pl.read_csv(tmp_path / "card.csv")
     assert rows.filter(pl.col("check") == "successors_are_close").select("broken", "share").row(0) == (9, 1.0)
-    found = as_json("check", lake, "--scorecard")
+    found = as_json("maintain", "check", lake, "--scorecard")
     (partition,) = found["scorecard"]["partitions"]
     assert (partition["scenarios"], partition["quarantined"], partition["budgets"]["outliers"]) == (9, 1, 0.01)
     assert {mark["check"] for mark in partition["rules"]} == {check["name"] for check in found["checks"]}
-    assert run("check", lake, "--scorecard", "--strict").exit_code == 1
+    assert run("maintain", "check", lake, "--scorecard", "--strict").exit_code == 1
 
 
 @pytest.mark.parametrize(
@@ -194,55 +194,55 @@ def test_scorecard(lake, ok, as_json, tmp_path):
 @pytest.mark.long
 def test_check_separates_passing_and_failing_scenarios(lake, suffix, ok, tmp_path):
     ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--name", "few")
-    text = ok("check", lake, "few", "--name", "good", "--broken", tmp_path / f"broken.{suffix}")
+    text = ok("maintain", "check", lake, "few", "--name", "good", "--broken", tmp_path / f"broken.{suffix}")
     assert text.endswith("good@1: 6 of 6 scenarios\n")
     read = {"parquet": pl.read_parquet, "csv": pl.read_csv, "json": pl.read_json}[suffix]
     rows = read(tmp_path / f"broken.{suffix}")
     assert rows["check"].unique().to_list() == ["successors_are_close"]
     assert rows["scenario_id"].to_list() == Lake(lake).database("few").scenario_ids
-    assert run("check", lake, "few", "--name", "good").exit_code == 1
-    assert ok("check", lake, "few", "--name", "good", "--replace").endswith("good@2: 6 of 6 scenarios\n")
-    nothing = run("check", lake, "few", "--name", "best", "--strict")
+    assert run("maintain", "check", lake, "few", "--name", "good").exit_code == 1
+    assert ok("maintain", "check", lake, "few", "--name", "good", "--replace").endswith("good@2: 6 of 6 scenarios\n")
+    nothing = run("maintain", "check", lake, "few", "--name", "best", "--strict")
     assert nothing.exit_code == 2
     assert "no scenario is left of 6" in nothing.stderr
 
 
 def test_check_rejects_unknown_file_formats(lake, tmp_path):
     for words in (("--scorecard", "-o", "card.txt"), ("--broken", "broken"), ("-o", "card.csv")):
-        result = run("check", lake, *words)
+        result = run("maintain", "check", lake, *words)
         assert result.exit_code == 2
         assert "--scorecard" in result.stderr or ".parquet, .csv, .json" in result.stderr
 
 
 def test_check_names_missing_files(lake, ok):
-    gone = Path(ok("files", lake, "tracks").split()[0])
+    gone = Path(ok("tables", "files", lake, "tracks").split()[0])
     gone.unlink()
-    result = run("check", lake)
+    result = run("maintain", "check", lake)
     assert result.exit_code == 1
     assert "FAILED    content_is_present" in result.stdout
     assert f"{gone.name} is gone" in result.stdout
     asked = run("sql", lake, "SELECT count(*) FROM tracks")
     assert asked.exit_code == 1
-    assert "scenarionet check" in asked.stderr
+    assert "scenarionet maintain check" in asked.stderr
 
 
 def test_converters(ok, as_json):
-    assert "pg\n" in ok("converters")
-    found = {each["name"]: each for each in as_json("converters")["converters"]}
+    assert "pg\n" in ok("info", "converters")
+    found = {each["name"]: each for each in as_json("info", "converters")["converters"]}
     assert all({"raw", "licence", "release", "version"} <= set(each) for each in found.values()), found
-    one = as_json("converters", "tests.fixtures.made:Made")
+    one = as_json("info", "converters", "tests.fixtures.made:Made")
     own = [option for option in one["options"] if option["name"] != "max_bad_rows"]
     assert own == [{"name": "num_objects", "type": "int", "default": 5, "doc": "Objects in each scenario."}]
-    assert "Objects in each scenario." in ok("converters", "tests.fixtures.made:Made")
+    assert "Objects in each scenario." in ok("info", "converters", "tests.fixtures.made:Made")
 
 
 def test_doctor(lake, tmp_path, ok, as_json):
-    assert "snapshot 1, 9 scenarios" in ok("doctor", lake)
-    findings = as_json("doctor", lake)["findings"]
+    assert "snapshot 1, 9 scenarios" in ok("maintain", "doctor", lake)
+    findings = as_json("maintain", "doctor", lake)["findings"]
     assert {finding["topic"] for finding in findings} == {"python", "packages", "converters", "machine", "lake"}
     file = tmp_path / "file"
     file.touch()
-    assert run("doctor", file).exit_code == 1
+    assert run("maintain", "doctor", file).exit_code == 1
 
 
 # --- output ---------------------------------------------------------------------------------------------------

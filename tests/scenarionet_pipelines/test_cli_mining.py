@@ -45,22 +45,22 @@ def test_filter_by_event(lake, ok):
 
 
 def test_tag_adds_lists_and_drops_user_columns(lake, ok, as_json, tmp_path):
-    assert "no user columns" in ok("tag", lake)
-    assert ok("tag", lake, "crowded", "--where", "num_objects > 3") == "crowded@1: bool for 9 of 9 scenarios\n"
-    ok("tag", lake, "approaches", "--event", "closest_approach")
-    ok("tag", lake, "tracks_seen", "--sql", "SELECT scenario_id, count(*) FROM tracks GROUP BY 1")
+    assert "no user columns" in ok("db", "tag", lake)
+    assert ok("db", "tag", lake, "crowded", "--where", "num_objects > 3") == "crowded@1: bool for 9 of 9 scenarios\n"
+    ok("db", "tag", lake, "approaches", "--event", "closest_approach")
+    ok("db", "tag", lake, "tracks_seen", "--sql", "SELECT scenario_id, count(*) FROM tracks GROUP BY 1")
     (tmp_path / "scores.csv").write_text("scenario_id,score\nmade/v1/s000001,0.5\n")
-    made = as_json("tag", lake, "score", "--file", tmp_path / "scores.csv", "--column", "score")
+    made = as_json("db", "tag", lake, "score", "--file", tmp_path / "scores.csv", "--column", "score")
     assert (made["reference"], made["type"], made["count"]) == ("score@1", "double", 1)
-    listed = as_json("tag", lake)["user_columns"]
+    listed = as_json("db", "tag", lake)["user_columns"]
     assert {layer["name"] for layer in listed} == {"crowded", "approaches", "tracks_seen", "score"}
-    assert "scores.csv" in ok("tag", lake)
+    assert "scores.csv" in ok("db", "tag", lake)
     assert ok("filter", lake, "--where", "score > 0.1", "--name", "scored") == "scored@1: 1 scenario\n"
-    assert ok("tag", lake, "--drop", "crowded") == "dropped crowded\n"
-    refused = run("tag", lake, "--drop", "score")
+    assert ok("db", "tag", lake, "--drop", "crowded") == "dropped crowded\n"
+    refused = run("db", "tag", lake, "--drop", "score")
     assert (refused.exit_code, "scored@1 uses score@1; drop those first" in refused.stderr) == (1, True)
-    assert as_json("tag", lake, "--drop", "score@1", "--force") == {"dropped": "score@1"}
-    assert {layer["name"] for layer in as_json("tag", lake)["user_columns"]} == {"approaches", "tracks_seen"}
+    assert as_json("db", "tag", lake, "--drop", "score@1", "--force") == {"dropped": "score@1"}
+    assert {layer["name"] for layer in as_json("db", "tag", lake)["user_columns"]} == {"approaches", "tracks_seen"}
 
 
 @pytest.mark.parametrize(
@@ -80,20 +80,20 @@ def test_tag_adds_lists_and_drops_user_columns(lake, ok, as_json, tmp_path):
     ],
 )
 def test_invalid_user_columns_are_rejected(lake, words, code, message):
-    result = run("tag", lake, *words)
+    result = run("db", "tag", lake, *words)
     assert result.exit_code == code
     assert message in result.stderr
 
 
 def test_stats(lake, ok, as_json, tmp_path):
     ok("filter", lake, "--where", "source_scenario_id < 's00001'", "--name", "few")
-    lines = ok("stats", lake, "few").splitlines()
+    lines = ok("db", "stats", lake, "few").splitlines()
     assert lines[0].split() == ["few@1"]
     assert lines[1].split() == ["scenarios", "6"]
     assert any(line.startswith("track length [m]") and "±" in line for line in lines)
-    (whole,) = as_json("stats", lake)["databases"]
+    (whole,) = as_json("db", "stats", lake)["databases"]
     assert (whole["name"], whole["count"], whole["measures"][0]["measure"]) == ("lake", 9, "track length")
     pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
-    result = run("stats", lake, "few", "-o", tmp_path / "stats.png")
+    result = run("db", "stats", lake, "few", "-o", tmp_path / "stats.png")
     assert (result.exit_code, result.stdout) == (0, "")
     assert (tmp_path / "stats.png").stat().st_size > 1000

@@ -24,10 +24,10 @@ pytestmark = pytest.mark.integration
         (["render", "LAKE", "s000001", "-o", "gs://bucket/x.mp4"], "a picture or video"),
         (["show", "LAKE", "s000001", "--picture", "s3://bucket/x.png"], "a picture"),
         (["report", "LAKE", "-o", "s3://bucket/x.html"], "a report"),
-        (["stats", "LAKE", "-o", "s3://bucket/x.png"], "a chart"),
+        (["db", "stats", "LAKE", "-o", "s3://bucket/x.png"], "a chart"),
         (["sql", "LAKE", "SELECT 1", "-o", "s3://bucket/x.csv"], "a table"),
-        (["check", "LAKE", "--broken", "s3://bucket/x.csv"], "a table"),
-        (["check", "LAKE", "--scorecard", "-o", "s3://bucket/x.json"], "a table"),
+        (["maintain", "check", "LAKE", "--broken", "s3://bucket/x.csv"], "a table"),
+        (["maintain", "check", "LAKE", "--scorecard", "-o", "s3://bucket/x.json"], "a table"),
         (["pack", "LAKE", "busy", "s3://bucket/x.tar", "--tar"], "a tar"),
     ],
 )

@@ -27,18 +27,18 @@ def lake(url):
 
 def test_databases_from_end_to_end(lake, tmp_path):
     assert json.loads(run("list", lake, "--json"))["lake"] == lake
-    assert run("files", lake, "tracks").startswith(f"{lake}/tracks/dataset=pg/")
-    assert "snapshot 1, 8 scenarios" in run("doctor", lake)
+    assert run("tables", "files", lake, "tracks").startswith(f"{lake}/tracks/dataset=pg/")
+    assert "snapshot 1, 8 scenarios" in run("maintain", "doctor", lake)
     run("split", lake, "busy", "--fractions", "train=0.5", "val=0.5")
-    run("tag", lake, "crowded", "--where", "num_objects > 3")
+    run("db", "tag", lake, "crowded", "--where", "num_objects > 3")
     assert "crowded" in run("show", lake, "pg/v1/3")
-    run("rename", lake, "busy_val", "held_out")
+    run("db", "rename", lake, "busy_val", "held_out")
     assert {d["name"] for d in json.loads(run("list", lake, "--json"))["databases"]} == {
         "busy",
         "busy_train",
         "held_out",
     }
-    run("check", lake, "busy")
+    run("maintain", "check", lake, "busy")
     run("export", lake, "busy_train", tmp_path / "pickles")
     assert list((tmp_path / "pickles").rglob("sd_*.pkl"))
     run("pack", lake, "busy_train", tmp_path / "pack")

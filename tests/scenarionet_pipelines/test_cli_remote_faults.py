@@ -22,11 +22,11 @@ VERBS = {
     "split": ["split", "LAKE", "busy", "--fractions", "train=0.5", "val=0.5"],
     "export": ["export", "LAKE", "busy_val", "OUT/pickles", "--quiet"],
     "pack": ["pack", "LAKE", "busy_val", "OUT/pack", "--quiet"],
-    "check": ["check", "LAKE", "busy"],
-    "fsck": ["fsck", "LAKE", "--deep", "--quiet"],
+    "check": ["maintain", "check", "LAKE", "busy"],
+    "fsck": ["maintain", "fsck", "LAKE", "--deep", "--quiet"],
     "sim": ["sim", "LAKE", "busy", "--policy", "idm", "--backend", "kinematic", "--quiet", "--json"],
-    "compact": ["compact", "LAKE", "--profile", "analytics", "--quiet", "--json"],
-    "vacuum": ["vacuum", "LAKE", "--keep-last", "1", "--json"],
+    "compact": ["maintain", "compact", "LAKE", "--profile", "analytics", "--quiet", "--json"],
+    "vacuum": ["maintain", "vacuum", "LAKE", "--keep-last", "1", "--json"],
     "list": ["list", "LAKE", "--json"],
 }
 _DIFFERENT = ("seconds", "created_at", "lake", "workers", "scenarios_per_second", "steps_per_second")

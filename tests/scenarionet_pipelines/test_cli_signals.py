@@ -20,10 +20,12 @@ import pytest
 from scenarionet_data import Lake, Samples, Targets, TimeWindow
 from scenarionet_data.forecasts import make_predictions, write_predictions
 from scenarionet_pipelines.cli import interrupt
+from scenarionet_pipelines.cli.group import find_verb
+from scenarionet_pipelines.cli.tree import full_name
 from scenarionet_sim import evaluate
 from tests.fixtures.waiting import HANGS_AFTER, until
 from tests.scenarionet_pipelines.conftest import run
-from tests.scenarionet_pipelines.test_cli import ALL_VERBS, verb
+from tests.scenarionet_pipelines.test_cli import ALL_VERBS
 from tests.scenarionet_pipelines.test_cli_convert import start
 
 pytestmark = pytest.mark.integration
@@ -58,7 +60,7 @@ def when_handled(process: subprocess.Popen) -> None:
     ("number", "code", "word"), [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")]
 )
 def test_signal_becomes_one_line_and_an_exit_code(name, number, code, word, monkeypatch):
-    command = verb(name)
+    command = find_verb(name)
     monkeypatch.setattr(command, "callback", lambda **_: interrupt._interrupt(number, None))
     result = run(*shlex.split(command.examples[0])[1:])
     assert (result.exit_code, result.stdout, result.stderr) == (code, "", f"{word}: stopped before the end\n")
@@ -72,8 +74,8 @@ def test_errors_after_a_signal_are_its_consequence(monkeypatch):
         except KeyboardInterrupt:
             raise RuntimeError("a worker ended") from None
 
-    monkeypatch.setattr(verb("check"), "callback", lose_workers)
-    result = run("check", "lake")
+    monkeypatch.setattr(find_verb("maintain check"), "callback", lose_workers)
+    result = run("maintain", "check", "lake")
     assert (result.exit_code, result.stderr) == (143, "terminated: stopped before the end\n")
 
 
@@ -138,7 +140,7 @@ def work(process: psutil.Process) -> float:
     [
         ["sql", "LAKE", f"SELECT {UNENDING}"],
         ["sql", "LAKE", "SELECT sum(a.range * b.range) FROM range(10000000) a, range(10000000) b"],
-        ["compile"],
+        ["maintain", "compile"],
         ["convert", "pg", "0:20000", "LAKE", "--workers", "2"],
         ["convert", "pg", "0:20000", "LAKE", "--workers", "2", "--cluster", "local"],
     ],
@@ -167,7 +169,7 @@ COMMANDS = {
     "subtract": "lake one two --name x --allow-empty",
     "diff": "lake one two", "overlap": "lake one two", "lineage": "lake one", "rebuild": "lake one",
     "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
-    "submit": "lake forecast.parquet out.parquet --format argoverse2", "compare-runs": "lake before after",
+    "submit": "lake forecast.parquet out.parquet --format argoverse2", "compare": "lake before after",
     "checkout": "lake one@1", "score": "lake forecast.parquet", "sim": "lake --policy replay --workers 2",
     "record": "lake --workers 1", "train": "ppo lake --size small",
     "experiment": "cross-dataset lake -o out --workers 1",
@@ -179,7 +181,7 @@ COMMANDS = {
 
 
 def test_work_of_every_verb_is_known():
-    assert COMMANDS.keys() == set(ALL_VERBS)
+    assert {*map(full_name, COMMANDS)} == {*ALL_VERBS}
 
 
 def write_forecast(lake: Path) -> Path:
@@ -197,7 +199,7 @@ def test_sigterm_at_any_time_ends_every_verb(name, lake, tmp_path):
     for one in ("true", "num_objects > 0"):
         opened.filter(one, name="one", replace=True)
     opened.filter("num_objects > 2", name="two")
-    for before_or_after in ("before", "after") if name == "compare-runs" else ():
+    for before_or_after in ("before", "after") if name == "runs compare" else ():
         evaluate(lake, policy="replay", name=before_or_after)
     ids = opened.sql("SELECT scenario_id FROM metadata")["scenario_id"]
     forecast = write_forecast(lake)
@@ -205,8 +207,8 @@ def test_sigterm_at_any_time_ends_every_verb(name, lake, tmp_path):
         place = Path(shutil.copytree(lake, tmp_path / str(index) / "lake")).parent
         (place / "rows.csv").write_text("scenario_id,mark\n" + "".join(f"{each},1\n" for each in ids))
         shutil.copy(forecast, place)
-        words = COMMANDS[name].replace("made/v1/1", ids[0])
-        running = start(name, *shlex.split(words), cwd=place)
+        words = COMMANDS[name.split()[-1]].replace("made/v1/1", ids[0])
+        running = start(*name.split(), *shlex.split(words), cwd=place)
         when_handled(running)
         time.sleep(delay)  # any moment will do
         running.send_signal(signal.SIGTERM)

@@ -96,13 +96,13 @@ def test_record(lake, as_json, ok):
 
 
 def test_record_with_a_camera(lake, ok):
-    ok("record", lake, "--agents", "ego", "--workers", "1", "--camera", "48x32", "--name", "seen")
+    ok("runs", "record", lake, "--agents", "ego", "--workers", "1", "--camera", "48x32", "--name", "seen")
     frames = Lake(lake).sql("SELECT * FROM frames WHERE run = 'seen' ORDER BY scenario_id, timestep")
     assert len(frames) == 3 * 41
     assert set(frames.select("camera", "channel", "height", "width", "dtype").rows()) == {(0, "rgb", 32, 48, "uint8")}
     pictures = [np.frombuffer(pixels, np.uint8).reshape(32, 48, 3) for pixels in frames["pixels"]]
     assert not np.array_equal(pictures[0], pictures[40]), "the vehicle moves"
-    wrong = run("record", lake, "--camera", "48")
+    wrong = run("runs", "record", lake, "--camera", "48")
     assert wrong.exit_code == 2 and "--camera" in wrong.stderr
 
 

@@ -11,22 +11,9 @@ from io import TextIOWrapper
 
 import click
 
-from scenarionet_pipelines.cli.group import Verbs
+from scenarionet_pipelines.cli.group import CommandLine
 from scenarionet_pipelines.cli.interrupt import finish, handle_signals
-
-VERBS = {
-    "Convert recordings": ("convert", "converters"),
-    "Inspect a lake": ("list", "show", "sql", "mine", "stats", "files", "render", "browse", "report"),
-    "Select scenarios": ("filter", "filters", "split", "sample", "tag"),
-    "Combine databases": ("merge", "intersect", "subtract", "diff", "overlap"),
-    "Manage databases": ("lineage", "rebuild", "rebase", "copy", "rename", "drop", "checkout"),
-    "Simulate": ("sim", "compare-runs", "record"),
-    "Learn to drive": ("train", "experiment"),
-    "Forecast": ("score", "submit"),
-    "Share": ("export", "pack", "publish"),
-    "Maintain": ("check", "fsck", "compact", "vacuum", "doctor", "compile"),
-}
-"""Verbs by task, in the order of ``--help``; ``verbs/<verb>.py`` defines each."""
+from scenarionet_pipelines.cli.tree import SECTIONS
 
 
 def _print_version(ctx: click.Context, option: click.Parameter, is_wanted: bool) -> None:  # noqa: ARG001
@@ -37,7 +24,7 @@ def _print_version(ctx: click.Context, option: click.Parameter, is_wanted: bool)
         ctx.exit()
 
 
-@click.group("scenarionet", cls=Verbs, sections=VERBS, no_args_is_help=True)
+@click.group("scenarionet", cls=CommandLine, sections=SECTIONS, no_args_is_help=True)
 @click.option(
     "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Show the version."
 )
@@ -46,7 +33,8 @@ def cli(debug: bool) -> None:
     """Convert, query, select, load and simulate traffic scenarios from any driving dataset.
 
     A lake is a folder, or a URL in an object store, that holds converted scenarios as Parquet files.
-    Run `scenarionet VERB --help` for the options of a verb, with examples.
+    Run `scenarionet VERB --help` for the options of a verb, with examples. Begin with
+    `scenarionet convert pg 0:100 lake` and `scenarionet list lake`.
     """
 
 

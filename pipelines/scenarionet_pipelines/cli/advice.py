@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from scenarionet_pipelines.cli.tree import full_name
+
 _CALL = re.compile(r"""`?\b(?:lake|Lake)\.([a-z_]+)\(["']?([^"'(),]+)["']?[^()]*\)`?""")
 _FLAG = re.compile(r"\b([a-z][a-z_]*)=(True|False)\b")
 _VALUE = re.compile(r"""\b([a-z][a-z_]*)=(["'])([^"']*)\2""")
@@ -33,10 +35,10 @@ def as_options(message: str, remedy: str = "") -> str:
         >>> as_options("give another name, or replace=True for a new version of it")
         'give another name, or --replace for a new version of it'
         >>> as_options('pass by="source_log", check=False, or lake.rebase("busy")')
-        'pass --by source_log, --no-check, or `scenarionet rebase LAKE busy`'
+        'pass --by source_log, --no-check, or `scenarionet db rebase LAKE busy`'
     """
     command = f"`{remedy}`" if remedy.startswith("scenarionet ") else ""
-    message = _CALL.sub(lambda found: command or f"`scenarionet {found[1]} LAKE {found[2]}`", message)
+    message = _CALL.sub(lambda found: command or f"`scenarionet {full_name(found[1])} LAKE {found[2]}`", message)
     message = _FLAG.sub(lambda found: _option(found[1], is_on=found[2] == "True"), message)
     return _VALUE.sub(lambda found: f"{_option(found[1])} {found[3]}", message)
 

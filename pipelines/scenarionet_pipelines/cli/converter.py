@@ -66,7 +66,7 @@ def parse_options(converter: Converter[Any], words: Iterable[str]) -> Options:
     """
     known = {option.name: option for option in options(converter)}
     given = {}
-    for key, word in pairs(words, "-O").items():
+    for key, word in pairs(words, "-p").items():
         converter.Options.refuse_removed(key)
         if key not in known:
             raise BadParameter(f"{converter.name} has no option {key!r}; it has {', '.join(known) or 'none'}")

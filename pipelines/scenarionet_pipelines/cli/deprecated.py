@@ -1,42 +1,41 @@
-"""Options with a new name. The old spelling works for one release and prints a warning."""
+"""Spellings with a new form. The old one works, is not in the help, and one line on standard error says the new one."""
 
 from __future__ import annotations
 
 import click
 
-RENAMED_OPTIONS: dict[str, dict[str, str]] = {
-    "check": {"--to": "--name"},
-    "convert": {"--stale": "--reconvert-stale"},
-    "filter": {"--from": "--database", "--to": "--name"},
-    "intersect": {"--to": "--name"},
-    "merge": {"--to": "--name"},
-    "mine": {"--from": "--database", "--set": "--parameter"},
-    "record": {"--to": "--name"},
-    "report": {"--checks": "--check", "--no-checks": "--no-check"},
-    "sample": {"--to": "--name"},
-    "sim": {"--to": "--name"},
-    "split": {"--prefix": "--name"},
-    "subtract": {"--to": "--name"},
+from scenarionet_pipelines.cli.tree import GROUPS
+
+MOVED = {verb: (group, verb) for group, (_, verbs) in GROUPS.items() for verb in verbs} | {
+    "compare-runs": ("runs", "compare")
 }
+"""Where the verbs are that stood beside the others."""
+
+RENAMED_OPTIONS = {"convert": {"-O": "-p", "--option": "--parameter"}}
 """Old and new option, by verb."""
 
 
-def current_spelling(verb: str, words: list[str]) -> list[str]:
-    """Return a verb's command-line words with renamed options replaced, warning once per word.
+def current_verb(words: list[str]) -> list[str]:
+    """Return a command line in which a verb that moved stands in its group."""
+    if not words or words[0] not in MOVED:
+        return words
+    new = MOVED[words[0]]
+    _say(f"scenarionet {words[0]}", f"scenarionet {' '.join(new)}")
+    return [*new, *words[1:]]
 
-    Args:
-        verb: Name of the verb.
-        words: Its arguments as typed.
-    """
+
+def current_options(verb: str, words: list[str]) -> list[str]:
+    """Return a verb's words with renamed options replaced."""
     renamed = RENAMED_OPTIONS.get(verb, {})
     current = []
     for word in words:
         option, equals, value = word.partition("=")
         if option in renamed:
-            click.echo(
-                f"warning: {option} is now {renamed[option]}; the old name will be removed in the next release",
-                err=True,
-            )
+            _say(option, renamed[option])
             word = renamed[option] + equals + value
         current.append(word)
     return current
+
+
+def _say(old: str, new: str) -> None:
+    click.echo(f"note: `{old}` is now `{new}`", err=True)

@@ -19,8 +19,9 @@ from scenarionet_data.errors import (
     UserColumnNotFound,
 )
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.deprecated import current_spelling
+from scenarionet_pipelines.cli.deprecated import MOVED, current_options, current_verb
 from scenarionet_pipelines.cli.interrupt import Interrupted, interruptible, received
+from scenarionet_pipelines.cli.tree import GROUPS
 
 _USAGE_ERRORS = (QueryError, SourceNotFound, DatabaseNotFound, UserColumnNotFound)
 """Usage errors (exit code 2); all other errors concern data (exit code 1)."""
@@ -34,8 +35,8 @@ class Verb(click.Command):
         self.examples = examples
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the arguments; renamed options are accepted with a warning."""
-        return super().parse_args(ctx, current_spelling(self.name or "", args))
+        """Parse the arguments; renamed options are accepted with a note."""
+        return super().parse_args(ctx, current_options(self.name or "", args))
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """Write the examples."""
@@ -55,31 +56,37 @@ def verb(name: str, *examples: str, cls: type[Verb] = Verb) -> Callable[[Callabl
     return click.command(name, cls=cls, examples=examples, no_args_is_help=False)
 
 
-class Verbs(click.Group):
-    """The group of all verbs; imports a verb's module on use and prints errors as one line with an exit code."""
+def find_verb(name: str) -> Verb:
+    """Import a verb by its name, with its group."""
+    place = ".".join(name.replace("-", "_").split())
+    found: Verb = importlib.import_module(f"scenarionet_pipelines.cli.verbs.{place}").command
+    return found
 
-    def __init__(self, *args: Any, sections: Mapping[str, tuple[str, ...]], **kwargs: Any) -> None:
+
+class Verbs(click.Group):
+    """Verbs by section, each imported on use from ``verbs/``, or from the folder of the group there."""
+
+    def __init__(self, *args: Any, sections: Mapping[str, tuple[str, ...]], folder: str = "", **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._sections = sections
+        self._folder = folder
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """Names of all verbs."""
+        """Names of all verbs, in the order of the help."""
         return [name for names in self._sections.values() for name in names]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """Import the verb of that name."""
         if name not in self.list_commands(ctx):
             return None
-        command: click.Command = importlib.import_module(
-            f"scenarionet_pipelines.cli.verbs.{name.replace('-', '_')}"
-        ).command
-        return command
+        return find_verb(f"{self._folder} {name}")
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Resolve a verb; an unknown one is an error that names similar verbs."""
-        if args and args[0] not in self.list_commands(ctx) and not args[0].startswith("-"):
-            near = difflib.get_close_matches(args[0], self.list_commands(ctx), n=3) or self.list_commands(ctx)
-            ctx.fail(f"no verb {args[0]!r}; did you mean {', '.join(near)}?")
+        known = self.list_commands(ctx)
+        if args and args[0] not in known and not args[0].startswith("-"):
+            near = difflib.get_close_matches(args[0], [*known, *MOVED], n=3) or known
+            ctx.fail(f"no verb {args[0]!r}; did you mean {', '.join(' '.join(MOVED.get(n, (n,))) for n in near)}?")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -88,6 +95,31 @@ class Verbs(click.Group):
             verbs = [(name, self.get_command(ctx, name)) for name in names]
             with formatter.section(title):
                 formatter.write_dl([(name, found.get_short_help_str(90)) for name, found in verbs if found])
+
+
+class CommandLine(Verbs):
+    """The verbs without a group, and the groups; prints errors as one line with an exit code."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all verbs without a group, and of the groups."""
+        return [*super().list_commands(ctx), *GROUPS]
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Return a group, or import a verb."""
+        if name not in GROUPS:
+            return super().get_command(ctx, name)
+        doc, verbs = GROUPS[name]
+        return Verbs(name, sections={"Verbs": verbs}, folder=name, help=doc, no_args_is_help=True)
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Resolve a verb or a group; verbs that moved into a group are found there."""
+        return super().resolve_command(ctx, current_verb(args))
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the verbs, then the groups with the names of their verbs."""
+        super().format_commands(ctx, formatter)
+        with formatter.section("More, in groups (scenarionet GROUP --help)"):
+            formatter.write_dl([(name, f"{doc} [{', '.join(verbs)}]") for name, (doc, verbs) in GROUPS.items()])
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a verb; a signal or an error of the project becomes one line on standard error and an exit code."""

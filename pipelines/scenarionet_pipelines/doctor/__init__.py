@@ -1,4 +1,4 @@
-"""Diagnosis of an installation, of this machine, and of a lake: ``scenarionet doctor``."""
+"""Diagnosis of an installation, of this machine, and of a lake: ``scenarionet maintain doctor``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The result of one check of ``scenarionet doctor``."""
+"""The result of one check of ``scenarionet maintain doctor``."""
 
 from __future__ import annotations
 

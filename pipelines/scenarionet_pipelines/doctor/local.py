@@ -191,7 +191,9 @@ def examine_machine(folder: str) -> Iterator[Finding]:
     yield Finding("machine", "workers", "ok", f"{machine.default_workers()} by default (--workers)")
     is_enough = free >= _ENOUGH_DISK
     remedy = "" if is_enough else "free disk space: the training split of Waymo needs more than 1 TB"
-    yield Finding("machine", "kernels", "ok", "compiled on first use; `scenarionet compile` compiles all in advance")
+    yield Finding(
+        "machine", "kernels", "ok", "compiled on first use; `scenarionet maintain compile` compiles all in advance"
+    )
     yield Finding("machine", "free disk", "ok" if is_enough else "missing", f"{free / 1e9:,.1f} GB", remedy)
 
 

@@ -46,8 +46,8 @@ def reading(path: Path | str) -> Iterator[None]:
 def damaged(url: Path | str, reason: str) -> LakeError:
     """The error for a file that is missing, unreadable, or not as it was written."""
     return LakeError(
-        f"cannot read {url}: {reason}; `scenarionet check` lists the affected scenarios: restore the file from a copy "
-        "of the lake, or `scenarionet fsck --repair` and convert its recordings again"
+        f"cannot read {url}: {reason}; `scenarionet maintain check` lists the affected scenarios: restore the file "
+        "from a copy of the lake, or `scenarionet maintain fsck --repair` and convert its recordings again"
     )
 
 

@@ -228,7 +228,7 @@ class ObjectStore:
             raise
         except FileNotFoundError as error:
             raise FileGone(
-                f"{self.url}/{name}: gone; `scenarionet fsck` lists what is affected: restore the file from a "
+                f"{self.url}/{name}: gone; `scenarionet maintain fsck` lists what is affected: restore the file from a "
                 "copy of the lake, or convert its recordings again"
             ) from error
 
@@ -250,7 +250,7 @@ class ObjectStore:
         except (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError) as error:
             raise LakeError(
                 f"{place}: permission denied; set credentials with read and write access (AWS_ACCESS_KEY_ID, ...), "
-                f"`scenarionet doctor {self.url}` lists the settings"
+                f"`scenarionet maintain doctor {self.url}` lists the settings"
             ) from error
         except GaveUp as error:
             raise LakeError(
@@ -260,7 +260,9 @@ class ObjectStore:
         except exceptions.BaseError as error:
             if (status(error) or "").startswith("404"):
                 raise self._no_bucket() from error
-            raise LakeError(f"{place}: {_answer(error)}; `scenarionet doctor {self.url}` lists the settings") from error
+            raise LakeError(
+                f"{place}: {_answer(error)}; `scenarionet maintain doctor {self.url}` lists the settings"
+            ) from error
 
     def _no_bucket(self) -> LakeError:
         return LakeError(f"{self.url}: no such bucket; create it, or check the name and the settings")

@@ -30,7 +30,9 @@ def connect(url: str) -> Any:
     try:
         return obstore.store.from_url(url, **_options(scheme))  # type: ignore[call-overload,misc,unused-ignore]
     except (obstore.exceptions.BaseError, ValueError) as error:
-        raise LakeError(f"{url}: {first_line(error)}; `scenarionet doctor {url}` lists the settings") from error
+        raise LakeError(
+            f"{url}: {first_line(error)}; `scenarionet maintain doctor {url}` lists the settings"
+        ) from error
 
 
 def endpoint() -> str | None:

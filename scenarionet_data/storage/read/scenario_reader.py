@@ -113,7 +113,9 @@ class ScenarioReader:
         for address, first, count in places:
             start = starts[address] + first
             if first < 0 or count < 0 or start + count > columns.num_rows:
-                raise LakeError("a file has fewer rows than its metadata; `scenarionet fsck` names it and the remedy")
+                raise LakeError(
+                    "a file has fewer rows than its metadata; `scenarionet maintain fsck` names it and the remedy"
+                )
             are_adjacent &= not spans or start == end
             spans.append((start, count))
             end = start + count

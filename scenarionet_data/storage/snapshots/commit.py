@@ -215,8 +215,9 @@ def _renew(files: LakeFiles, records: Iterable[ShardRecord]) -> None:
         missing = files.renew([*metadata_files.shard_files([record]), *record.files])
         if missing:
             raise LakeError(
-                f"{files.url(missing[0])}: gone, although shard {record.name} was finished; `scenarionet vacuum` "
-                "removes uncommitted files after a day: run the same command again to create them"
+                f"{files.url(missing[0])}: gone, although shard {record.name} was finished; "
+                "`scenarionet maintain vacuum` removes uncommitted files after a day: run the same "
+                "command again to create them"
             )
 
 

@@ -212,8 +212,8 @@ def check_expired(files: LakeFiles, snapshot: Snapshot, error: LakeError) -> Non
     """Raise NoSuchSnapshot if an error is due to an expired snapshot; see :func:`reading_from`."""
     if not isinstance(error, NoSuchSnapshot) and not has(files, snapshot):
         raise NoSuchSnapshot(
-            f"{files.root}: snapshot {snapshot.number} has expired while it was read (`scenarionet vacuum`); open the "
-            "lake again: its newest snapshot holds what has been compacted or replaced since"
+            f"{files.root}: snapshot {snapshot.number} has expired while it was read (`scenarionet maintain "
+            "vacuum`); open the lake again: its newest snapshot holds what has been compacted or replaced since"
         ) from error
 
 

@@ -159,7 +159,7 @@ def test_command_upgrades_and_says_what_it_did(tmp_path):
     root = copy_of("packed", tmp_path / "lake")
     result = CliRunner().invoke(cli, ["fsck", str(root)])
     assert result.exit_code == 0
-    assert f"scenarionet fsck {root} --upgrade" in result.output.replace("\n", "")
+    assert f"scenarionet maintain fsck {root} --upgrade" in result.output.replace("\n", "")
     result = CliRunner().invoke(cli, ["fsck", str(root), "--upgrade", "--quiet"])
     assert result.exit_code == 0
     assert "other files" in result.output

@@ -86,7 +86,7 @@ def test_syntax_error_has_a_position(logs, where, says):
     [
         ("ego_distanse > 10", "no column ego_distanse at character 1 of .*; similar: ego_distance"),
         ("has_z AND\n num_object > 2", "no column num_object at character 12 of .*; similar: num_objects"),
-        ("xyzzy = 1", "no column xyzzy at character 1 of 'xyzzy = 1'; `scenarionet filters --columns` explains"),
+        ("xyzzy = 1", "no column xyzzy at character 1 of 'xyzzy = 1'; `scenarionet info filters --columns` explains"),
     ],
 )
 def test_unknown_column_has_a_position_and_a_suggestion(logs, where, says):

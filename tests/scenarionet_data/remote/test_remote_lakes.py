@@ -157,7 +157,7 @@ def test_sql_reads_only_the_lake(lake):
 def test_missing_file(lake):
     (name,) = lake.files.names(lake.paths("tracks")[0].removeprefix(f"{lake.root}/").rpartition("/")[0])
     lake.files.remove(name)
-    with pytest.raises(LakeError, match="gone; `scenarionet fsck`"):
+    with pytest.raises(LakeError, match="gone; `scenarionet maintain fsck`"):
         ScenarioLoader(Lake(lake.root))[0]
     with pytest.raises(LakeError, match="gone"):
         Lake(lake.root).sql(ASKED)

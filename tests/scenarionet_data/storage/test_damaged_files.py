@@ -34,7 +34,9 @@ def test_loading_damaged_content_names_the_file(lake, table, damage):
     path.unlink()
     if damage != "gone":
         path.write_bytes({"empty": b"", "cut": data[:-9], "garbage": bytes(range(256)) * 40}[damage])
-    with pytest.raises(LakeError, match=rf"cannot read {path}: .*`scenarionet check` lists the affected scenarios"):
+    with pytest.raises(
+        LakeError, match=rf"cannot read {path}: .*`scenarionet maintain check` lists the affected scenarios"
+    ):
         ScenarioLoader(lake)[0]
 
 

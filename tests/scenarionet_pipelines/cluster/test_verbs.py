@@ -41,18 +41,18 @@ def _plain(value: Any) -> Any:
 @pytest.mark.long
 def test_check(lake, threads, as_json):
     for words in ((), ("--scorecard",)):
-        found = as_json("check", lake, *words, "--cluster", threads, "--quiet")
+        found = as_json("maintain", "check", lake, *words, "--cluster", threads, "--quiet")
         (share,) = found.pop("workers").values()
         assert share["jobs"] == len(found["checks"])
-        assert found == as_json("check", lake, *words)
+        assert found == as_json("maintain", "check", lake, *words)
 
 
 @pytest.mark.long
 def test_check_of_a_database(lake, threads, as_json):
     Lake(lake).filter("true", name="all")
-    found = as_json("check", lake, "all", "--cluster", threads, "--quiet")
+    found = as_json("maintain", "check", lake, "all", "--cluster", threads, "--quiet")
     del found["workers"]
-    assert found == as_json("check", lake, "all")
+    assert found == as_json("maintain", "check", lake, "all")
 
 
 def test_export(lake, threads, tmp_path, monkeypatch, as_json):
@@ -81,15 +81,15 @@ def test_sim_check_and_export_on_worker_processes(dask: Dask, lake, tmp_path, as
     near = as_json("sim", lake, "--policy", "replay", "--backend", "kinematic", "--name", "near", "--workers", 1)
     timing = {"run", "seconds", "next", "workers"}
     assert {k: v for k, v in simulated.items() if k not in timing} == {k: v for k, v in near.items() if k not in timing}
-    checked = as_json("check", lake, "--simulate", *where)
+    checked = as_json("maintain", "check", lake, "--simulate", *where)
     assert set(checked.pop("workers")) == set(simulated["workers"])
-    assert checked == as_json("check", lake, "--simulate", "--workers", 1)
+    assert checked == as_json("maintain", "check", lake, "--simulate", "--workers", 1)
     as_json("export", lake, "all", tmp_path / "far", *where)
     as_json("export", lake, "all", tmp_path / "near")
     assert pickles(tmp_path / "far") == pickles(tmp_path / "near")
 
 
 def test_unknown_cluster_error_lists_existing_ones(lake):
-    result = run("check", lake, "--cluster", "slrum")
+    result = run("maintain", "check", lake, "--cluster", "slrum")
     assert result.exit_code == 2
     assert "no cluster 'slrum'; did you mean slurm?" in result.stderr

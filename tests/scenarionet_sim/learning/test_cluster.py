@@ -1,4 +1,4 @@
-"""``scenarionet experiment --cluster local`` trains seeds side by side and writes the page."""
+"""``scenarionet runs experiment --cluster local`` trains seeds side by side and writes the page."""
 
 from __future__ import annotations
 
@@ -23,7 +23,16 @@ def test_seeds_train_on_a_local_cluster(tmp_path, monkeypatch):
     monkeypatch.setattr(multi_agent, "ALGORITHMS", ("ippo", "copo"))
     claims = multi_agent._claims
     monkeypatch.setattr(multi_agent, "_claims", lambda test: claims(test)[:1])  # CoPO above IPPO
-    words = ["experiment", "multi-agent", str(tmp_path / "lake"), "-o", str(tmp_path / "out"), "--cluster", "local"]
+    words = [
+        "runs",
+        "experiment",
+        "multi-agent",
+        str(tmp_path / "lake"),
+        "-o",
+        str(tmp_path / "out"),
+        "--cluster",
+        "local",
+    ]
     done = CliRunner().invoke(cli, [*words, "--workers", "2", "--quiet"], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     runs = Lake(tmp_path / "lake").sql("SELECT DISTINCT run FROM training WHERE test IS NOT NULL")

@@ -160,7 +160,9 @@ def test_files_that_vanish_end_the_run_with_a_sentence(lake):
         train(lake, algorithm="ppo", config=config, name="parts", on_round=kill_after(5))
     for file in (lake.root / "tracks").rglob("*.parquet"):
         file.unlink()
-    with pytest.raises(LakeError, match="No such file or directory; `scenarionet check` lists the affected scenarios"):
+    with pytest.raises(
+        LakeError, match="No such file or directory; `scenarionet maintain check` lists the affected scenarios"
+    ):
         train(lake, algorithm="ppo", config=config, name="parts")
     assert checkpoints.numbers(open_files(lake.root), "parts") == [1]
 

@@ -51,8 +51,8 @@ _MAX_LISTED = 20
     "--split",
     metavar="NAME",
     help="Split, named as in the lake (train, val, test, mini) or as in the dataset's folders (training, "
-    "validation_interactive, test_obs, ...); `scenarionet converters DATASET` lists them. [default: inferred from the "
-    "folder's name]",
+    "validation_interactive, test_obs, ...); `scenarionet info converters DATASET` lists them. [default: inferred from "
+    "the folder's name]",
 )
 @click.option("--version", help="Release of the dataset. [default: the converter's]")
 @workers_option
@@ -74,10 +74,10 @@ _MAX_LISTED = 20
     "--every", default="30s", metavar="TIME", show_default=True,
     help="With --watch: interval between scans; a file has to be unchanged for as long.",
 )  # fmt: skip
-@click.option("--no-check", is_flag=True, help="Do not apply the rules of `scenarionet check`.")
+@click.option("--no-check", is_flag=True, help="Do not apply the rules of `scenarionet maintain check`.")
 @click.option("--dry-run", is_flag=True, help="Print what would be converted and how long it would take.")
 @click.option(
-    "-O", "--option", "options", multiple=True, metavar="KEY=VALUE", help="Option of the converter; repeatable."
+    "-p", "--parameter", "options", multiple=True, metavar="NAME=VALUE", help="Option of the converter; repeatable."
 )
 @json_option
 @quiet_option
@@ -105,7 +105,7 @@ def command(
 ) -> None:
     """Convert recordings into a lake.
 
-    DATASET is a converter or a class of your own, module:Class. `scenarionet converters` lists the converters and
+    DATASET is a converter or a class of your own, module:Class. `scenarionet info converters` lists the converters and
     what each expects as RAW, usually the folder of the recordings or its URL in an object store. LAKE is a folder or
     a URL; it is created if it does not exist.
 
@@ -113,12 +113,12 @@ def command(
     recordings have been added.
 
     Rows and map features that cannot be used (NaN, a size of 0, a place that no road user can reach, ...) are dropped
-    and reported. Records that cannot be read, or have too many such rows (-O max_bad_rows=0.2), and scenarios that
-    violate a hard rule of `scenarionet check` are quarantined with the reason; the conversion continues and the exit
-    code is 1. --no-check accepts scenarios that violate such a rule, unless they cannot be stored.
+    and reported. Records that cannot be read, or have too many such rows (-p max_bad_rows=0.2), and scenarios that
+    violate a hard rule of `scenarionet maintain check` are quarantined with the reason; the conversion continues and
+    the exit code is 1. --no-check accepts scenarios that violate such a rule, unless they cannot be stored.
 
     --where selects inputs before they are converted, with shell patterns: by file, by the name of the shard, and by
-    properties of the dataset such as location, log, date and tags of nuPlan (`scenarionet converters nuplan` lists
+    properties of the dataset such as location, log, date and tags of nuPlan (`scenarionet info converters nuplan` lists
     them). --dry-run converts a few inputs into a temporary folder to estimate the duration.
 
     --cluster runs on a Dask cluster: `local` starts one on this machine, tcp://HOST:PORT connects to a running

@@ -55,8 +55,9 @@ def command(
     """Save the scenarios that satisfy all conditions as a database.
 
     A database is a list of scenario ids with the query that selected them; no scenario is copied. `scenarionet
-    filters` lists the named filters, `scenarionet filters --columns` the columns for --where, and `scenarionet mine
-    LAKE` the events. An id may also be the scenario's id in its source dataset; unknown ids are an error.
+    info filters` lists the named filters, `scenarionet info filters --columns` the columns for --where, and
+    `scenarionet mine LAKE` the events. An id may also be the scenario's id in its source dataset; unknown ids are an
+    error.
     """
     from scenarionet_data import Lake
 

@@ -20,7 +20,7 @@ def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, all
     """Save the union of several databases, one after the other, each scenario once.
 
     A scenario that is in several databases keeps the position and weight it has in the first. The number of repeated
-    scenarios is printed; `scenarionet overlap` shows which databases share them.
+    scenarios is printed; `scenarionet db overlap` shows which databases share them.
     """
     from scenarionet_data import Lake
 

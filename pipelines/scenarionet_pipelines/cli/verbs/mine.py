@@ -51,7 +51,7 @@ def command(
     """List the occurrences of an event: scenario, objects involved, start and end.
 
     Events are SQL files in sql/events, each with its definition, source and parameters; without EVENT they are
-    listed. `scenarionet filter --event cut_in` selects the scenarios with the event, `scenarionet tag --event
+    listed. `scenarionet filter --event cut_in` selects the scenarios with the event, `scenarionet db tag --event
     cut_in` stores its number of occurrences as a user column.
     """
     from scenarionet_data import Lake

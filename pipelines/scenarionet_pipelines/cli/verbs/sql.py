@@ -47,8 +47,8 @@ def command(
 ) -> None:
     """Query a lake with a SELECT statement or a named query.
 
-    QUERY is one SELECT over the views metadata (one row per scenario; see `scenarionet filters --columns`), tracks,
-    objects, states, lights, maps, shards, quarantine and defects, or over derived views such as ego_states and
+    QUERY is one SELECT over the views metadata (one row per scenario; see `scenarionet info filters --columns`),
+    tracks, objects, states, lights, maps, shards, quarantine and defects, or over derived views such as ego_states and
     lane_graph (see docs/guides/events.md). $NAME in the statement is replaced by the parameter NAME. Without QUERY,
     the named queries are listed.
     """

@@ -53,7 +53,9 @@ _MAX_EXAMPLES = 5
     "--test", "tests", multiple=True, metavar="DATABASE", help="Test on this database at each checkpoint; repeatable."
 )
 @click.option(
-    "--observations", metavar="RUN", help="Observations of experts, recorded by `scenarionet record`; for gail, airl."
+    "--observations",
+    metavar="RUN",
+    help="Observations of experts, recorded by `scenarionet runs record`; for gail, airl.",
 )
 @click.option("--onnx", metavar="FILE", help="Write the trained driver as ONNX.")
 @json_option

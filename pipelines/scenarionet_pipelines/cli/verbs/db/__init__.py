@@ -1,0 +1,1 @@
+"""The verbs of ``scenarionet db``, one per file."""

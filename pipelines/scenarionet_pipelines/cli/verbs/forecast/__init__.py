@@ -1,0 +1,1 @@
+"""The verbs of ``scenarionet forecast``, one per file."""

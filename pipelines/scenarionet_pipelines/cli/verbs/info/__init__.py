@@ -1,0 +1,1 @@
+"""The verbs of ``scenarionet info``, one per file."""

@@ -1,0 +1,1 @@
+"""The verbs of ``scenarionet maintain``, one per file."""

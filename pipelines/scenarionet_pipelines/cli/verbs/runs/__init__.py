@@ -1,0 +1,1 @@
+"""The verbs of ``scenarionet runs``, one per file."""

@@ -1,0 +1,1 @@
+"""The verbs of ``scenarionet tables``, one per file."""
