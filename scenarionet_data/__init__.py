@@ -9,184 +9,60 @@ scenario = busy[0]
 
 from __future__ import annotations
 
-import importlib
-import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from scenarionet_data.public_names import import_on_first_use
 
 if TYPE_CHECKING:
-    from scenarionet_data import errors, plots
-    from scenarionet_data.building import MapBuilder, make_features, make_origin, make_tracks, resample
-    from scenarionet_data.building.plausible import find_bad_rows
-    from scenarionet_data.conversion import convert, plan_conversion
-    from scenarionet_data.converters.base import Budgets, Converter, find_files
-    from scenarionet_data.export import export_database
-    from scenarionet_data.ingest.defects import Defects
-    from scenarionet_data.ingest.options import Options
-    from scenarionet_data.ingest.passed_over import PassedOver
-    from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
-    from scenarionet_data.lake.database import Database
-    from scenarionet_data.lake.lake import Lake
-    from scenarionet_data.loader import ScenarioLoader
-    from scenarionet_data.maintenance.compaction import compact
-    from scenarionet_data.maintenance.fsck import fsck
-    from scenarionet_data.maintenance.upgrading import upgrade
-    from scenarionet_data.maintenance.vacuuming import vacuum
-    from scenarionet_data.packs.verifying import verify_pack
-    from scenarionet_data.quality.checks import run_checks
-    from scenarionet_data.quality.scorecard import make_scorecard
-    from scenarionet_data.samples.choices import Agents, Augmentation, Polylines, Targets, TimeWindow
-    from scenarionet_data.samples.dataset import SampleLayout, Samples
-    from scenarionet_data.samples.order import Shuffling
-    from scenarionet_data.scenario.description import ScenarioDescription
-    from scenarionet_data.scenario.parts import Lights, MapFeatures, Source, Tracks, make_scenario_id
-    from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, ObjectType
+    from scenarionet_data import errors as errors
+    from scenarionet_data import plots as plots
+    from scenarionet_data.building import MapBuilder as MapBuilder
+    from scenarionet_data.building import make_features as make_features
+    from scenarionet_data.building import make_origin as make_origin
+    from scenarionet_data.building import make_tracks as make_tracks
+    from scenarionet_data.building import resample as resample
+    from scenarionet_data.building.plausible import find_bad_rows as find_bad_rows
+    from scenarionet_data.conversion import convert as convert
+    from scenarionet_data.conversion import plan_conversion as plan_conversion
+    from scenarionet_data.converters.base import Budgets as Budgets
+    from scenarionet_data.converters.base import Converter as Converter
+    from scenarionet_data.converters.base import find_files as find_files
+    from scenarionet_data.export import export_database as export_database
+    from scenarionet_data.ingest.defects import Defects as Defects
+    from scenarionet_data.ingest.options import Options as Options
+    from scenarionet_data.ingest.passed_over import PassedOver as PassedOver
+    from scenarionet_data.ingest.shard import RawItem as RawItem
+    from scenarionet_data.ingest.shard import Shard as Shard
+    from scenarionet_data.ingest.shard import bucket as bucket
+    from scenarionet_data.ingest.shard import fingerprint as fingerprint
+    from scenarionet_data.lake.database import Database as Database
+    from scenarionet_data.lake.lake import Lake as Lake
+    from scenarionet_data.loader import ScenarioLoader as ScenarioLoader
+    from scenarionet_data.maintenance.compaction import compact as compact
+    from scenarionet_data.maintenance.fsck import fsck as fsck
+    from scenarionet_data.maintenance.upgrading import upgrade as upgrade
+    from scenarionet_data.maintenance.vacuuming import vacuum as vacuum
+    from scenarionet_data.packs.verifying import verify_pack as verify_pack
+    from scenarionet_data.quality.checks import run_checks as run_checks
+    from scenarionet_data.quality.scorecard import make_scorecard as make_scorecard
+    from scenarionet_data.samples.choices import Agents as Agents
+    from scenarionet_data.samples.choices import Augmentation as Augmentation
+    from scenarionet_data.samples.choices import Polylines as Polylines
+    from scenarionet_data.samples.choices import Targets as Targets
+    from scenarionet_data.samples.choices import TimeWindow as TimeWindow
+    from scenarionet_data.samples.dataset import SampleLayout as SampleLayout
+    from scenarionet_data.samples.dataset import Samples as Samples
+    from scenarionet_data.samples.order import Shuffling as Shuffling
+    from scenarionet_data.scenario.description import ScenarioDescription as ScenarioDescription
+    from scenarionet_data.scenario.parts import Lights as Lights
+    from scenarionet_data.scenario.parts import MapFeatures as MapFeatures
+    from scenarionet_data.scenario.parts import Source as Source
+    from scenarionet_data.scenario.parts import Tracks as Tracks
+    from scenarionet_data.scenario.parts import make_scenario_id as make_scenario_id
+    from scenarionet_data.scenario.vocabulary import LightState as LightState
+    from scenarionet_data.scenario.vocabulary import MapFeatureType as MapFeatureType
+    from scenarionet_data.scenario.vocabulary import ObjectType as ObjectType
+    from scenarionet_data.version import __version__ as __version__
 
-    __version__: str
-
-_HOME = {
-    "Agents": "scenarionet_data.samples.choices",
-    "Augmentation": "scenarionet_data.samples.choices",
-    "Budgets": "scenarionet_data.converters.base",
-    "Converter": "scenarionet_data.converters.base",
-    "Database": "scenarionet_data.lake.database",
-    "Defects": "scenarionet_data.ingest.defects",
-    "Lake": "scenarionet_data.lake.lake",
-    "LightState": "scenarionet_data.scenario.vocabulary",
-    "Lights": "scenarionet_data.scenario.parts",
-    "MapBuilder": "scenarionet_data.building",
-    "MapFeatureType": "scenarionet_data.scenario.vocabulary",
-    "MapFeatures": "scenarionet_data.scenario.parts",
-    "ObjectType": "scenarionet_data.scenario.vocabulary",
-    "Options": "scenarionet_data.ingest.options",
-    "PassedOver": "scenarionet_data.ingest.passed_over",
-    "Polylines": "scenarionet_data.samples.choices",
-    "RawItem": "scenarionet_data.ingest.shard",
-    "SampleLayout": "scenarionet_data.samples.dataset",
-    "Samples": "scenarionet_data.samples.dataset",
-    "ScenarioDescription": "scenarionet_data.scenario.description",
-    "ScenarioLoader": "scenarionet_data.loader",
-    "Shard": "scenarionet_data.ingest.shard",
-    "Shuffling": "scenarionet_data.samples.order",
-    "Source": "scenarionet_data.scenario.parts",
-    "Targets": "scenarionet_data.samples.choices",
-    "TimeWindow": "scenarionet_data.samples.choices",
-    "Tracks": "scenarionet_data.scenario.parts",
-    "bucket": "scenarionet_data.ingest.shard",
-    "compact": "scenarionet_data.maintenance",
-    "convert": "scenarionet_data.conversion",
-    "export_database": "scenarionet_data.export",
-    "find_bad_rows": "scenarionet_data.building.plausible",
-    "find_files": "scenarionet_data.converters.base",
-    "fingerprint": "scenarionet_data.ingest.shard",
-    "fsck": "scenarionet_data.maintenance",
-    "make_features": "scenarionet_data.building",
-    "make_origin": "scenarionet_data.building",
-    "make_scenario_id": "scenarionet_data.scenario.parts",
-    "make_scorecard": "scenarionet_data.quality.scorecard",
-    "make_tracks": "scenarionet_data.building",
-    "plan_conversion": "scenarionet_data.conversion",
-    "resample": "scenarionet_data.building",
-    "run_checks": "scenarionet_data.quality.checks",
-    "upgrade": "scenarionet_data.maintenance",
-    "vacuum": "scenarionet_data.maintenance",
-    "verify_pack": "scenarionet_data.packs.verifying",
-}
-_MODULES = ("errors", "plots")
-
-__all__ = [
-    "Agents",
-    "Augmentation",
-    "Budgets",
-    "Converter",
-    "Database",
-    "Defects",
-    "Lake",
-    "LightState",
-    "Lights",
-    "MapBuilder",
-    "MapFeatureType",
-    "MapFeatures",
-    "ObjectType",
-    "Options",
-    "PassedOver",
-    "Polylines",
-    "RawItem",
-    "SampleLayout",
-    "Samples",
-    "ScenarioDescription",
-    "ScenarioLoader",
-    "Shard",
-    "Shuffling",
-    "Source",
-    "Targets",
-    "TimeWindow",
-    "Tracks",
-    "__version__",
-    "bucket",
-    "compact",
-    "convert",
-    "errors",
-    "export_database",
-    "find_bad_rows",
-    "find_files",
-    "fingerprint",
-    "fsck",
-    "make_features",
-    "make_origin",
-    "make_scenario_id",
-    "make_scorecard",
-    "make_tracks",
-    "plan_conversion",
-    "plots",
-    "resample",
-    "run_checks",
-    "upgrade",
-    "vacuum",
-    "verify_pack",
-]
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use: a converter needs no DuckDB, and ``--help`` needs nothing."""
-    if name == "__version__":
-        return importlib.import_module("scenarionet_data.version").__version__
-    if name in _MODULES:
-        return importlib.import_module(f"scenarionet_data.{name}")
-    if name not in _HOME:
-        raise AttributeError(f"scenarionet_data has no {name!r}; it has {', '.join(__all__)}")
-    return getattr(importlib.import_module(_HOME[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
-
-
-_CARDS = {
-    "Database": "database_card",
-    "Lake": "lake_card",
-    "ScenarioDescription": "scenario_card",
-    "ScenarioLoader": "loader_card",
-}
-"""Functions of ``display`` that make the HTML of a class."""
-
-
-def _show_in_notebooks() -> None:
-    """Register the HTML of scenarios, lakes and databases with a running IPython."""
-    ipython = sys.modules.get("IPython")
-    shell = ipython.get_ipython() if ipython else None
-    if shell is None:
-        return
-    html = shell.display_formatter.formatters["text/html"]
-    for name, function in _CARDS.items():
-        html.for_type_by_name(_HOME[name], name, _card(function))
-
-
-def _card(function: str) -> Any:
-    def card(shown: Any) -> str:
-        html: str = getattr(importlib.import_module("scenarionet_data.display"), function)(shown)
-        return html
-
-    return card
-
-
-_show_in_notebooks()
+# A converter needs no DuckDB, and ``--help`` needs nothing.
+__getattr__, __dir__, __all__ = import_on_first_use(__name__, __file__)

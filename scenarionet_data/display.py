@@ -32,6 +32,15 @@ SELECT scenario_id FROM metadata ORDER BY hash(scenario_id) LIMIT $count
 """A few scenarios, the same ones every time."""
 
 
+def card(shown: ScenarioDescription | ScenarioLoader | Database | Lake) -> str:
+    """Return the card of a scenario, database, lake or loader."""
+    if isinstance(shown, ScenarioDescription):
+        return scenario_card(shown)
+    if isinstance(shown, ScenarioLoader):
+        return loader_card(shown)
+    return database_card(shown) if isinstance(shown, Database) else lake_card(shown)
+
+
 def scenario_card(scenario: ScenarioDescription) -> str:
     """Return a picture and the properties of a scenario."""
     tracks, source = scenario.tracks, scenario.source

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data import codec
+from scenarionet_data.cards import HasCard
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import LakeError
 from scenarionet_data.query.lake_view import LakeLike, open_view
@@ -34,7 +35,7 @@ _PREFETCHED = 64
 """Number of scenarios whose row groups are requested from an object store together."""
 
 
-class ScenarioLoader(Sequence[ScenarioDescription]):
+class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
     """The scenarios of a database (or of a list of ids, or of the whole lake) as a sequence.
 
     Args:

@@ -17,7 +17,8 @@ from scenarionet_data.forecasts.displacements import argoverse, drivable_area, n
 from scenarionet_data.forecasts.predictions import Prediction, read_predictions
 from scenarionet_data.forecasts.waymo import AveragePrecision, WaymoChallenge, measure
 from scenarionet_data.loader import ScenarioLoader
-from scenarionet_data.operations.filter import select_scenarios
+from scenarionet_data.operations.database_query import DatabaseQuery
+from scenarionet_data.operations.filter import find_scenarios
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.query.statements import check_expression, quoted
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -92,7 +93,8 @@ def summary(lake: LakeLike, scores: ForecastScores, by: str = "object_type", *, 
     check_expression(by)
     given = {"scores": scores.table}
     if event is not None:
-        given["happening"] = select_scenarios(lake, events=[event]).members
+        scenarios = DatabaseQuery.over(lake)
+        given["happening"] = scenarios.selection(*find_scenarios(scenarios, events=[event])).members
         by = f"if(scenario_id IN (SELECT scenario_id FROM happening), {quoted(event)}, {quoted(f'without {event}')})"
     means = [column for column in tables.load("scores").columns if column.type == "float64" and column.name != "dt"]
     listed = ", ".join(f"avg({column.name}) AS {column.name}" for column in means)

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
+from scenarionet_data.cards import HasCard
 from scenarionet_data.databases import record as records
 from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.operations.database_query import empty_result
-from scenarionet_data.operations.filter import filter_database, select_scenarios
-from scenarionet_data.operations.sample import sample
-from scenarionet_data.operations.split import split
+from scenarionet_data.operations.database_query import DatabaseQuery, empty_result
+from scenarionet_data.operations.filter import Filtering
+from scenarionet_data.operations.sample import Sampling
+from scenarionet_data.operations.split import Splitting
 from scenarionet_data.query.lake_view import LakeView
-from scenarionet_data.query.named_sql import Conditions
 
 if TYPE_CHECKING:  # loading and export import numba, which takes 0.5 s that a query does not need
     import polars as pl
@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # loading and export import numba, which takes 0.5 s that a q
 
 
 @dataclass(frozen=True, repr=False)
-class Database(DatabaseRecord):
+class Database(DatabaseRecord, HasCard, Filtering["Database"], Splitting["Database"], Sampling["Database"]):
     """An ordered set of scenarios of a lake: a saved database, or a selection that is not saved.
 
     A database copies no data. It keeps the snapshot of the lake it was opened from, and pickles to other processes with
@@ -147,108 +147,12 @@ class Database(DatabaseRecord):
         saved = writer.save(self.files, name, self.members, self.lineage, replace=replace)
         return Database.of(saved, self.view)
 
-    def select(
-        self,
-        where: str = "true",
-        *,
-        filters: Conditions = (),
-        events: Conditions = (),
-        ids: Sequence[str] | None = None,
-        parameters: Mapping[str, Any] | None = None,
-    ) -> Database:
-        """Select members; see :meth:`Lake.select <scenarionet_data.Lake.select>`."""
-        found = select_scenarios(
-            self.view, where, database=self, filters=filters, events=events, ids=ids, parameters=parameters
-        )
-        return Database.of(found, self.view)
+    def _query(self, database: DatabaseRecord | str | None = None) -> DatabaseQuery:
+        if database is not None:
+            raise BadParameter(
+                f"{self.reference} is the database already: lake.filter(..., database=...) takes another"
+            )
+        return DatabaseQuery.over(self.view, self)
 
-    def filter(
-        self,
-        where: str = "true",
-        *,
-        name: str,
-        filters: Conditions = (),
-        events: Conditions = (),
-        ids: Sequence[str] | None = None,
-        parameters: Mapping[str, Any] | None = None,
-        replace: bool = False,
-        allow_empty: bool = False,
-    ) -> Database:
-        """Save members that satisfy conditions; see :meth:`Lake.filter <scenarionet_data.Lake.filter>`."""
-        found = filter_database(
-            self.view,
-            where,
-            name=name,
-            database=self,
-            filters=filters,
-            events=events,
-            ids=ids,
-            parameters=parameters,
-            replace=replace,
-            allow_empty=allow_empty,
-        )
-        return Database.of(found, self.view)
-
-    def split(
-        self,
-        fractions: Mapping[str, float] | None = None,
-        *,
-        name: str | None = None,
-        seed: int = 0,
-        by: str = "scenario_id",
-        stratify: str | None = None,
-        along: str | None = None,
-        levels: int | None = None,
-        each: str | None = None,
-        strict: bool = False,
-        replace: bool = False,
-        allow_empty: bool = False,
-    ) -> dict[str, Database]:
-        """Split into databases; see :meth:`Lake.split <scenarionet_data.Lake.split>`."""
-        parts = split(
-            self.view,
-            self,
-            fractions,
-            name=name,
-            seed=seed,
-            by=by,
-            stratify=stratify,
-            along=along,
-            levels=levels,
-            each=each,
-            strict=strict,
-            replace=replace,
-            allow_empty=allow_empty,
-        )
-        return {part: Database.of(found, self.view) for part, found in parts.items()}
-
-    def sample(
-        self,
-        *,
-        name: str,
-        n: int | None = None,
-        fraction: float | None = None,
-        seed: int = 0,
-        weights: str = "1",
-        stratify: str | None = None,
-        balance: str | None = None,
-        levels: int | None = None,
-        replace: bool = False,
-        allow_empty: bool = False,
-    ) -> Database:
-        """Save a sample; see :meth:`Lake.sample <scenarionet_data.Lake.sample>`."""
-        found = sample(
-            self.view,
-            self,
-            name=name,
-            n=n,
-            fraction=fraction,
-            seed=seed,
-            weights=weights,
-            stratify=stratify,
-            balance=balance,
-            levels=levels,
-            replace=replace,
-            allow_empty=allow_empty,
-        )
-        return Database.of(found, self.view)
+    def _handle(self, record: DatabaseRecord) -> Database:
+        return Database.of(record, self.view)

@@ -6,88 +6,96 @@ from scenarionet_data.databases import record as records
 from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, DatabaseInUse
-from scenarionet_data.operations.database_query import DatabaseQuery, several
-from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, several
+from scenarionet_data.query.lake_view import LakeView
 
 
-def merge(
-    lake: LakeLike, *databases: DatabaseRecord | str, name: str, replace: bool = False, allow_empty: bool = False
-) -> DatabaseRecord:
-    """Save the union of databases; see :meth:`Lake.merge <scenarionet_data.Lake.merge>`."""
-    query = DatabaseQuery.over(lake, *several("merge", databases), num_pinned=len(databases))
-    sql = query.query("operations/merge", {"last": str(len(databases) - 1)})
-    return query.make("merge", name, sql, {}, replace=replace, allow_empty=allow_empty)
+class Combining(LakeView, Pool[AnyDatabase]):
+    """A view of a lake with set operations on databases; a base class of :class:`~scenarionet_data.Lake`."""
 
+    def merge(
+        self, *databases: DatabaseRecord | str, name: str, replace: bool = False, allow_empty: bool = False
+    ) -> AnyDatabase:
+        """Save the union of two or more databases, one after the other.
 
-def intersect(
-    lake: LakeLike, *databases: DatabaseRecord | str, name: str, replace: bool = False, allow_empty: bool = False
-) -> DatabaseRecord:
-    """Save the intersection of databases; see :meth:`Lake.intersect <scenarionet_data.Lake.intersect>`."""
-    query = DatabaseQuery.over(lake, *several("intersect", databases))
-    sql = query.query("operations/intersect", {"last": str(len(databases) - 1)})
-    return query.make("intersect", name, sql, {}, replace=replace, allow_empty=allow_empty)
+        A scenario of several databases keeps position and weight of the first.
 
+        Raises:
+            ScenarioNotFound: No snapshot has the members of all databases unchanged.
+        """
+        return self._combine("merge", several("merge", databases), name, replace, allow_empty)
 
-def subtract(
-    lake: LakeLike, *databases: DatabaseRecord | str, name: str, replace: bool = False, allow_empty: bool = False
-) -> DatabaseRecord:
-    """Save the difference of databases; see :meth:`Lake.subtract <scenarionet_data.Lake.subtract>`."""
-    query = DatabaseQuery.over(lake, *several("subtract", databases))
-    return query.make(
-        "subtract", name, query.query("operations/subtract"), {}, replace=replace, allow_empty=allow_empty
-    )
+    def intersect(
+        self, *databases: DatabaseRecord | str, name: str, replace: bool = False, allow_empty: bool = False
+    ) -> AnyDatabase:
+        """Save the scenarios that all databases have, by id, in the order of the first."""
+        return self._combine("intersect", several("intersect", databases), name, replace, allow_empty)
 
+    def subtract(
+        self, *databases: DatabaseRecord | str, name: str, replace: bool = False, allow_empty: bool = False
+    ) -> AnyDatabase:
+        """Save the scenarios of the first database that no other has, by id, in its order."""
+        return self._combine("subtract", several("subtract", databases), name, replace, allow_empty)
 
-def copy(
-    lake: LakeLike,
-    database: DatabaseRecord | str,
-    *,
-    name: str,
-    replace: bool = False,
-    allow_empty: bool = True,
-) -> DatabaseRecord:
-    """Save a database under another name; see :meth:`Lake.copy <scenarionet_data.Lake.copy>`."""
-    query = DatabaseQuery.over(lake, database)
-    return query.make("copy", name, query.query("operations/copy"), {}, replace=replace, allow_empty=allow_empty)
+    def copy(
+        self, database: DatabaseRecord | str, *, name: str, replace: bool = False, allow_empty: bool = True
+    ) -> AnyDatabase:
+        """Save a database under another name; later changes of the original do not affect the copy."""
+        return self._combine("copy", (database,), name, replace, allow_empty)
 
+    def rename(self, database: DatabaseRecord | str, *, name: str) -> AnyDatabase:
+        """Rename a database with all its versions.
 
-def checkout(lake: LakeLike, database: DatabaseRecord | str) -> DatabaseRecord:
-    """Make an old version of a database its newest; see :meth:`Lake.checkout <scenarionet_data.Lake.checkout>`."""
-    view = open_view(lake)
-    reference = database if isinstance(database, str) else database.reference
-    name, version = records.parse_reference(reference)
-    if version is None:
-        raise BadParameter(f"wanted an old version, for example {name}@1; `scenarionet db lineage` lists them")
-    old = view.record(reference)
-    return writer.save(view.files, name, old.members, old.lineage, replace=True)
+        Raises:
+            DatabaseInUse: Lineages of other databases refer to it.
+            DatabaseExists: The new name is taken.
+        """
+        old = self.record(database)
+        if old.name is None:
+            raise BadParameter("this selection is not saved: give it a name with selection.save(name)")
+        _check_unused(
+            self,
+            old.name,
+            None,
+            f'lake.copy("{old.name}", name="{name}") keeps it',
+            f"scenarionet db copy {self.root} {old.name} {name}",
+        )
+        records.rename(self.files, old.name, name)
+        return self._handle(records.read(self.files, name))
 
+    def drop(self, database: DatabaseRecord | str, *, force: bool = False) -> None:
+        """Remove a database, or one version ``name@version``; the scenarios stay.
 
-def rename(lake: LakeLike, database: DatabaseRecord | str, *, name: str) -> DatabaseRecord:
-    """Rename a database with all its versions; see :meth:`Lake.rename <scenarionet_data.Lake.rename>`."""
-    view = open_view(lake)
-    old = view.record(database)
-    if old.name is None:
-        raise BadParameter("this selection is not saved: give it a name with selection.save(name)")
-    _check_unused(
-        view,
-        old.name,
-        None,
-        f'lake.copy("{old.name}", name="{name}") keeps it',
-        f"scenarionet db copy {view.root} {old.name} {name}",
-    )
-    records.rename(view.files, old.name, name)
-    return records.read(view.files, name)
+        Args:
+            database: The database.
+            force: Remove it even if other databases depend on it; those stay readable, but cannot be rebuilt.
 
+        Raises:
+            DatabaseInUse: Other databases depend on it and ``force`` is False.
+        """
+        reference = database if isinstance(database, str) else database.reference
+        name, version = records.parse_reference(reference)
+        records.check_exists(self.files, name, version)  # a damaged one is dropped as well
+        if not force:
+            _check_unused(self, name, version, "drop those first, or force=True", "--force")
+        records.drop(self.files, name, version)
 
-def drop(lake: LakeLike, database: DatabaseRecord | str, *, force: bool = False) -> None:
-    """Remove a database or a version of it; see :meth:`Lake.drop <scenarionet_data.Lake.drop>`."""
-    view = open_view(lake)
-    reference = database if isinstance(database, str) else database.reference
-    name, version = records.parse_reference(reference)
-    records.check_exists(view.files, name, version)  # a damaged one is dropped as well
-    if not force:
-        _check_unused(view, name, version, "drop those first, or force=True", "--force")
-    records.drop(view.files, name, version)
+    def checkout(self, database: DatabaseRecord | str) -> AnyDatabase:
+        """Make an old version ``name@version`` the newest again, with its lineage; all versions are kept."""
+        reference = database if isinstance(database, str) else database.reference
+        name, version = records.parse_reference(reference)
+        if version is None:
+            raise BadParameter(f"wanted an old version, for example {name}@1; `scenarionet db lineage` lists them")
+        old = self.record(reference)
+        return self._handle(writer.save(self.files, name, old.members, old.lineage, replace=True))
+
+    def _combine(
+        self, operation: str, databases: tuple[DatabaseRecord | str, ...], name: str, replace: bool, allow_empty: bool
+    ) -> AnyDatabase:
+        # Members of all databases are merged; of the others, the first has the members of the result.
+        query = DatabaseQuery.over(self, *databases, num_pinned=len(databases) if operation == "merge" else 1)
+        sql = query.query(f"operations/{operation}", {"last": str(len(databases) - 1)})
+        return self._handle(query.make(operation, name, sql, {}, replace=replace, allow_empty=allow_empty))
 
 
 def _check_unused(view: LakeView, name: str, version: int | None, remedy: str, cli_remedy: str) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.query.lake_view import LakeView
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,8 @@ class DatabaseStatistics:
     measures: tuple[Measure, ...]
 
 
-def compare(lake: LakeLike, *databases: DatabaseRecord | str) -> list[DatabaseStatistics]:
+def compare(view: LakeView, *databases: DatabaseRecord | str) -> list[DatabaseStatistics]:
     """Compute statistics of databases; see :meth:`Lake.compare <scenarionet_data.Lake.compare>`."""
-    view = open_view(lake)
     wrong = [each for each in databases if not isinstance(each, DatabaseRecord | str)]
     if wrong:
         raise BadParameter(f'compare: give databases one by one, as compare("a", "b"), not {wrong[0]!r}')

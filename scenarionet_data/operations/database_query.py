@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any, Generic, Self, TypeVar
 
 import pyarrow as pa
 
@@ -33,6 +34,9 @@ _MEMBER_KEYS = "(SELECT scenario_id, weight, content_hash, position AS place FRO
 
 _UNIFORM = "('0x' || substr(md5(concat($seed, ':', {name})), 1, 13))::BIGINT / 4503599627370496.0"
 """A number in [0, 1) from a name and the seed: the same on every machine and every version of DuckDB."""
+
+AnyDatabase = TypeVar("AnyDatabase", bound=DatabaseRecord)
+"""The handle of a database: :class:`scenarionet_data.Database`."""
 
 
 @dataclass(frozen=True)
@@ -217,6 +221,18 @@ class DatabaseQuery:
             created_with=version.name_and_version(),
             user_columns=sorted(user_columns),
         )
+
+
+class Pool(ABC, Generic[AnyDatabase]):
+    """Scenarios that databases are made of: those of a lake, or the members of a database."""
+
+    @abstractmethod
+    def _query(self, database: DatabaseRecord | str | None = None) -> DatabaseQuery:
+        """Return the query over all of them, or over the members of a database."""
+
+    @abstractmethod
+    def _handle(self, record: DatabaseRecord) -> AnyDatabase:
+        """Return the handle of a database that was made."""
 
 
 def _renamed(inner: Lineage, outer: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:

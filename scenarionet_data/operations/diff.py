@@ -14,7 +14,7 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.operations.database_query import DatabaseQuery
 from scenarionet_data.query.engine import Rows
-from scenarionet_data.query.lake_view import LakeLike, LakeView, StaleDatabaseWarning, open_view
+from scenarionet_data.query.lake_view import LakeView, StaleDatabaseWarning
 from scenarionet_data.query.members import relation
 from scenarionet_data.query.statements import quoted
 from scenarionet_data.query.views import scan_files
@@ -99,9 +99,8 @@ class _Side:
     snapshot: int
 
 
-def diff(lake: LakeLike, before: DatabaseRecord | str, after: DatabaseRecord | str) -> Diff:
+def diff(view: LakeView, before: DatabaseRecord | str, after: DatabaseRecord | str) -> Diff:
     """Compare two sets of scenarios; see :meth:`Lake.diff <scenarionet_data.Lake.diff>`."""
-    view = open_view(lake)
     first, second = _side(view, before, "selected_before"), _side(view, after, "selected_after")
     rows = different_rows(view, first.relation, second.relation, {**first.tables, **second.tables})
     columns = _changed_columns(view, first, second) if first.snapshot != second.snapshot else ()

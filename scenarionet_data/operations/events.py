@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.databases.record import DatabaseRecord
-from scenarionet_data.query.lake_view import LakeLike, open_view
+from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.query.named_sql import EVENTS
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def mine(
-    lake: LakeLike,
+    view: LakeView,
     event: str,
     parameters: Mapping[str, Any] | None = None,
     database: DatabaseRecord | str | None = None,
@@ -26,7 +26,6 @@ def mine(
     """Find all occurrences of an event; see :meth:`Lake.mine <scenarionet_data.Lake.mine>`."""
     found = EVENTS.load(event)
     bound = found.bind(parameters or {})
-    view = open_view(lake)
     if database is not None:
         view = view.restrict_to(database)
     query = f"SELECT * FROM (\n{found.text}\n) ORDER BY scenario_id, first_timestep, track_id, other_id"

@@ -11,70 +11,86 @@ from typing import Any
 import pyarrow as pa
 
 from scenarionet_data.databases.record import DatabaseRecord, Lineage
-from scenarionet_data.errors import BadParameter, QueryError, ScenarioNotFound
-from scenarionet_data.operations.database_query import DatabaseQuery, as_recorded
-from scenarionet_data.query import suggestions
-from scenarionet_data.query.lake_view import LakeLike, open_view
+from scenarionet_data.errors import BadParameter, ScenarioNotFound
+from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, as_recorded
 from scenarionet_data.query.named_sql import EVENTS, FILTERS, Conditions, NamedSql
 from scenarionet_data.query.statements import check_expression
+from scenarionet_data.query.suggestions import explaining
 
 BoundSql = tuple[NamedSql, dict[str, Any]]
 """A condition and the values of its parameters."""
 
 
-def filter_database(
-    lake: LakeLike,
-    where: str = "true",
-    *,
-    name: str,
-    database: DatabaseRecord | str | None = None,
-    filters: Conditions = (),
-    events: Conditions = (),
-    ids: Sequence[str] | None = None,
-    parameters: Mapping[str, Any] | None = None,
-    replace: bool = False,
-    allow_empty: bool = False,
-) -> DatabaseRecord:
-    """Save the scenarios that satisfy conditions; see :meth:`Lake.filter <scenarionet_data.Lake.filter>`."""
-    view = open_view(lake)
-    try:
-        query = DatabaseQuery.over(view, database)
-        lineage, batches = _filtered(query, where, filters, events, ids, parameters or {})
-        return query.save(lineage, name, batches, replace=replace, allow_empty=allow_empty)
-    except QueryError as error:
-        raise suggestions.explain_unknown_column(error, where, view.user_columns) from error
+class Filtering(Pool[AnyDatabase]):
+    """The verbs ``filter`` and ``select`` of lakes and databases."""
+
+    def select(
+        self,
+        where: str = "true",
+        *,
+        database: DatabaseRecord | str | None = None,
+        filters: Conditions = (),
+        events: Conditions = (),
+        ids: Sequence[str] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+    ) -> AnyDatabase:
+        """Select the scenarios that satisfy all conditions, without saving them; see :meth:`filter`."""
+        query = self._query(database)
+        with explaining(where, query.view.user_columns):
+            lineage, batches = find_scenarios(query, where, filters, events, ids, parameters)
+            with closing(batches):
+                return self._handle(query.selection(lineage, batches))
+
+    def filter(
+        self,
+        where: str = "true",
+        *,
+        name: str,
+        database: DatabaseRecord | str | None = None,
+        filters: Conditions = (),
+        events: Conditions = (),
+        ids: Sequence[str] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        replace: bool = False,
+        allow_empty: bool = False,
+    ) -> AnyDatabase:
+        """Save the scenarios that satisfy all conditions as a database.
+
+        Args:
+            where: SQL condition over the columns of ``metadata``.
+            name: Name of the new database.
+            database: Search only the members of this database, in its order; the whole lake by default.
+            filters: Filters of ``sql/filters``: ``"ego_distance"``, ``["ego_distance:min=100", ...]`` or
+                ``{"ego_distance": {"min": 100}}``.
+            events: Events of ``sql/events`` that must occur, in the same forms.
+            ids: Ids or source ids that scenarios must have.
+            parameters: Values for ``$name`` in ``where``: numbers, texts, truth values, lists of them.
+            replace: Add a version if the database exists.
+            allow_empty: Save a database without members, too.
+
+        Raises:
+            UnsafeSql: ``where`` is not a single expression.
+            QueryError: DuckDB rejects the condition; the message has the position and similar names.
+            UnknownFilter, UnknownEvent, BadParameter: The message lists the valid names.
+            ScenarioNotFound: One of ``ids`` does not exist.
+            DatabaseExists: The database exists and ``replace`` is False.
+            EmptyResult: No scenario satisfies the conditions and ``allow_empty`` is False.
+        """
+        query = self._query(database)
+        with explaining(where, query.view.user_columns):
+            lineage, batches = find_scenarios(query, where, filters, events, ids, parameters)
+            return self._handle(query.save(lineage, name, batches, replace=replace, allow_empty=allow_empty))
 
 
-def select_scenarios(
-    lake: LakeLike,
-    where: str = "true",
-    *,
-    database: DatabaseRecord | str | None = None,
-    filters: Conditions = (),
-    events: Conditions = (),
-    ids: Sequence[str] | None = None,
-    parameters: Mapping[str, Any] | None = None,
-) -> DatabaseRecord:
-    """Select the scenarios that satisfy conditions; see :meth:`Lake.select <scenarionet_data.Lake.select>`."""
-    view = open_view(lake)
-    try:
-        query = DatabaseQuery.over(view, database)
-        lineage, batches = _filtered(query, where, filters, events, ids, parameters or {})
-        with closing(batches):
-            return query.selection(lineage, batches)
-    except QueryError as error:
-        raise suggestions.explain_unknown_column(error, where, view.user_columns) from error
-
-
-def _filtered(
+def find_scenarios(
     query: DatabaseQuery,
-    where: str,
-    filters: Conditions,
-    events: Conditions,
-    ids: Sequence[str] | None,
-    parameters: Mapping[str, Any],
+    where: str = "true",
+    filters: Conditions = (),
+    events: Conditions = (),
+    ids: Sequence[str] | None = None,
+    parameters: Mapping[str, Any] | None = None,
 ) -> tuple[Lineage, Generator[pa.RecordBatch, None, None]]:
-    """Return the lineage of a filter, and its rows in order."""
+    """Return the lineage of a filter, and its rows in order; see :meth:`Filtering.filter`."""
     check_expression(where)
     named = FILTERS.resolve(filters)
     if ids is not None:
@@ -86,14 +102,14 @@ def _filtered(
         (replace(event, text=f"scenario_id IN (SELECT scenario_id FROM (\n{event.text}\n))"), values)
         for event, values in EVENTS.resolve(events)
     ]
-    conditions, bound = _combined(where, [*named, *happening], parameters)
+    conditions, bound = _combined(where, [*named, *happening], parameters or {})
     sql = query.query("operations/filter", {"conditions": conditions})
     lineage = query.lineage("filter", sql, as_recorded(bound))
     if not happening:
         return lineage, query.batches(sql, as_recorded(bound))
     # Events are searched only in scenarios that satisfy the other conditions, which are evaluated once: a condition
     # that compares with the whole lake would give another result over fewer scenarios.
-    conditions, bound = _combined(where, named, parameters)
+    conditions, bound = _combined(where, named, parameters or {})
     sql = query.query("operations/filter", {"conditions": conditions})
     left = query.run(sql, as_recorded(bound))["scenario_id"].to_pylist()
     narrowed = replace(query, view=query.view.restrict_to(left))

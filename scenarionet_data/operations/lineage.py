@@ -9,7 +9,7 @@ from scenarionet_data.databases import pack_origins
 from scenarionet_data.databases import record as records
 from scenarionet_data.databases.record import DatabaseRecord, Lineage
 from scenarionet_data.errors import DatabaseNotFound
-from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.query.lake_view import LakeView
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,8 @@ class LineageTree:
             yield from parent.ancestors()
 
 
-def lineage_tree(lake: LakeLike, database: DatabaseRecord | str) -> LineageTree:
+def lineage_tree(view: LakeView, database: DatabaseRecord | str) -> LineageTree:
     """Return a database with its ancestors; see :meth:`Lake.lineage <scenarionet_data.Lake.lineage>`."""
-    view = open_view(lake)
     found = view.record(database)
     parents = tuple(_parent(view, parent) for parent in found.lineage.parents)
     if found.name is None:

@@ -10,7 +10,7 @@ from itertools import combinations
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.operations.database_query import DatabaseQuery, several
-from scenarionet_data.query.lake_view import LakeLike, StaleDatabaseWarning, open_view
+from scenarionet_data.query.lake_view import LakeView, StaleDatabaseWarning
 from scenarionet_data.query.members import relation
 from scenarionet_data.query.named_sql import OVERLAPS
 
@@ -39,12 +39,11 @@ class DatabaseOverlap:
 
 
 def overlap(
-    lake: LakeLike, *databases: DatabaseRecord | str, kinds: Sequence[str] | None = None
+    view: LakeView, *databases: DatabaseRecord | str, kinds: Sequence[str] | None = None
 ) -> list[DatabaseOverlap]:
     """Find what databases share, pair by pair; see :meth:`Lake.overlap <scenarionet_data.Lake.overlap>`."""
     if isinstance(kinds, str):
         raise BadParameter(f"kinds: wanted a list of rules, found {kinds!r}; write kinds=[{kinds!r}]")
-    view = open_view(lake)
     rules = [OVERLAPS.load(kind) for kind in (kinds or OVERLAPS.names())]
     records = [view.record(each) for each in several("overlap", databases)]
     for database in records:

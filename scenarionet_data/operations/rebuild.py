@@ -10,7 +10,7 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, DatabaseNotFound, LakeError, NoSuchSnapshot, UserColumnNotFound
 from scenarionet_data.operations.database_query import DatabaseQuery
 from scenarionet_data.operations.diff import Diff, diff, different_rows
-from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.query.members import relation
 
 
@@ -29,9 +29,8 @@ class RebuildResult:
     is_same: bool
 
 
-def rebuild(lake: LakeLike, database: DatabaseRecord | str) -> RebuildResult:
+def rebuild(view: LakeView, database: DatabaseRecord | str) -> RebuildResult:
     """Run the lineage of a database again; see :meth:`Lake.rebuild <scenarionet_data.Lake.rebuild>`."""
-    view = open_view(lake)
     found = view.record(database)
     _check_not_packed(view, found)
     lineage = found.lineage
@@ -53,9 +52,8 @@ def rebuild(lake: LakeLike, database: DatabaseRecord | str) -> RebuildResult:
     return RebuildResult(found.reference, Diff(found.reference, found.reference, counts, rows), is_same)
 
 
-def rebase(lake: LakeLike, database: DatabaseRecord | str, *, keep_members: bool = False) -> list[Diff]:
+def rebase(view: LakeView, database: DatabaseRecord | str, *, keep_members: bool = False) -> list[Diff]:
     """Move a database to the newest snapshot; see :meth:`Lake.rebase <scenarionet_data.Lake.rebase>`."""
-    view = open_view(lake)
     reference = database if isinstance(database, str) else database.reference
     if not isinstance(database, str) and not database.is_saved:
         raise BadParameter("this selection is not saved: give it a name with selection.save(name)")

@@ -3,47 +3,69 @@
 from __future__ import annotations
 
 from scenarionet_data.databases.record import DatabaseRecord
-from scenarionet_data.errors import BadParameter, QueryError
-from scenarionet_data.operations.database_query import DatabaseQuery, check_column, uniform
-from scenarionet_data.query import suggestions
-from scenarionet_data.query.lake_view import LakeLike, open_view
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, check_column, uniform
 from scenarionet_data.query.statements import check_expression
+from scenarionet_data.query.suggestions import explaining
 
 _FROM_EASY = "row_number() OVER (ORDER BY difficulty, scenario_id)"
 _LEVEL = f"(1 + ({_FROM_EASY} - 1) * $levels::BIGINT // count(*) OVER ())::VARCHAR"
 
 
-def sample(
-    lake: LakeLike,
-    database: DatabaseRecord | str | None = None,
-    *,
-    name: str,
-    n: int | None = None,
-    fraction: float | None = None,
-    seed: int = 0,
-    weights: str = "1",
-    stratify: str | None = None,
-    balance: str | None = None,
-    levels: int | None = None,
-    replace: bool = False,
-    allow_empty: bool = False,
-) -> DatabaseRecord:
-    """Save scenarios drawn without replacement; see :meth:`Lake.sample <scenarionet_data.Lake.sample>`."""
-    if (n is None) == (fraction is None):
-        raise BadParameter("wanted either a number of scenarios or a fraction")
-    if n is not None and n < 1:
-        raise BadParameter(f"wanted a number of 1 or more, found {n}")
-    if fraction is not None and not 0 < fraction <= 1:
-        raise BadParameter(f"wanted a fraction above 0 and up to 1, found {fraction:g}")
-    check_expression(weights)
-    view = open_view(lake)
-    query = DatabaseQuery.over(view, database)
-    sql = query.query("operations/sample", {"rounds": _rounds(query, weights, stratify, balance, levels)})
-    parameters = {"seed": seed, "n": n, "fraction": fraction} | ({"levels": levels} if levels else {})
-    try:
-        return query.make("sample", name, sql, parameters, replace=replace, allow_empty=allow_empty, min_count=n or 0)
-    except QueryError as error:
-        raise suggestions.explain_unknown_column(error, weights, view.user_columns) from error
+class Sampling(Pool[AnyDatabase]):
+    """The verb ``sample`` of lakes and databases."""
+
+    def sample(
+        self,
+        database: DatabaseRecord | str | None = None,
+        *,
+        name: str,
+        n: int | None = None,
+        fraction: float | None = None,
+        seed: int = 0,
+        weights: str = "1",
+        stratify: str | None = None,
+        balance: str | None = None,
+        levels: int | None = None,
+        replace: bool = False,
+        allow_empty: bool = False,
+    ) -> AnyDatabase:
+        """Save scenarios drawn without replacement, in the order of the database.
+
+        Args:
+            database: Database to draw from; the whole lake by default.
+            name: Name of the new database.
+            n: Exact number of scenarios.
+            fraction: Share of scenarios, instead of ``n``.
+            seed: Another seed gives another sample.
+            weights: SQL expression over ``metadata``, for example ``difficulty`` or ``weight``: probability of being
+                drawn first, up to a factor. Scenarios without a weight above 0 are never drawn.
+            stratify: Column whose values keep their proportions.
+            balance: Column whose values are drawn in equal numbers, while scenarios last.
+            levels: Number of levels of ``difficulty``, of equal size, that are drawn in equal numbers and saved from
+                easy to difficult: a curriculum.
+            replace: Add a version if the database exists.
+            allow_empty: Save a database without members, too.
+
+        Raises:
+            BadParameter: There are fewer scenarios than ``n``, or arguments exclude each other.
+            DatabaseExists, EmptyResult: See :meth:`filter`.
+        """
+        if (n is None) == (fraction is None):
+            raise BadParameter("wanted either a number of scenarios or a fraction")
+        if n is not None and n < 1:
+            raise BadParameter(f"wanted a number of 1 or more, found {n}")
+        if fraction is not None and not 0 < fraction <= 1:
+            raise BadParameter(f"wanted a fraction above 0 and up to 1, found {fraction:g}")
+        check_expression(weights)
+        query = self._query(database)
+        sql = query.query("operations/sample", {"rounds": _rounds(query, weights, stratify, balance, levels)})
+        parameters = {"seed": seed, "n": n, "fraction": fraction} | ({"levels": levels} if levels else {})
+        with explaining(weights, query.view.user_columns):
+            made = query.make(
+                "sample", name, sql, parameters, replace=replace, allow_empty=allow_empty, min_count=n or 0
+            )
+        return self._handle(made)
 
 
 def _rounds(query: DatabaseQuery, weights: str, stratify: str | None, balance: str | None, levels: int | None) -> str:

@@ -19,8 +19,7 @@ from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.databases.writer import DatabaseWriter
 from scenarionet_data.errors import BadParameter, EmptyResult, LakeError, LeakingSplit
-from scenarionet_data.operations.database_query import DatabaseQuery, check_column, uniform
-from scenarionet_data.query.lake_view import LakeLike
+from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, check_column, uniform
 
 _MAX_PARTS = 100
 
@@ -53,56 +52,92 @@ class _Parts:
     names: dict[str, str]
 
 
-def split(
-    lake: LakeLike,
-    database: DatabaseRecord | str | None = None,
-    fractions: Mapping[str, float] | None = None,
-    *,
-    name: str | None = None,
-    seed: int = 0,
-    by: str = "scenario_id",
-    stratify: str | None = None,
-    along: str | None = None,
-    levels: int | None = None,
-    each: str | None = None,
-    strict: bool = False,
-    replace: bool = False,
-    allow_empty: bool = False,
-) -> dict[str, DatabaseRecord]:
-    """Split a database into parts; see :meth:`Lake.split <scenarionet_data.Lake.split>`."""
-    if [fractions is not None, levels is not None, each is not None].count(True) != 1:
-        raise BadParameter('wanted one of fractions ({"train": 0.9, "val": 0.1}), a number of levels, or each=column')
-    if stratify is not None and (along is not None or fractions is None):
-        raise BadParameter("stratify goes with fractions alone: not with along, levels or each")
-    if each is not None and along is not None:
-        raise BadParameter("each makes a part for every value, without order: leave along out")
-    query = DatabaseQuery.over(lake, database)
-    stem = name or (query.parents[0].name if query.parents else "all")
-    if stem is None:
-        raise BadParameter("an unsaved selection has no name: give the parts one, with name=...")
-    if each is not None:
-        parts = _by_value(query, each, stem)
-    else:
-        if levels is not None:
-            if levels < 1:
-                raise BadParameter(f"wanted 1 level or more, found {levels}")
-            fractions = {f"level{number}": 1.0 / levels for number in range(1, levels + 1)}
-            along = along or "difficulty"
-        parts = _by_share(query, fractions or {}, seed, by, stratify, along, levels is not None, stem)
-    for part_name in parts.names.values():
-        records.check_free(query.view.files, part_name, replace=replace)
-    with writer.database_writers(query.view.files, parts.names) as writers:
-        with closing(query.batches(parts.sql, parts.parameters)) as batches:
-            for rows in batches:
-                for part, part_writer in writers.items():
-                    part_writer.add(writer.rows_of_part(rows, part))
-        _check_counts(query, {part: part_writer.count for part, part_writer in writers.items()}, allow_empty)
-        one_part = query.query("operations/part", {"split": parts.sql})
-        for part, part_writer in writers.items():
-            part_writer.finish(query.lineage("split", one_part, parts.parameters | {"part": part}))
-        if fractions is not None and levels is None and by != "source_log":
-            _check_leaks(query, writers, strict)
-        return {part: done.publish(parts.names[part], replace=replace) for part, done in writers.items()}
+class Splitting(Pool[AnyDatabase]):
+    """The verb ``split`` of lakes and databases."""
+
+    def split(
+        self,
+        database: DatabaseRecord | str | Mapping[str, float] | None = None,
+        fractions: Mapping[str, float] | None = None,
+        *,
+        name: str | None = None,
+        seed: int = 0,
+        by: str = "scenario_id",
+        stratify: str | None = None,
+        along: str | None = None,
+        levels: int | None = None,
+        each: str | None = None,
+        strict: bool = False,
+        replace: bool = False,
+        allow_empty: bool = False,
+    ) -> dict[str, AnyDatabase]:
+        """Split a database by fractions, into levels, or by the values of a column, and save the parts.
+
+        By fractions alone, the part of a scenario (or group, for example ``by="source_log"``) depends on a hash of its
+        id and the seed, so that it stays the same as the lake grows, and on all machines. ``stratify`` gives every part
+        its fraction of each value of a column, and ``along`` splits in the order of a column, for example a date: both
+        depend on all scenarios, and change as the lake grows.
+
+        Args:
+            database: Database to split; by default all scenarios of the lake, or the members of this database.
+            fractions: Fraction of each part by its name; they add up to 1. May be given in place of ``database``.
+            name: Parts are saved as ``<name>_<part>``; by default the name of the database, or ``all``.
+            seed: Another seed gives another split.
+            by: Column whose equal values stay together.
+            stratify: Column whose values are each split by the fractions.
+            along: Column whose order the parts follow; equal values stay together.
+            levels: Instead of fractions: number of parts ``level1``, ... of equal size in the order of ``along``
+                (difficulty by default).
+            each: Instead of fractions: column with one part for each value.
+            strict: Raise for a split that leaks, instead of a warning.
+            replace: Add a version to parts that exist.
+            allow_empty: Save parts without members, too.
+
+        Raises:
+            BadParameter: Fractions do not add up to 1, a column does not exist, or arguments exclude each other.
+            LeakingSplit: Several parts have scenarios of one source log, and ``strict`` is True.
+            DatabaseExists, EmptyResult: See :meth:`filter`; no part is saved.
+        """
+        if isinstance(database, Mapping):
+            if fractions is not None:
+                raise BadParameter("fractions are given twice: wanted split(database, fractions) or split(fractions)")
+            database, fractions = None, database
+        if [fractions is not None, levels is not None, each is not None].count(True) != 1:
+            raise BadParameter(
+                'wanted one of fractions ({"train": 0.9, "val": 0.1}), a number of levels, or each=column'
+            )
+        if stratify is not None and (along is not None or fractions is None):
+            raise BadParameter("stratify goes with fractions alone: not with along, levels or each")
+        if each is not None and along is not None:
+            raise BadParameter("each makes a part for every value, without order: leave along out")
+        query = self._query(database)
+        stem = name or (query.parents[0].name if query.parents else "all")
+        if stem is None:
+            raise BadParameter("an unsaved selection has no name: give the parts one, with name=...")
+        if each is not None:
+            parts = _by_value(query, each, stem)
+        else:
+            if levels is not None:
+                if levels < 1:
+                    raise BadParameter(f"wanted 1 level or more, found {levels}")
+                fractions = {f"level{number}": 1.0 / levels for number in range(1, levels + 1)}
+                along = along or "difficulty"
+            parts = _by_share(query, fractions or {}, seed, by, stratify, along, levels is not None, stem)
+        for part_name in parts.names.values():
+            records.check_free(query.view.files, part_name, replace=replace)
+        with writer.database_writers(query.view.files, parts.names) as writers:
+            with closing(query.batches(parts.sql, parts.parameters)) as batches:
+                for rows in batches:
+                    for part, part_writer in writers.items():
+                        part_writer.add(writer.rows_of_part(rows, part))
+            _check_counts(query, {part: part_writer.count for part, part_writer in writers.items()}, allow_empty)
+            one_part = query.query("operations/part", {"split": parts.sql})
+            for part, part_writer in writers.items():
+                part_writer.finish(query.lineage("split", one_part, parts.parameters | {"part": part}))
+            if fractions is not None and levels is None and by != "source_log":
+                _check_leaks(query, writers, strict)
+            saved = {part: done.publish(parts.names[part], replace=replace) for part, done in writers.items()}
+        return {part: self._handle(record) for part, record in saved.items()}
 
 
 def _by_share(
@@ -208,4 +243,4 @@ def _check_leaks(query: DatabaseQuery, parts: Mapping[str, DatabaseWriter], stri
     )
     if strict:
         raise LeakingSplit(text, cli_remedy="--by source_log")
-    warnings.warn(LeakWarning(text, cli_remedy="--by source_log"), stacklevel=4)
+    warnings.warn(LeakWarning(text, cli_remedy="--by source_log"), stacklevel=3)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from scenarionet_data.errors import QueryError
 from scenarionet_data.schema import tables
@@ -12,21 +13,23 @@ from scenarionet_data.schema import tables
 _UNKNOWN_COLUMN = re.compile(r'Referenced (?:column|table) "(\w+)" not found')
 
 
-def explain_unknown_column(error: QueryError, where: str, user_columns: Iterable[str] = ()) -> QueryError:
-    """Return an error with position and suggestions if DuckDB reports an unknown column, else the error itself.
+@contextmanager
+def explaining(where: str, user_columns: Iterable[str] = ()) -> Iterator[None]:
+    """Add position and suggestions to errors of DuckDB about unknown columns.
 
     Args:
-        error: The error from DuckDB.
-        where: The condition.
+        where: The condition that is run.
         user_columns: User columns of the lake.
     """
-    found = _UNKNOWN_COLUMN.search(str(error))
-    word = re.search(rf"\b{re.escape(found.group(1))}\b", where, re.IGNORECASE) if found else None
-    if word is None:
-        return error
-    return QueryError(
-        f"no column {word.group()} at character {word.start() + 1} of {where!r}; {similar_columns(where, user_columns)}"
-    )
+    try:
+        yield
+    except QueryError as error:
+        found = _UNKNOWN_COLUMN.search(str(error))
+        word = re.search(rf"\b{re.escape(found.group(1))}\b", where, re.IGNORECASE) if found else None
+        if word is None:
+            raise
+        similar = similar_columns(where, user_columns)
+        raise QueryError(f"no column {word.group()} at character {word.start() + 1} of {where!r}; {similar}") from error
 
 
 def similar_columns(where: str, user_columns: Iterable[str] = ()) -> str:

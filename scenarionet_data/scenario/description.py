@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.cards import HasCard
 from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.scenario.parts import (
     ID_LISTS,
@@ -43,7 +44,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class ScenarioDescription(ScenarioPart):
+class ScenarioDescription(ScenarioPart, HasCard):
     """One scenario, complete.
 
     Attributes:

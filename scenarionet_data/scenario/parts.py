@@ -79,7 +79,7 @@ class ScenarioPart:
 _NOT_GIVEN: Bool = np.zeros((0, 0), np.bool_)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tracks(ScenarioPart):
     """The objects of a scenario.
 
@@ -118,6 +118,9 @@ class Tracks(ScenarioPart):
     def __len__(self) -> int:
         return len(self.object_type)
 
+    def __repr__(self) -> str:
+        return f"Tracks({len(self)} objects, {self.valid.shape[1]} timesteps)"
+
     def index(self, track_id: str) -> int:
         """Return the row of a track; raise KeyError if the scenario has no such track."""
         (rows,) = np.nonzero(self.ids == track_id)
@@ -126,7 +129,7 @@ class Tracks(ScenarioPart):
         return int(rows[0])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Lights(ScenarioPart):
     """Traffic lights, one row per lane they control.
 
@@ -148,6 +151,9 @@ class Lights(ScenarioPart):
 
     def __len__(self) -> int:
         return len(self.provenance)
+
+    def __repr__(self) -> str:
+        return f"Lights({len(self)} lights, {self.state.shape[1]} timesteps)"
 
     @classmethod
     def empty(cls, num_timesteps: int) -> Lights:
@@ -176,7 +182,7 @@ ID_LISTS = (
 """The fields of :class:`MapFeatures` that are lists of ids."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MapFeatures(ScenarioPart):
     """Lanes, lines, edges and areas.
 
@@ -215,6 +221,9 @@ class MapFeatures(ScenarioPart):
 
     def __len__(self) -> int:
         return len(self.feature_type)
+
+    def __repr__(self) -> str:
+        return f"MapFeatures({len(self):,} features)"
 
     @property
     def types(self) -> UInt8:

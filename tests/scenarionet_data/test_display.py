@@ -110,7 +110,6 @@ def test_facts_are_shown_where_pictures_cannot_be(tmp_path, monkeypatch):
 
 @pytest.mark.long
 def test_a_notebook_shows_html(tmp_path):
-    """IPython shows the HTML without ``_repr_html_`` on the classes: parts below do not know how they are displayed."""
     pytest.importorskip("IPython")
     root = write_lake(tmp_path / "lake", [make_scenario(1)]).root
     code = (

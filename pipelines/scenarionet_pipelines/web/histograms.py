@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from scenarionet_data import Lake
-from scenarionet_data.errors import BadParameter, QueryError
-from scenarionet_data.query import suggestions
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.query.statements import check_expression
+from scenarionet_data.query.suggestions import explaining
 from scenarionet_pipelines.web.rows import PageColumn
 
 NUM_BINS = 30
@@ -59,10 +59,8 @@ def read_histogram(lake: Lake, column: str, where: str, known: Mapping[str, Page
         f"SELECT least(floor(({value} - $low) / $width), {NUM_BINS - 1})::INTEGER AS bin, count(*) AS n "
         f"FROM metadata WHERE ({where}\n) GROUP BY bin"
     )
-    try:
+    with explaining(where):
         rows = lake.arrow(query, {"low": low, "width": width}).to_pylist()
-    except QueryError as error:
-        raise suggestions.explain_unknown_column(error, where) from error
     found = {row["bin"]: int(row["n"]) for row in rows}
     counts = [found.get(number, 0) for number in range(NUM_BINS)]
     return Histogram(column, low, low + NUM_BINS * width, counts, found.get(None, 0))

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from scenarionet_data import Lake
-from scenarionet_data.errors import BadParameter, QueryError
-from scenarionet_data.query import suggestions
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.query.statements import check_expression
+from scenarionet_data.query.suggestions import explaining
 from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
 
 MAX_ROWS = 200
@@ -117,11 +117,9 @@ def read_page(lake: Lake, query: PageQuery, known: Mapping[str, PageColumn]) -> 
     if not known[query.sort].is_sortable:
         raise BadParameter(f"{query.sort} holds nested values, which cannot be sorted; sort by another column")
     check_expression(query.where)
-    try:
+    with explaining(query.where):
         total = int(lake.arrow(f"SELECT count(*) FROM metadata WHERE ({query.where}\n)")[0][0].as_py())
         return Page(total, query.first, _rows(lake, query, known[query.sort], total))
-    except QueryError as error:
-        raise suggestions.explain_unknown_column(error, query.where) from error
 
 
 def _rows(lake: Lake, query: PageQuery, sort: PageColumn, total: int) -> list[dict[str, Any]]:

@@ -182,11 +182,10 @@ def test_single_string_in_place_of_a_list_is_refused(own):
 
 
 def test_operations_accept_a_path(own):
-    from scenarionet_data.operations.filter import filter_database
     from scenarionet_data.packs.packing import pack
     from scenarionet_data.quality.checks import run_checks
 
-    assert len(filter_database(str(own.root), "true", name="all")) == NUM_VARIED
+    own.filter(name="all")
     assert all(result.is_met for result in run_checks(own.root, names=["ids_are_unique"]).results)
     assert pack(str(own.root), "all", own.root.parent / "pack").num_scenarios == NUM_VARIED
     assert len(ScenarioLoader(str(own.root), "all")) == NUM_VARIED
@@ -199,3 +198,25 @@ def test_selection_can_be_exported_and_plotted(own, tmp_path):
     plots = pytest.importorskip("scenarionet_data.plots.distributions")
     groups = plots.distributions(own, "num_objects", databases=[selected])
     assert [group.counts.sum() for group in groups] == [len(selected)]
+
+
+def test_verbs_of_lakes_and_databases_are_the_same_methods(own):
+    for verb in ("filter", "select", "split", "sample"):
+        assert getattr(Lake, verb) is getattr(Database, verb)
+    parts = own.split({"train": 0.5, "val": 0.5}, by="source_log", name="half", allow_empty=True)
+    again = own.select().split({"train": 0.5, "val": 0.5}, by="source_log", name="again", allow_empty=True)
+    assert {part: list(each) for part, each in parts.items()} == {part: list(each) for part, each in again.items()}
+    with pytest.raises(BadParameter, match="fractions are given twice"):
+        own.split({"train": 1.0}, {"train": 1.0}, name="x")
+    with pytest.raises(BadParameter, match=r"half_train@1 is the database already: lake.filter"):
+        parts["train"].filter(database="half_val", name="x")
+
+
+def test_parts_and_handles_describe_themselves_in_a_line(own):
+    scenario = own.select()[0]
+    steps = scenario.num_timesteps
+    assert repr(scenario.tracks) == f"Tracks({len(scenario.tracks)} objects, {steps} timesteps)"
+    assert repr(scenario.lights) == f"Lights({len(scenario.lights)} lights, {steps} timesteps)"
+    assert repr(scenario.map) == f"MapFeatures({len(scenario.map):,} features)"
+    for shown, words in ((scenario, scenario.id), (own, str(own.root)), (own.select(), "unsaved selection")):
+        assert words in shown._repr_html_()

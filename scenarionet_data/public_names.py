@@ -1,0 +1,35 @@
+"""Public names of a package that are imported on first use, from the one list that type checkers read, too.
+
+A package lists its names as imports under ``if TYPE_CHECKING``, one ``from module import Name as Name`` a line.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def import_on_first_use(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package.
+
+    Args:
+        package: Name of the package.
+        file: Path of its ``__init__.py``.
+    """
+    statements = ast.parse(Path(file).read_text("utf-8")).body
+    (block,) = (node for node in statements if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    imports = [node for node in block.body if isinstance(node, ast.ImportFrom) and node.module]
+    home_of = {alias.asname: str(node.module) for node in imports for alias in node.names if alias.asname}
+    names = sorted(home_of)
+
+    def import_name(name: str) -> Any:
+        if name not in home_of:
+            raise AttributeError(f"{package} has no {name!r}; it has {', '.join(names)}")
+        if home_of[name] == package:
+            return importlib.import_module(f"{package}.{name}")
+        return getattr(importlib.import_module(home_of[name]), name)
+
+    return import_name, lambda: names, names
