@@ -1,1 +1,1 @@
-"""Drivers by name: policies, planners and trained networks with their checkpoints."""
+"""Drivers by name: policies, planners and trained networks."""

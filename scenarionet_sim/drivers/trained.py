@@ -12,9 +12,8 @@ import numpy.typing as npt
 from scenarionet_data import version
 from scenarionet_data.arrays.dtypes import Array, Float32
 from scenarionet_data.errors import BadParameter, MissingDependency
-from scenarionet_data.storage import evaluation_runs
+from scenarionet_data.storage import checkpoints, evaluation_runs
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_sim.drivers import checkpoints
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 
 PREFIX = "runs/"

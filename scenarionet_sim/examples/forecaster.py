@@ -24,8 +24,7 @@ from scenarionet_data import Agents, Augmentation, Lake, Polylines, Samples, Shu
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.forecasts import make_predictions
 from scenarionet_data.samples.training import SampleStream, collate
-from scenarionet_data.storage import evaluation_runs
-from scenarionet_sim.drivers import checkpoints
+from scenarionet_data.storage import checkpoints, evaluation_runs
 
 _TYPES = 256  # codes of objects and of map features are below
 TensorBatch = Mapping[str, Tensor]

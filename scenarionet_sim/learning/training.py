@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -19,9 +20,9 @@ import torch
 
 from scenarionet_data import Database, Lake, version
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage import evaluation_runs
+from scenarionet_data.storage import checkpoints, evaluation_runs
+from scenarionet_data.storage.evaluation_runs import EvaluationRun
 from scenarionet_data.storage.files.opening import open_files
-from scenarionet_sim.drivers import checkpoints
 from scenarionet_sim.environments.config import EnvConfig, MultiAgentConfig, VectorConfig
 from scenarionet_sim.environments.flat import FlatEnv, FlatState
 from scenarionet_sim.evaluation.evaluation import describe_database
@@ -169,7 +170,8 @@ def train(
     Raises:
         DatabaseNotFound: A database does not exist.
         BadParameter: A setting is unknown or does not fit the scenarios, or a run of that name has other settings.
-        LakeError: No scenario can be read, or a reward or loss is not a number; checkpoints are kept.
+        LakeError: No scenario can be read, a reward or loss is not a number, or another process trains this run;
+            checkpoints are kept.
     """
     training = plan_training(
         lake, database, algorithm, config=config, seed=seed, tests=tests, observations=observations, name=name
@@ -207,13 +209,19 @@ def plan_training(
 def run_training(training: Training, name: str | None = None, on_round: OnRound | None = None) -> TrainingReport:
     """Train from the newest checkpoint to the end; arguments and errors as in :func:`train`."""
     torch.set_num_threads(1)
-    began, files, name = monotonic(), open_files(training.lake), name or training.default_name
-    config, report = training.config, TrainingReport(name)
+    files, name, config = open_files(training.lake), name or training.default_name, training.config
     env = FlatEnv(config.worlds, training.environment(), config.seats, training.seed, threads=1, keeps_past=True)
-    run = evaluation_runs.claim(files, name, ("training",), training.description)  # settings fit the scenarios
+    with closing(env):
+        run = evaluation_runs.claim(files, name, ("training",), training.description)  # settings fit the scenarios
+        with checkpoints.only_process(files, name):
+            return _train(training, run, env, on_round)
+
+
+def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRound | None) -> TrainingReport:
+    began, files, name = monotonic(), run.files, run.name
+    config, report = training.config, TrainingReport(name)
     checkpoint = checkpoints.load(files, name)
     if checkpoint is not None and checkpoint.facts["steps"] >= config.steps:
-        env.close()
         return TrainingReport(name, checkpoint.facts["steps"], checkpoint.facts["steps"])
     if checkpoint is None:
         env.reset(training.seed)
@@ -244,6 +252,7 @@ def run_training(training: Training, name: str | None = None, on_round: OnRound 
         if rounds % config.checkpoint_every == 0 or steps >= config.steps:
             report.last, number = rows[-1], number + 1
             report.tests = {test: _test_row(training, test, learner, rounds, steps) for test in training.tests}
+            checkpoints.check_free(files, name, number)
             run.publish(number, {"training": rows + list(report.tests.values())})
             state, arrays = env.state(), {key: value.numpy() for key, value in learner.tensors().items()}
             arrays |= {"ages": state.ages, "past": state.actions, "observations": state.observations}
@@ -252,7 +261,6 @@ def run_training(training: Training, name: str | None = None, on_round: OnRound 
             report.disk = max(report.disk, (KEPT_CHECKPOINTS + 1) * size)
             rows = []
     report.skipped = {scenario_id: reason for scenario_id, (reason, _) in env.skipped.items()}
-    env.close()
     report.steps, report.seconds = steps, monotonic() - began
     return report
 
