@@ -13,9 +13,9 @@ from scenarionet_data import Lake, convert
 pytestmark = pytest.mark.learn
 torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
 
-from scenarionet_sim.examples import forecaster as forecasters  # noqa: E402
-from scenarionet_sim.examples.forecaster import ForecasterConfig, displacements, load, measure, predict, train  # noqa: E402
-from scenarionet_sim.examples.forecaster_experiment import (  # noqa: E402
+import forecaster as forecasters  # noqa: E402
+from forecaster import ForecasterConfig, displacements, load, measure, predict, train  # noqa: E402
+from forecaster_experiment import (  # noqa: E402
     Experiment,
     constant_velocity,
     interval,

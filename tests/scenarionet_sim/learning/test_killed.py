@@ -37,6 +37,30 @@ def begin(lake, name, program=("-m", "scenarionet_pipelines.cli")):
     return subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
 
 
+def end(process):
+    """Wait for a process; return its exit code and its messages."""
+    messages = process.communicate()[1]
+    return process.returncode, messages
+
+
+@pytest.fixture(scope="module")
+def finished(drives, tmp_path_factory):
+    """A lake with a finished run, ``whole``."""
+    lake = Lake(shutil.copytree(drives, tmp_path_factory.mktemp("finished") / "lake"))
+    assert end(begin(lake, "whole"))[0] == 0
+    return lake.root
+
+
+def stopped(lake, name, at, program=("-m", "scenarionet_pipelines.cli")):
+    """Start a run and stop its process after a checkpoint."""
+    process = begin(lake, name, program)
+    files = open_files(lake.root)
+    until(lambda: max(checkpoints.numbers(files, name), default=0) >= at, "a checkpoint")
+    process.send_signal(signal.SIGSTOP)
+    assert max(checkpoints.numbers(files, name)) < 24
+    return process
+
+
 def assert_equal_runs(files, *names):
     whole, parts = (checkpoints.load(files, name) for name in names)
     assert whole.number == parts.number == 25
@@ -46,42 +70,33 @@ def assert_equal_runs(files, *names):
         np.testing.assert_array_equal(parts.arrays[name], values, err_msg=name)
 
 
-def test_a_run_killed_twice_ends_with_the_weights_of_an_undisturbed_run(drives, tmp_path):
-    lake = Lake(shutil.copytree(drives, tmp_path / "lake"))
+def test_a_run_killed_twice_ends_with_the_weights_of_an_undisturbed_run(finished, tmp_path):
+    lake = Lake(shutil.copytree(finished, tmp_path / "lake"))
     files = open_files(lake.root)
-    assert begin(lake, "whole").wait() == 0
     for wanted in (2, 5):
-        process = begin(lake, "parts")
-        until(lambda wanted=wanted: max(checkpoints.numbers(files, "parts"), default=0) >= wanted, "a checkpoint")
+        process = stopped(lake, "parts", wanted)
         process.kill()
-        assert process.wait() == -signal.SIGKILL
-    begun = max(checkpoints.numbers(files, "parts"))
-    assert begin(lake, "parts").wait() == 0
-    assert 5 <= begun < 25
+        assert end(process)[0] == -signal.SIGKILL
+    assert end(begin(lake, "parts"))[0] == 0
     assert_equal_runs(files, "whole", "parts")
 
 
-def test_a_second_process_is_refused_while_the_first_one_trains(drives, tmp_path):
-    lake = Lake(shutil.copytree(drives, tmp_path / "lake"))
-    files = open_files(lake.root)
-    first = begin(lake, "run")
-    until(lambda: checkpoints.numbers(files, "run"), "a checkpoint")
-    second = begin(lake, "run")
-    assert "another process trains it" in second.communicate()[1] and second.returncode == 1
-    assert first.wait() == 0
-    checkpoints.verify(files, "run")
+def test_a_second_process_is_refused_while_the_first_one_trains(finished, tmp_path):
+    lake = Lake(shutil.copytree(finished, tmp_path / "lake"))
+    first = stopped(lake, "run", 1)
+    code, messages = end(begin(lake, "run"))
+    assert code == 1 and "another process trains it now" in messages
+    first.send_signal(signal.SIGCONT)
+    assert end(first)[0] == 0
+    assert_equal_runs(open_files(lake.root), "whole", "run")
 
 
-@pytest.mark.parametrize("steps_apart", [0, 2])
-def test_two_processes_without_locks_leave_the_run_of_one(drives, tmp_path, steps_apart):
-    lake = Lake(shutil.copytree(drives, tmp_path / "lake"))
-    files = open_files(lake.root)
-    assert begin(lake, "whole").wait() == 0
-    first = begin(lake, "run", ("-c", WITHOUT_LOCKS))
-    until(lambda: max(checkpoints.numbers(files, "run"), default=0) >= steps_apart, "a checkpoint")
-    second = begin(lake, "run", ("-c", WITHOUT_LOCKS))
-    said = [process.communicate()[1] for process in (first, second)]
-    assert sorted([first.returncode, second.returncode]) == [0, 1]
-    assert "another process trains it, too" in "".join(said)
-    checkpoints.verify(files, "run")
-    assert_equal_runs(files, "whole", "run")
+def test_two_processes_without_locks_leave_the_run_of_one(finished, tmp_path):
+    lake = Lake(shutil.copytree(finished, tmp_path / "lake"))
+    first = stopped(lake, "run", 2, ("-c", WITHOUT_LOCKS))
+    assert end(begin(lake, "run", ("-c", WITHOUT_LOCKS)))[0] == 0
+    first.send_signal(signal.SIGCONT)
+    code, messages = end(first)
+    assert code == 1 and "another process trains it, too" in messages
+    checkpoints.verify(open_files(lake.root), "run")
+    assert_equal_runs(open_files(lake.root), "whole", "run")

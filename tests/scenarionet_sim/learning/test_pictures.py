@@ -10,10 +10,10 @@ from scenarionet_data import Lake, ScenarioLoader, convert
 pytestmark = pytest.mark.learn
 torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
 
+import camera_driver  # noqa: E402
+import lane_pose  # noqa: E402
 from click.testing import CliRunner  # noqa: E402
-
-from scenarionet_sim.examples import camera_driver, lane_pose  # noqa: E402
-from scenarionet_sim.examples.driving_pictures import AHEAD, CAMERA, collect, fit  # noqa: E402
+from driving_pictures import AHEAD, CAMERA, collect, fit  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,10 @@ from scenarionet_data import convert
 pytestmark = pytest.mark.learn
 sb3 = pytest.importorskip("stable_baselines3", reason="no Stable-Baselines3: run `make test-learn`")
 
+from stable_baselines import make_model, success_rate  # noqa: E402
+
 from scenarionet_sim.environments.config import VectorConfig  # noqa: E402
 from scenarionet_sim.environments.stable_baselines import StableBaselinesEnv  # noqa: E402
-from scenarionet_sim.examples.stable_baselines import make_model, success_rate  # noqa: E402
 from scenarionet_sim.scenarios import Scenarios  # noqa: E402
 
 BENDS = {"blocks": "curve=1", "num_blocks": 1, "density": 0, "max_lanes": 1, "construction": 0}

@@ -1,6 +1,6 @@
 """Stable-Baselines3 on the batch engine: PPO, or TD3 with the two settings without which it learns nothing here.
 
-    python -m scenarionet_sim.examples.stable_baselines lake busy_train --steps 100000
+    python docs/examples/stable_baselines.py lake busy_train --steps 100000
 
 TD3's defaults are for one environment. With W worlds ``gradient_steps=1`` is one update per W transitions: of 60,000
 steps in 64 worlds 936, where the paper has 60,000. And ``action_noise=None`` adds no noise to the policy's actions, so

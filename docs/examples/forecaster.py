@@ -1,6 +1,6 @@
 """A compact transformer that predicts trajectories, from the lake to a checkpoint, in one file and torch.
 
-    python -m scenarionet_sim.examples.forecaster lake driven_train --test driven_val --epochs 8
+    python -m forecaster lake driven_train --test driven_val --epochs 8
 
 Agents and polylines of the map are tokens; K mode queries read them and give K trajectories with probabilities. The
 closest trajectory to the recorded one is trained (winner takes all), as in MTR and Wayformer. Checkpoints and metrics

@@ -1,6 +1,6 @@
 """Baseline driver over a database: the Intelligent Driver Model on the ego's recorded route, each scenario once.
 
-python -m scenarionet_sim.examples.idm_ego lake busy_val
+python -m idm_ego lake busy_val
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A small network estimates from one picture where it is in its lane: the offset from the centre, and the heading.
 
-    python -m scenarionet_sim.examples.lane_pose lake train val
+    python docs/examples/lane_pose.py lake train val
 
 The centre of the lane is the path of the Intelligent Driver Model, so scenarios should have roads of one lane per
 direction; see the tutorial "Learn from pictures". Scenarios of the second database are not trained on.
@@ -14,10 +14,10 @@ from time import process_time
 import click
 import numpy as np
 import torch
+from driving_pictures import DrivePictures, PictureNetwork, collect, fit
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.arrays.dtypes import Float32
-from scenarionet_sim.examples.driving_pictures import DrivePictures, PictureNetwork, collect, fit
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Which recordings teach a forecaster? Train on each source and on all of them, test on each, as UniTraj does.
 
-    python -m scenarionet_sim.examples.forecaster_experiment lake page.md --commit $(git rev-parse --short HEAD)
+    python docs/examples/forecaster_experiment.py lake page.md --commit $(git rev-parse --short HEAD)
 
 Scenarios of each source are split into training and test; :class:`Experiment` has all settings. The rule for
 checkpoints is the last epoch: nothing is chosen by looking at the test sets. Runs that are finished are not repeated,
@@ -18,10 +18,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import torch
+from forecaster import ForecasterConfig, Predictor, TensorBatch, measure, train
 
 from scenarionet_data import Lake, Samples
 from scenarionet_data.arrays.dtypes import Array, Float64
-from scenarionet_sim.examples.forecaster import ForecasterConfig, Predictor, TensorBatch, measure, train
 
 
 @dataclass(frozen=True)

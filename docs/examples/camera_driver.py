@@ -1,6 +1,6 @@
 """A driver on a camera alone, cloned from drives of the Intelligent Driver Model; beside a blind driver and the model.
 
-    python -m scenarionet_sim.examples.camera_driver lake train val
+    python docs/examples/camera_driver.py lake train val
 
 The network sees two consecutive pictures and estimates where the model's path lies, its own speed, and the speed that
 the model has a second later; steering and throttle follow from these. The blind driver does the same with the training
@@ -14,13 +14,13 @@ from time import process_time
 import click
 import numpy as np
 import torch
+from driving_pictures import AHEAD, CAMERA, DrivePictures, PictureNetwork, collect, fit
+from idm_ego import evaluate
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.arrays.dtypes import Array, Float32
 from scenarionet_sim import EgoState, External, Idm, Replay, Scenarios, VectorConfig
 from scenarionet_sim.backends.base import Drive
-from scenarionet_sim.examples.driving_pictures import AHEAD, CAMERA, DrivePictures, PictureNetwork, collect, fit
-from scenarionet_sim.examples.idm_ego import evaluate
 from scenarionet_sim.learning.testing import ActionMode, drive_each
 from scenarionet_sim.policies.objects import other_vehicles
 from scenarionet_sim.sensors.base import Sensor

@@ -1,6 +1,6 @@
 """Minimal loop: an agent with random actions.
 
-python -m scenarionet_sim.examples.random_agent lake busy_train
+python docs/examples/random_agent.py lake busy_train
 """
 
 from __future__ import annotations

@@ -1,1 +1,0 @@
-"""Small complete programs with the environments."""
