@@ -9,17 +9,17 @@ from scenarionet_data.building.features import flat_points, make_features
 from scenarionet_data.building.map_builder import MapBuilder, meets
 from scenarionet_data.building.precision import METRES, make_origin, offsets_from, rounded
 from scenarionet_data.building.resampling import Resampling, resample, short_gaps
-from scenarionet_data.building.tracks import make_tracks, make_tracks_of_rows
+from scenarionet_data.building.tracks import StateGrid, make_tracks
 
 __all__ = [
     "METRES",
     "MapBuilder",
     "Resampling",
+    "StateGrid",
     "flat_points",
     "make_features",
     "make_origin",
     "make_tracks",
-    "make_tracks_of_rows",
     "meets",
     "offsets_from",
     "resample",

@@ -1,4 +1,4 @@
-"""Build canonical tracks from a source's grid of states or from its list of states."""
+"""Build canonical tracks from a source's grid of states, or from a list of states placed on one."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64
-from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.building import kernels
-from scenarionet_data.building.precision import METRES, RADIANS, offsets_from, rounded
+from scenarionet_data.building.precision import METRES, RADIANS
 from scenarionet_data.scenario.canonical_json import to_json
 from scenarionet_data.scenario.description import Tracks, strings
 
 _STEPS = np.array([METRES, RADIANS], np.float32)
-_PI = np.float32(np.pi)
-_BELOW_PI = np.nextafter(_PI, np.float32(0.0))
 
 Float = TypeVar("Float", np.float32, np.float64)
 
@@ -61,6 +58,11 @@ def make_tracks(
         _source(values, shape, np.float64) for values, shape in zip((position, heading, velocity), shapes, strict=True)
     ]
     poses = tuple(np.zeros(shape, np.float32) for shape in shapes)
+    none = np.full(len(ids), None, dtype=object)
+
+    def flags(values: npt.ArrayLike) -> Bool:
+        return np.array(np.broadcast_to(np.asarray(values, dtype=np.bool_), (len(ids),)))
+
     kernels.fill_poses(source[0], source[1], source[2], valid, origin, _STEPS, poses)
     return Tracks(
         position=poses[0],
@@ -69,98 +71,37 @@ def make_tracks(
         size=_sizes(np.asarray(size), valid),
         valid=valid,
         is_interpolated=valid & np.asarray(is_interpolated, np.bool_),
-        **_track_columns(
-            ids, object_type, source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras
-        ),
+        ids=strings(ids),
+        object_type=np.asarray(object_type, dtype=np.uint8),
+        source_type=none if source_type is None else np.array(source_type, dtype=object),
+        is_size_assumed=flags(is_size_assumed),
+        is_type_assumed=flags(is_type_assumed),
+        is_velocity_estimated=flags(is_velocity_estimated),
+        extras=none if extras is None else np.array([to_json(each) for each in extras], dtype=object),
     )
 
 
-def make_tracks_of_rows(
-    ids: Sequence[str],
-    object_type: npt.ArrayLike,
-    position: Array,
-    heading: Array,
-    velocity: Array,
-    size: Array,
-    track: Array,
-    timestep: Array,
-    num_timesteps: int,
-    *,
-    origin: Float64,
-    source_type: Sequence[str | None] | None = None,
-    is_size_assumed: npt.ArrayLike = False,
-    is_type_assumed: npt.ArrayLike = False,
-    is_velocity_estimated: npt.ArrayLike = False,
-    is_interpolated: npt.ArrayLike = False,
-    extras: Sequence[Mapping[str, Any] | None] | None = None,
-) -> Tracks:
-    """Build canonical tracks from R rows of one observed state each.
-
-    For sources that list states: where most tracks are short, arithmetic on the full grid of tracks and timesteps
-    would mostly process empty cells.
+class StateGrid:
+    """Grid of N tracks and T timesteps for sources that list R rows of one observed state each.
 
     Args:
-        ids, object_type, origin: As for :func:`make_tracks`.
-        position: (R, 3) float64 [m], source frame.
-        heading: (R,) [rad], not necessarily wrapped.
-        velocity: (R, 2) [m/s].
-        size: (R, 3) [m] length, width, height.
         track, timestep: (R,) indices of each row; pairs are unique.
-        num_timesteps: T.
-        is_interpolated: (R,) or one bool: states between the recorded times.
-        source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras: As for :func:`make_tracks`.
+        shape: N, T.
+
+    Attributes:
+        valid: (N, T) whether the cell has a row.
     """
-    shape = (len(ids), num_timesteps)
 
-    def grid(rows: Array) -> Array:
-        cells = np.zeros((*shape, *rows.shape[1:]), rows.dtype)
-        cells[track, timestep] = rows
-        return cells
+    def __init__(self, track: Array, timestep: Array, shape: tuple[int, int]) -> None:
+        self._cell = track * shape[1] + timestep
+        self.valid: Bool = np.zeros(shape, np.bool_)
+        self.valid.reshape(-1)[self._cell] = True
 
-    return Tracks(
-        position=grid(_canonical(offsets_from(origin, position), METRES)),
-        heading=grid(np.clip(_canonical(wrap_angle(heading), RADIANS), -_PI, _BELOW_PI)),
-        velocity=grid(_canonical(velocity, METRES)),
-        size=grid(_row_sizes(size, track, len(ids))),
-        valid=grid(np.ones(len(track), np.bool_)),
-        is_interpolated=grid(np.array(np.broadcast_to(np.asarray(is_interpolated, np.bool_), (len(track),)))),
-        **_track_columns(
-            ids, object_type, source_type, is_size_assumed, is_type_assumed, is_velocity_estimated, extras
-        ),
-    )
-
-
-def _track_columns(
-    ids: Sequence[str],
-    object_type: npt.ArrayLike,
-    source_type: Sequence[str | None] | None,
-    is_size_assumed: npt.ArrayLike,
-    is_type_assumed: npt.ArrayLike,
-    is_velocity_estimated: npt.ArrayLike,
-    extras: Sequence[Mapping[str, Any] | None] | None,
-) -> dict[str, Any]:
-    """Fields of :class:`Tracks` with one value per track."""
-    none = np.full(len(ids), None, dtype=object)
-
-    def flags(values: npt.ArrayLike) -> Bool:
-        return np.array(np.broadcast_to(np.asarray(values, dtype=np.bool_), (len(ids),)))
-
-    return {
-        "ids": strings(ids),
-        "object_type": np.asarray(object_type, dtype=np.uint8),
-        "source_type": none if source_type is None else np.array(source_type, dtype=object),
-        "is_size_assumed": flags(is_size_assumed),
-        "is_type_assumed": flags(is_type_assumed),
-        "is_velocity_estimated": flags(is_velocity_estimated),
-        "extras": none if extras is None else np.array([to_json(each) for each in extras], dtype=object),
-    }
-
-
-def _canonical(values: npt.ArrayLike, step: float) -> Float32:
-    """Round, without negative zeros."""
-    kept = rounded(values, step)
-    kept += np.float32(0.0)
-    return kept
+    def place(self, values: Array) -> Array:
+        """Scatter values (R, ...) of rows to (N, T, ...), 0 elsewhere."""
+        cells = np.zeros((self.valid.size, *values.shape[1:]), values.dtype)
+        cells[self._cell] = values
+        return cells.reshape(*self.valid.shape, *values.shape[1:])
 
 
 def _sizes(size: Array, valid: Bool) -> Float32:
@@ -178,13 +119,3 @@ def _source(values: npt.ArrayLike, shape: tuple[int, ...], kind: type[Float]) ->
     source = np.ascontiguousarray(np.broadcast_to(values, shape), kind)
     source.flags.writeable = False
     return source
-
-
-def _row_sizes(size: Array, track: Array, count: int) -> Float32:
-    """As :func:`_sizes`, for rows (R, 3) of ``count`` objects."""
-    with np.errstate(over="ignore"):
-        exact = size.astype(np.float32)
-    some_row, changing = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-    some_row[track] = np.arange(len(track))
-    changing[track[(exact != exact[some_row[track]]).any(axis=1)]] = True
-    return np.where(changing[track][:, None], rounded(exact, METRES), exact)

@@ -83,9 +83,7 @@ class Procedural(Converter[int]):
 
     def scenario(self, shard: Shard, record: int) -> ScenarioDescription:
         """Generate the scenario of a seed."""
-        options = shard.options
-        if not isinstance(options, ProceduralOptions):
-            raise TypeError(f"options of {shard.name}: expected ProceduralOptions, found {type(options).__name__}")
+        options = shard.options_as(ProceduralOptions)
         return describe(generate(record, options), record, shard, options.dt)
 
 

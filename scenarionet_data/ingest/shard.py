@@ -8,11 +8,14 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
-from scenarionet_data.errors import CorruptSource
+from scenarionet_data.errors import BadParameter, CorruptSource
 from scenarionet_data.ingest.input_properties import InputProperties
 from scenarionet_data.ingest.listing import check_name
 from scenarionet_data.ingest.options import Options
+
+OptionsType = TypeVar("OptionsType", bound=Options)
 
 ABSENT = "absent"
 """Fingerprint of a listed input without a readable file; it is quarantined, and converted once it has one."""
@@ -60,6 +63,16 @@ class Shard:
     items: tuple[RawItem, ...]
     options: Options
     properties: InputProperties = field(default_factory=dict, hash=False)
+
+    def options_as(self, kind: type[OptionsType]) -> OptionsType:
+        """Return the options, which are of a converter's class.
+
+        Raises:
+            BadParameter: They are another converter's.
+        """
+        if not isinstance(self.options, kind):
+            raise BadParameter(f"{self.name}: expected {kind.__name__}, found {type(self.options).__name__}")
+        return self.options
 
     @property
     def options_text(self) -> str:

@@ -28,7 +28,7 @@ from scenarionet_data.converters.argoverse1.scenario import describe
 from scenarionet_data.converters.argoverse1.table import city_of, is_recording
 from scenarionet_data.converters.base import Budgets, Converter, find_files
 from scenarionet_data.converters.unused import unused_files
-from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties, is_local
 from scenarionet_data.ingest.options import Options
@@ -89,7 +89,7 @@ class Argoverse1(Converter[RawItem]):
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
         """Files of a bucket and the maps below the same root."""
-        root, maps = Path(shard.root), filter(None, _options(shard).maps.split(os.pathsep))
+        root, maps = Path(shard.root), filter(None, shard.options_as(Argoverse1Options).maps.split(os.pathsep))
         shared = [Path(path).relative_to(root).as_posix() for path in maps if Path(path).is_relative_to(root)]
         yield [*shared, *(item.name for item in shard.items)]
 
@@ -99,7 +99,7 @@ class Argoverse1(Converter[RawItem]):
 
     def scenario(self, shard: Shard, record: RawItem) -> ScenarioDescription:
         """Read one file."""
-        options = _options(shard)
+        options = shard.options_as(Argoverse1Options)
         path = Path(shard.root) / record.name
         # Files are numbered from 1 in every split.
         scenario_id = make_scenario_id(shard.dataset, shard.version, f"{shard.split}-{path.stem}")
@@ -118,12 +118,6 @@ class Argoverse1(Converter[RawItem]):
         used = {path for shard in shards for path in shard.paths}
         used.update(find_maps(options.maps or raw).values() if options.has_map else ())
         return unused_files(Path(raw), used.__contains__, split)
-
-
-def _options(shard: Shard) -> Argoverse1Options:
-    if not isinstance(shard.options, Argoverse1Options):
-        raise BadParameter(f"expected Argoverse1Options, found {type(shard.options).__name__}")
-    return shard.options
 
 
 def _properties(path: Path) -> InputProperties:

@@ -23,6 +23,7 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import METRES, MapBuilder, meets, rounded
 from scenarionet_data.converters.argoverse1.lanes import Argoverse1Lane, read_lanes
 from scenarionet_data.converters.argoverse1.neighbors import LaneNeighbors, sort_sides
+from scenarionet_data.converters.cities import complete_links
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.scenario.description import MapFeatures
@@ -126,7 +127,7 @@ def _read_city(path: Path, state: tuple[int, int]) -> Argoverse1City:  # noqa: A
 
 
 def _features(lanes: list[Argoverse1Lane], centers: Ragged) -> MapBuilder:
-    _complete_links(lanes)
+    complete_links({lane.id: lane.entries for lane in lanes}, {lane.id: lane.exits for lane in lanes})
     known = {lane.id: row for row, lane in enumerate(lanes)}
     neighbors = [(lane.neighbor("l_neighbor_id"), lane.neighbor("r_neighbor_id")) for lane in lanes]
     builder = MapBuilder()
@@ -157,14 +158,3 @@ def _extras(lane: Argoverse1Lane, sides: LaneNeighbors, known: dict[str, int]) -
     pruned = [other for other in [*lane.entries, *lane.exits, *sides.left, *sides.right] if other not in known]
     if pruned:
         yield "lanes_outside_map", pruned
-
-
-def _complete_links(lanes: list[Argoverse1Lane]) -> None:
-    """Make successors and predecessors mutual between lanes of the map."""
-    by_id = {lane.id: lane for lane in lanes}
-    for lane in lanes:
-        for others, back in ((lane.exits, "entries"), (lane.entries, "exits")):
-            for other in others:
-                links = getattr(by_id[other], back) if other in by_id else [lane.id]
-                if lane.id not in links:
-                    links.append(lane.id)

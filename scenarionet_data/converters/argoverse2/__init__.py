@@ -115,9 +115,7 @@ class Argoverse2(Converter[RawItem | Argoverse2Window]):
 
     def records(self, shard: Shard) -> Iterator[RawItem | Argoverse2Window]:
         """Yield scenario folders, or the windows of a sensor log."""
-        options = shard.options
-        if not isinstance(options, Argoverse2Options):
-            raise BadParameter(f"expected Argoverse2Options, found {type(options).__name__}")
+        options = shard.options_as(Argoverse2Options)
         for item, path in zip(shard.items, shard.paths, strict=True):
             if _is_log(path):
                 yield from windows(read_log(path, item.name), options.window, options.stride or options.window)

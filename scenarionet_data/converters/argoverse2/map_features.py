@@ -24,6 +24,7 @@ from scenarionet_data.converters.argoverse2.archive import Archive
 from scenarionet_data.converters.argoverse2.areas import outline, road_edges
 from scenarionet_data.converters.argoverse2.polylines import between, midlines
 from scenarionet_data.converters.argoverse2.types import INEXACT_MARKS, LANES, MARKS, NO_MARK
+from scenarionet_data.converters.cities import complete_links
 from scenarionet_data.ingest.defects import Defect
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -167,7 +168,10 @@ def _parse(archive: Archive) -> Argoverse2Map:
             str(crossing["id"]): np.concatenate([edges[2 * row], edges[2 * row + 1][::-1]])
             for row, crossing in enumerate(crossings)
         },
-        num_completed_links=_complete_links(lanes),
+        # A log's map lists all successors but only about half of the predecessors (107 of 199 links in one real log).
+        num_completed_links=complete_links(
+            {lane.id: lane.entries for lane in lanes}, {lane.id: lane.exits for lane in lanes}
+        ),
         defects=archive.defects.found(),
     )
 
@@ -199,23 +203,3 @@ def _lines(lists: Iterable[Points]) -> Ragged:
     if not (np.abs(values) <= MAX_MAP_DISTANCE).all():
         raise ValueError("a coordinate that is not finite or not in a city")
     return Ragged(np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32), values)
-
-
-def _complete_links(lanes: list[Argoverse2Lane]) -> int:
-    """Make links between lanes of the map mutual; return how many were listed by one lane only.
-
-    A log's map lists all successors but only about half of the predecessors (in one real log, 107 of 199 links lack
-    them although the lanes' ends coincide).
-    """
-    by_id = {lane.id: lane for lane in lanes}
-    completed = 0
-    for lane in lanes:
-        for other in [by_id[number] for number in lane.exits if number in by_id]:
-            if lane.id not in other.entries:
-                other.entries.append(lane.id)
-                completed += 1
-        for other in [by_id[number] for number in lane.entries if number in by_id]:
-            if lane.id not in other.exits:
-                other.exits.append(lane.id)
-                completed += 1
-    return completed

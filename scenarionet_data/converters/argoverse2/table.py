@@ -12,7 +12,8 @@ import pyarrow.feather
 import pyarrow.parquet
 import pyarrow.types as kinds
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
+from scenarionet_data.building import StateGrid
 from scenarionet_data.errors import CorruptSource
 
 _LARGEST = 2.0**62
@@ -155,26 +156,16 @@ def first_number(table: pa.Table, path: Path, name: str, low: float, high: float
     return first
 
 
-class TrackGrid:
-    """Grid of N tracks and T timesteps, with the cell of each row; at most one row for a track and timestep.
+class TrackGrid(StateGrid):
+    """The grid of tracks that are named by a column of text.
 
     Attributes:
         ids: (N,) tracks in order of first appearance.
         first: (N,) int64 first row of each track.
-        track: (R,) index of each row's track.
-        valid: (N, T) bool: whether the cell has a row.
     """
 
     def __init__(self, tracks: pa.DictionaryArray, timesteps: Int64, num_timesteps: int) -> None:
         words = tracks.dictionary.to_pylist()
-        used, self.first, self.track = np.unique(tracks.indices.to_numpy(), return_index=True, return_inverse=True)
+        used, self.first, track = np.unique(tracks.indices.to_numpy(), return_index=True, return_inverse=True)
         self.ids = [words[code] for code in used]
-        self._cell = self.track * num_timesteps + timesteps
-        self.valid = np.zeros((len(self.ids), num_timesteps), np.bool_)
-        self.valid.reshape(-1)[self._cell] = True
-
-    def place(self, values: Array) -> Array:
-        """Scatter values (R, ...) of rows to (N, T, ...), 0 elsewhere."""
-        cells = np.zeros((self.valid.size, *values.shape[1:]), values.dtype)
-        cells[self._cell] = values
-        return cells.reshape(*self.valid.shape, *values.shape[1:])
+        super().__init__(track, timesteps, (len(self.ids), num_timesteps))

@@ -36,7 +36,7 @@ from scenarionet_data.converters.lyft.options import LyftOptions
 from scenarionet_data.converters.lyft.recording import TABLES, LyftRecording, LyftScene
 from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, LyftWindow, describe, windows
 from scenarionet_data.converters.unused import unused_files
-from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
+from scenarionet_data.errors import CorruptSource, InvalidScenario
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
@@ -86,7 +86,7 @@ class Lyft(Converter[LyftWindow]):
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
         """The map, the recordings' scenes, then the chunks of the shard's scenes."""
-        root, maps = Path(shard.root), filter(None, _options(shard).maps.split(os.pathsep))
+        root, maps = Path(shard.root), filter(None, shard.options_as(LyftOptions).maps.split(os.pathsep))
         names = {scene_of(item)[0] for item in shard.items}
         described = [Path(path) for path in maps] + [root / file for name in names for file in description_files(name)]
         yield _below(root, described)
@@ -99,7 +99,7 @@ class Lyft(Converter[LyftWindow]):
 
     def records(self, shard: Shard) -> Iterator[LyftWindow]:
         """Yield the windows of the shard's scenes."""
-        options = _options(shard)
+        options = shard.options_as(LyftOptions)
         city = _read_city(find_map(options.maps or shard.root)) if options.has_map else None
         for recording, scene in _scenes(shard):
             yield from windows(recording, scene, options, city)
@@ -140,12 +140,6 @@ class Lyft(Converter[LyftWindow]):
         return _read_city(shard.paths).features
 
 
-def _options(shard: Shard) -> LyftOptions:
-    if not isinstance(shard.options, LyftOptions):
-        raise BadParameter(f"expected LyftOptions, found {type(shard.options).__name__}")
-    return shard.options
-
-
 def _scenes(shard: Shard) -> Iterator[tuple[LyftRecording, LyftScene]]:
     """Yield a shard's scenes with their recordings."""
     recording = None
@@ -158,7 +152,7 @@ def _scenes(shard: Shard) -> Iterator[tuple[LyftRecording, LyftScene]]:
 
 def _content_files(shard: Shard, recording: LyftRecording, scene: LyftScene) -> Iterator[Path]:
     """Files with the agents and lights of a scene's windows; none for a scene that will be refused."""
-    for window in windows(recording, scene, _options(shard), None):
+    for window in windows(recording, scene, shard.options_as(LyftOptions), None):
         with suppress(InvalidScenario, CorruptSource):
             yield from recording.content_files(window.first, window.last, scene.name)
 

@@ -20,6 +20,7 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.building.plausible import find_bad_geometry
 from scenarionet_data.converters.argoverse2.polylines import between, midlines
+from scenarionet_data.converters.cities import CityMap, complete_links
 from scenarionet_data.converters.lyft.geodesy import SEMI_MAJOR_AXIS
 from scenarionet_data.converters.lyft.lanes import LaneSide, LaneSides, in_driving_direction
 from scenarionet_data.converters.lyft.wire import LyftWireMap, WireControls, WireLanes, read_map
@@ -70,18 +71,14 @@ FACES = {
 
 
 @dataclass(frozen=True, eq=False)
-class LyftCity:
-    """A semantic map.
+class LyftCity(CityMap):
+    """A semantic map in the world frame, z = 0.
 
     Attributes:
-        features: Map features in the world frame, z = 0.
-        bounds: See ``MapBuilder.bounds``.
         exits: End of each lane, (2,) [m]: its stop point.
         faces: State and controlled lanes by face of a traffic light.
     """
 
-    features: MapBuilder
-    bounds: Float64
     exits: dict[str, Float64]
     faces: dict[str, tuple[LightState, list[str]]]
 
@@ -112,7 +109,7 @@ def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> LyftCity:  #
     builder.defects = defects.found()
     kinds = zip(wire.controls.ids, wire.controls.kinds.tolist(), strict=True)
     faces = {name: (FACES[kind], controlled.get(name, [])) for name, kind in kinds if kind in FACES}
-    return LyftCity(builder, builder.bounds, exits, faces)
+    return LyftCity(builder, exits, faces)
 
 
 def _read_world_to_ecef(path: Path) -> Float64:
@@ -171,7 +168,8 @@ def _add_lanes(builder: MapBuilder, wire: LyftWireMap, lanes: Mapping[str, LaneS
     """Add lanes and the paint along them; return the end of each lane."""
     left, right = (_flat_lines([sides[side].points for sides in lanes.values()]) for side in (0, 1))
     centers, widths = between(midlines(left, right), left, right)
-    entries = _entries(wire.lanes)
+    entries: dict[str, list[str]] = {name: [] for name in wire.lanes.ids}
+    complete_links(entries, dict(zip(wire.lanes.ids, wire.lanes.ahead, strict=True)))
     rows = {name: row for row, name in enumerate(wire.lanes.ids)}
     for (name, sides), center, width in zip(lanes.items(), centers, widths, strict=True):
         row = rows[name]
@@ -182,7 +180,7 @@ def _add_lanes(builder: MapBuilder, wire: LyftWireMap, lanes: Mapping[str, LaneS
             polygon=np.concatenate([sides.left.points, sides.right.points[::-1]]),
             speed_limit=_speed_limit(wire, row),
             width=width,
-            entry_lanes=entries.get(name, ()),
+            entry_lanes=entries[name],
             exit_lanes=wire.lanes.ahead[row],
             left_neighbors=_some(wire.lanes.left_neighbors[row]),
             right_neighbors=_some(wire.lanes.right_neighbors[row]),
@@ -197,15 +195,6 @@ def _add_lanes(builder: MapBuilder, wire: LyftWireMap, lanes: Mapping[str, LaneS
 def _flat_lines(lines: Sequence[Float64]) -> Ragged:
     points = np.concatenate([np.zeros((0, 2)), *lines])
     return Ragged.from_flat([len(line) for line in lines], np.column_stack([points, np.zeros(len(points))]))
-
-
-def _entries(lanes: WireLanes) -> dict[str, list[str]]:
-    """Predecessors of each lane."""
-    entries: dict[str, list[str]] = {}
-    for name, ahead in zip(lanes.ids, lanes.ahead, strict=True):
-        for other in ahead:
-            entries.setdefault(other, []).append(name)
-    return entries
 
 
 def _some(name: str) -> tuple[str, ...]:

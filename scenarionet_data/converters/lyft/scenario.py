@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_data.building import make_origin
 from scenarionet_data.building.plausible import find_bad_rows
 from scenarionet_data.converters.lyft.lights import lights
@@ -19,9 +19,6 @@ from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
-
-LyftBox = tuple[float, float, float, float]
-"""min_x, min_y, max_x, max_y [m]."""
 
 HISTORY = 10
 """``current_timestep``: after 1 s, as in the Waymo Open Motion Dataset; Lyft does not define it."""
@@ -74,7 +71,8 @@ def describe(shard: Shard, window: LyftWindow, licence: str) -> ScenarioDescript
     content = drop_bad_rows(content, file, defects)
     origin = make_origin(content.ego, has_ego, has_z=False)
     objects, num_repaired = tracks(content, has_ego, recording.labels, origin, options.keep_unknown)
-    box, city = _map_window(content, options.radius), window.city
+    city = window.city
+    roads, crop = city.around(content.ego, options.radius, origin) if city else (None, None)
     return ScenarioDescription(
         id=make_scenario_id(shard.dataset, shard.version, scene.name, int(content.times[0])),
         dataset=shard.dataset,
@@ -97,9 +95,9 @@ def describe(shard: Shard, window: LyftWindow, licence: str) -> ScenarioDescript
         ),
         tracks=objects,
         lights=lights(content, city, origin),
-        map=city.features.crop(box, city.bounds).build(origin, has_z=False) if city else None,
+        map=roads,
         map_id=MAP_ID if city else None,
-        map_crop=_moved(box, -origin) if city else None,
+        map_crop=crop,
         extras={
             "host": scene.host,
             "scene_index": scene.index,
@@ -129,14 +127,3 @@ def _known_egos(content: LyftContent, where: str, file: str, defects: Defects) -
     for column in content.ego.T:
         column[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), column[known])
     return known
-
-
-def _map_window(content: LyftContent, radius: float) -> LyftBox:
-    """Bounding box of the ego's path plus ``radius`` [m] on every side, in the world frame."""
-    (min_x, min_y), (max_x, max_y) = content.ego[:, :2].min(axis=0), content.ego[:, :2].max(axis=0)
-    return float(min_x - radius), float(min_y - radius), float(max_x + radius), float(max_y + radius)
-
-
-def _moved(box: LyftBox, shift: Float64) -> LyftBox:
-    x, y, _ = shift.tolist()
-    return box[0] + x, box[1] + y, box[2] + x, box[3] + y

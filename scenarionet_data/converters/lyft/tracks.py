@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 from scenarionet_data.arrays.geometry import estimate_velocity
-from scenarionet_data.building import make_tracks_of_rows
+from scenarionet_data.building import StateGrid, make_tracks
 from scenarionet_data.building.plausible import find_bad_rows, find_repeated_rows
 from scenarionet_data.converters.lyft.recording import LyftContent, is_text
 from scenarionet_data.ingest.defects import Defects
@@ -105,18 +105,18 @@ def tracks(
     times = (content.times - content.times[0]) * 1e-9
     kinds = np.array([_TYPES.get(word, ObjectType.OTHER) for word in rows.words], np.uint8)
     velocity, is_repaired = _repaired(rows, np.isin(kinds, list(_GROUPS)), times)
-    agents, ego, count, steps = rows.agents, content.ego[has_ego], len(rows.ids), len(times)
+    agents, ego, count = rows.agents, content.ego[has_ego], len(rows.ids)
+    track = np.concatenate([rows.track, np.full(len(ego), count)])
+    grid = StateGrid(track, np.concatenate([rows.frame, np.flatnonzero(has_ego)]), (count + 1, len(times)))
     ego_velocity = estimate_velocity(content.ego[None, :, :2], has_ego[None], times)[0, has_ego]
-    made = make_tracks_of_rows(
+    made = make_tracks(
         [*map(str, rows.ids.tolist()), EGO],
         [*kinds, ObjectType.VEHICLE],
-        np.pad(np.concatenate([agents["centroid"], ego[:, :2]]), ((0, 0), (0, 1))),
-        np.concatenate([agents["yaw"], ego[:, 2]]),
-        np.concatenate([velocity, ego_velocity]),
-        np.concatenate([agents["extent"], np.tile(np.array(EGO_SIZE, np.float32), (len(ego), 1))]),
-        np.concatenate([rows.track, np.full(len(ego), count)]),
-        np.concatenate([rows.frame, np.flatnonzero(has_ego)]),
-        steps,
+        grid.place(np.pad(np.concatenate([agents["centroid"], ego[:, :2]]), ((0, 0), (0, 1)))),
+        grid.place(np.concatenate([agents["yaw"], ego[:, 2]])),
+        grid.place(np.concatenate([velocity, ego_velocity])),
+        grid.place(np.concatenate([agents["extent"], np.tile(np.array(EGO_SIZE, np.float32), (len(ego), 1))])),
+        grid.valid,
         origin=origin,
         source_type=[*rows.words, "EGO"],
         is_size_assumed=[False] * count + [True],

@@ -136,7 +136,12 @@ class NuPlan(Converter[Cut]):
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
         """The log and, if below the same root, the map of its city."""
-        (item,), (path,), root, maps = shard.items, shard.paths, Path(shard.root), Path(_options(shard).maps)
+        (item,), (path,), root, maps = (
+            shard.items,
+            shard.paths,
+            Path(shard.root),
+            Path(shard.options_as(NuPlanOptions).maps),
+        )
         if not maps.is_relative_to(root):
             yield [item.name]
             return
@@ -146,7 +151,7 @@ class NuPlan(Converter[Cut]):
 
     def records(self, shard: Shard) -> Iterator[Cut]:
         """Yield the windows of a log."""
-        options = _options(shard)
+        options = shard.options_as(NuPlanOptions)
         (path,) = shard.paths
         with opened(path) as database:
             log = read_log(database, path)
@@ -177,12 +182,6 @@ class NuPlan(Converter[Cut]):
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read a city's map."""
         return read_city(shard.paths[0], Path(shard.root)).features
-
-
-def _options(shard: Shard) -> NuPlanOptions:
-    if not isinstance(shard.options, NuPlanOptions):
-        raise BadParameter(f"expected NuPlanOptions, found {type(shard.options).__name__}")
-    return shard.options
 
 
 def _windows(log: NuPlanLog, options: NuPlanOptions) -> list[NuPlanWindow]:

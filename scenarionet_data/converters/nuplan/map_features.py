@@ -15,6 +15,7 @@ from pathlib import Path
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.nuplan.geopackage import GeoPackage, Layer, opened
 from scenarionet_data.converters.nuplan.lanes import add_lanes, identifier, identifiers
 from scenarionet_data.converters.nuplan.types import INTERSECTIONS, LINES, STOPS
@@ -34,18 +35,14 @@ _KEPT_CITIES = 2
 
 
 @dataclass(frozen=True, eq=False)
-class NuPlanCity:
+class NuPlanCity(CityMap):
     """A city's map in its UTM zone.
 
     Attributes:
-        features: The whole map.
-        bounds: (M, 4) bounding box of each feature [m].
         starts: Start (2,) [m] of each lane and connector by id.
         projection: The zone, for example ``epsg:32611``.
     """
 
-    features: MapBuilder
-    bounds: Float64
     starts: Mapping[str, Float64]
     projection: str
 
@@ -75,7 +72,7 @@ def _read_city(path: Path, file: str, state: tuple[int, int]) -> NuPlanCity:  # 
         _add_areas(builder, package)
         projection = package.projection
         builder.defects = package.defects.found()
-    return NuPlanCity(builder, builder.bounds, starts, projection)
+    return NuPlanCity(builder, starts, projection)
 
 
 def _add_lines(builder: MapBuilder, boundaries: Layer) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64
 from scenarionet_data.arrays.geometry import estimate_velocity
-from scenarionet_data.building import make_origin, make_tracks_of_rows
+from scenarionet_data.building import StateGrid, make_origin, make_tracks
 from scenarionet_data.building.plausible import MAX_SPEED, find_bad_rows, find_repeated_rows
 from scenarionet_data.converters.nuplan.content import NuPlanContent
 from scenarionet_data.converters.nuplan.log import SWEEP, NuPlanLog, NuPlanScene
@@ -75,9 +75,7 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
     timestamps = (log.times[window.sweeps] - log.times[window.sweeps[0]]) * 1e-6
     is_there = np.asarray(np.isfinite(ego).all(axis=1))
     origin = make_origin(np.column_stack([ego[:, :2], np.zeros(len(ego))]), is_there, has_z=False)
-    path = ego[is_there, :2]
-    low, high = path.min(axis=0) - cut.radius, path.max(axis=0) + cut.radius
-    crop = cut.city.features.crop((low[0], low[1], high[0], high[1]), cut.city.bounds)
+    roads, crop = cut.city.around(ego[is_there], cut.radius, origin)
     tracks = _tracks(cut, report, ego, timestamps, origin)
     known = set(tracks.ids)
     return ScenarioDescription(
@@ -102,14 +100,9 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
         ),
         tracks=tracks,
         lights=_lights(cut, report, origin),
-        map=crop.build(origin, has_z=False),
+        map=roads,
         map_id=cut.map_id,
-        map_crop=(
-            float(low[0] - origin[0]),
-            float(low[1] - origin[1]),
-            float(high[0] - origin[0]),
-            float(high[1] - origin[1]),
-        ),
+        map_crop=crop,
         objects_of_interest=tuple(track for track in window.tracks if track in known),
         extras=_extras(cut, scene, origin),
         defects=merge_defects([*report.defects.found(), *cut.content.lost_rows(shard.items[0].name, window.sweeps)]),
@@ -200,7 +193,7 @@ def _extras(cut: Cut, scene: NuPlanScene | None, origin: Float64) -> Mapping[str
 
 def _tracks(cut: Cut, report: _Report, ego: Float64, timestamps: Float64, origin: Float64) -> Tracks:
     """Build the tracks of the window, followed by the ego."""
-    content, steps = cut.content, len(timestamps)
+    content = cut.content
     known = np.flatnonzero(np.isfinite(ego).all(axis=1))
     boxes, step = _usable_boxes(cut, report, np.median(ego[known, :2], axis=0))
     used, row = np.unique(boxes["track"], return_inverse=True)
@@ -214,22 +207,22 @@ def _tracks(cut: Cut, report: _Report, ego: Float64, timestamps: Float64, origin
     own = np.column_stack([ego[known, 2], np.broadcast_to(EGO_SIZE, (len(known), 3))])
     state = np.concatenate([boxes["state"][:, :4], own])
     is_between = cut.log.bad_poses[cut.window.sweeps][known]
-    return make_tracks_of_rows(
+    rows = np.concatenate([row, np.full(len(known), len(used))])
+    grid = StateGrid(rows, np.concatenate([step, known]), (len(used) + 1, len(timestamps)))
+    return make_tracks(
         [*(content.tracks[track] for track in used), EGO],
         [*(OBJECTS.get(word, ObjectType.OTHER) for word in words), ObjectType.VEHICLE],
-        np.pad(np.concatenate([boxes["position"], ego[known, :2]]), ((0, 0), (0, 1))),
-        state[:, 0],
-        np.concatenate([velocity, ego[known, 3:]]),
-        state[:, 1:],
-        np.concatenate([row, np.full(len(known), len(used))]),
-        np.concatenate([step, known]),
-        steps,
+        grid.place(np.pad(np.concatenate([boxes["position"], ego[known, :2]]), ((0, 0), (0, 1)))),
+        grid.place(state[:, 0]),
+        grid.place(np.concatenate([velocity, ego[known, 3:]])),
+        grid.place(state[:, 1:]),
+        grid.valid,
         origin=origin,
         source_type=[*categories, EGO],
         is_size_assumed=[False] * len(words) + [True],
         is_type_assumed=[word not in OBJECTS for word in words] + [False],
         is_velocity_estimated=[*is_estimated.tolist(), False],
-        is_interpolated=np.concatenate([np.zeros(len(step), np.bool_), is_between]),
+        is_interpolated=grid.place(np.concatenate([np.zeros(len(step), np.bool_), is_between])),
     )
 
 

@@ -24,6 +24,7 @@ from typing import Any, ClassVar, get_args
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter
+from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.nuscenes.can_bus import can_bus_files, can_bus_mark, read_can_bus
 from scenarionet_data.converters.nuscenes.files import (
     CHALLENGE,
@@ -37,7 +38,7 @@ from scenarionet_data.converters.nuscenes.files import (
 from scenarionet_data.converters.nuscenes.keyframes import nominal_period
 from scenarionet_data.converters.nuscenes.map_features import read_map
 from scenarionet_data.converters.nuscenes.recording import NuScenesRecording, read_recording
-from scenarionet_data.converters.nuscenes.scenario import NuScenesCity, describe
+from scenarionet_data.converters.nuscenes.scenario import describe
 from scenarionet_data.converters.nuscenes.tables import TABLES, log_name, read_release, read_scenes, table_files
 from scenarionet_data.converters.nuscenes.types import PLACES, is_in_split
 from scenarionet_data.converters.nuscenes.windows import (
@@ -178,7 +179,7 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
 
     def files(self, shard: Shard) -> Iterator[list[str]]:
         """The tables, the location's map and the CAN bus messages."""
-        options, release = _options(shard), shard.items[0].name.split("/")[0]
+        options, release = shard.options_as(NuScenesOptions), shard.items[0].name.split("/")[0]
         names = [f"{release}/{table}.json" for table in TABLES]
         if options.by == "window":
             names.append(CHALLENGE.as_posix())
@@ -190,7 +191,7 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
 
     def records(self, shard: Shard) -> Iterator[NuScenesWindow | InvalidScenario]:
         """Yield the windows of each scene, or the reason why it has none."""
-        options, root = _options(shard), Path(shard.root)
+        options, root = shard.options_as(NuScenesOptions), Path(shard.root)
         folder = root / shard.items[0].name.split("/")[0]
         release = read_release(folder)
         tokens = {scene["name"]: token for token, scene in release.scenes.items()}
@@ -210,7 +211,7 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
         """Convert one window."""
         if isinstance(record, InvalidScenario):
             raise record
-        options = _options(shard)
+        options = shard.options_as(NuScenesOptions)
         city = self._city(shard, record) if options.has_map else None
         defects = Defects()
         messages = read_can_bus(Path(shard.root), record.recording.name, defects) if options.has_can_bus else {}
@@ -225,7 +226,7 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
             defects=defects.found(),
         )
 
-    def _city(self, shard: Shard, window: NuScenesWindow) -> NuScenesCity | None:
+    def _city(self, shard: Shard, window: NuScenesWindow) -> CityMap | None:
         """The map of a window's location; None for a location outside nuScenes without a map."""
         place = window.recording.log["location"]
         if place is None:
@@ -241,22 +242,15 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
         return None
 
 
-def _options(shard: Shard) -> NuScenesOptions:
-    if not isinstance(shard.options, NuScenesOptions):
-        raise BadParameter(f"expected NuScenesOptions, found {type(shard.options).__name__}")
-    return shard.options
-
-
 def _scene_of(item: RawItem, options: NuScenesOptions) -> str:
     """Name of an item's scene."""
     return item.name.split("/")[1].removesuffix(_SUFFIX[options.by])
 
 
 @lru_cache(maxsize=2)
-def _read_city(path: Path, _size: int, _changed: int) -> NuScenesCity:
+def _read_city(path: Path, _size: int, _changed: int) -> CityMap:
     """Read a location's map; the last two are cached, as a worker's scenes are sorted by location."""
-    builder = read_map(path, (EXPANSION / path.name).as_posix())
-    return NuScenesCity(map_id(path.stem), builder, builder.bounds)
+    return CityMap(read_map(path, (EXPANSION / path.name).as_posix()))
 
 
 def _windows(

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
-from scenarionet_data.converters.formats.json_blocks import is_number
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import fingerprint
 
@@ -38,8 +37,6 @@ _WIDTHS = {"pose": 3}
 _GAP = 1.5e6
 """Longest gap between messages that is bridged [us]; the rarest are sent every 0.5 s."""
 _DIGITS = 4
-_LARGEST = 1e18
-"""Above the microseconds since 1970 of any recording, and any signal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +122,7 @@ def _read(path: Path, kind: str, _size: int, _changed: int) -> tuple[CanBusMessa
     widths = {"utime": 1} | {name: _WIDTHS.get(kind, 1) for name in (*MEASURED[kind], *SWITCHED.get(kind, ()))}
     columns, bad = _columns(entries, widths), []
     if columns is None:
-        is_good = [all(_is_numbers(entry, name, width) for name, width in widths.items()) for entry in entries]
+        is_good = [_columns([entry], widths) is not None for entry in entries]
         bad = [number for number, good in enumerate(is_good) if not good]
         columns = _columns([entry for entry, good in zip(entries, is_good, strict=True) if good], widths)
     times, first = np.unique([] if columns is None else columns.pop("utime"), return_index=True)
@@ -143,10 +140,3 @@ def _columns(entries: list[Any], widths: Mapping[str, int]) -> dict[str, Float64
         return None
     is_finite = all(values.dtype.kind in "if" and np.isfinite(values).all() for values in shaped.values())
     return {name: values.astype(np.float64) for name, values in shaped.items()} if is_finite else None
-
-
-def _is_numbers(entry: Any, name: str, width: int) -> bool:
-    """Whether a field of a message is a finite number, or a list of ``width`` of them."""
-    value = entry.get(name) if isinstance(entry, dict) else None
-    values = value if isinstance(value, list) else [value]
-    return len(values) == width and all(is_number(each, _LARGEST) for each in values)

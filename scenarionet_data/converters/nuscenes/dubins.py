@@ -14,7 +14,6 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_data.converters.formats.json_blocks import is_number
 
 DubinsPath = Mapping[str, Any]
 
@@ -32,7 +31,7 @@ def centerlines(lanes: Sequence[Sequence[DubinsPath]], spacing: float = SPACING)
     """Sample points along lanes, including the first and last point.
 
     Args:
-        lanes: K lists of paths, as in ``arcline_path_3``, see :func:`is_path`; an empty list gives no points.
+        lanes: K lists of paths, as in ``arcline_path_3``, see :func:`are_paths`; an empty list gives no points.
         spacing: Maximum distance between points of a path [m].
 
     Returns:
@@ -57,7 +56,7 @@ def centerlines(lanes: Sequence[Sequence[DubinsPath]], spacing: float = SPACING)
 
 
 def are_paths(paths: Sequence[Any]) -> bool:
-    """Whether all values are paths, as :func:`is_path`, ten times as fast."""
+    """Whether all values are paths with finite numbers of a plausible size."""
     try:
         poses, lengths, radius = (
             np.array([path[name] for path in paths]) for name in ("start_pose", "segment_length", "radius")
@@ -72,24 +71,6 @@ def are_paths(paths: Sequence[Any]) -> bool:
         and bool((radius > 0).all() and (lengths >= 0).all() and (lengths <= _LONGEST).all())
         and all(isinstance(shape, str) and len(shape) == 3 and set(shape) <= set(_TURNS) for shape in shapes)
     )
-
-
-def is_path(path: Any) -> bool:
-    """Whether a value is a path with finite numbers of a plausible size."""
-    if not isinstance(path, dict):
-        return False
-    pose, lengths, radius, shape = (
-        path.get("start_pose"),
-        path.get("segment_length"),
-        path.get("radius"),
-        path.get("shape"),
-    )
-    if not (isinstance(pose, list) and isinstance(lengths, list) and isinstance(shape, str)):
-        return False
-    if [len(pose), len(lengths), len(shape)] != [3, 3, 3] or not set(shape) <= set(_TURNS):
-        return False
-    is_finite = all(is_number(each, _LARGEST) for each in (*pose, *lengths, radius))
-    return is_finite and radius is not None and radius > 0 and all(0 <= each <= _LONGEST for each in lengths)
 
 
 def _segments(paths: Sequence[DubinsPath]) -> tuple[Float64, Float64, Float64]:

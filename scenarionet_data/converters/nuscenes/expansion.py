@@ -19,7 +19,7 @@ from shapely.errors import ShapelyError
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
-from scenarionet_data.converters.nuscenes.dubins import are_paths, is_path
+from scenarionet_data.converters.nuscenes.dubins import are_paths
 from scenarionet_data.ingest.defects import Defects
 
 LayerRecord = dict[str, Any]
@@ -116,7 +116,7 @@ class Expansion:
         stated = self._paths.get(lane, [])
         if self._has_good_paths:
             return list(stated)
-        paths = [path for path in stated if is_path(path)] if isinstance(stated, list) else []
+        paths = [path for path in stated if are_paths([path])] if isinstance(stated, list) else []
         if not isinstance(stated, list) or len(paths) < len(stated):
             self.assume("arcline_path_3", lane, "expected Dubins paths, found others; the centreline is without them")
         return paths

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.converters.cities import complete_links
 from scenarionet_data.converters.nuscenes.dividers import Divider, Point, places
 from scenarionet_data.converters.nuscenes.dubins import centerlines
 from scenarionet_data.converters.nuscenes.expansion import BadFeature, Expansion, LayerRecord
@@ -50,7 +51,7 @@ def read_lanes(expansion: Expansion, dividers: list[Divider]) -> list[NuScenesLa
         entries, exits = expansion.links(record["token"])
         outline = _outline(expansion, layer, record)
         lanes.append(NuScenesLane(record["token"], layer, str(kind), centers[row], outline, entries, exits))
-    _complete_links(lanes)
+    complete_links({lane.id: lane.entries for lane in lanes}, {lane.id: lane.exits for lane in lanes})
     _find_sides(lanes, dividers)
     return lanes
 
@@ -63,18 +64,6 @@ def _outline(expansion: Expansion, layer: str, record: LayerRecord) -> Float64:
         except BadFeature as error:
             expansion.assume(layer, record["token"], f"{error}; the lane has no outline")
     return np.zeros((0, 2))
-
-
-def _complete_links(lanes: list[NuScenesLane]) -> None:
-    """Make links between lanes of the map mutual."""
-    by_id = {lane.id: lane for lane in lanes}
-    for lane in lanes:
-        for other in [by_id[token] for token in lane.exits if token in by_id]:
-            if lane.id not in other.entries:
-                other.entries.append(lane.id)
-        for other in [by_id[token] for token in lane.entries if token in by_id]:
-            if lane.id not in other.exits:
-                other.exits.append(lane.id)
 
 
 def _find_sides(lanes: list[NuScenesLane], dividers: list[Divider]) -> None:

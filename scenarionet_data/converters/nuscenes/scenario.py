@@ -7,15 +7,16 @@ estimated from positions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.arrays.geometry import estimate_velocity
-from scenarionet_data.building import MapBuilder, make_origin, make_tracks
+from scenarionet_data.building import make_origin, make_tracks
+from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.nuscenes.can_bus import CanBusMessages, signals_at
-from scenarionet_data.converters.nuscenes.files import CHALLENGE
+from scenarionet_data.converters.nuscenes.files import CHALLENGE, map_id
 from scenarionet_data.converters.nuscenes.keyframes import Steps, boxes_at, make_steps, nominal_period, poses_at
 from scenarionet_data.converters.nuscenes.tables import log_name
 from scenarionet_data.converters.nuscenes.types import (
@@ -32,34 +33,17 @@ from scenarionet_data.ingest.defects import Defect, Defects, merge_defects
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import (
     Lights,
-    MapFeatures,
     ScenarioDescription,
     Source,
     Tracks,
 )
 from scenarionet_data.scenario.vocabulary import ObjectType
 
-NuScenesBox = tuple[float, float, float, float]
-
-
-class NuScenesCity(NamedTuple):
-    """A location's map, in the location's frame.
-
-    Attributes:
-        id: Its id as a shared map.
-        builder: Its features.
-        bounds: (M, 4) min_x, min_y, max_x, max_y [m] of each feature.
-    """
-
-    id: str
-    builder: MapBuilder
-    bounds: Float64
-
 
 def describe(
     shard: Shard,
     window: NuScenesWindow,
-    city: NuScenesCity | None,
+    city: CityMap | None,
     can_bus: Mapping[str, CanBusMessages],
     *,
     rate: int | None,
@@ -89,7 +73,7 @@ def describe(
     origin = make_origin(ego[:, :3], has_pose, has_z=True)
     current = int(steps.at_keyframes[window.current - window.first])
     known = [token for token in window.targets if token in recording.objects.tokens]
-    crop = _around(ego, radius)
+    roads, crop = city.around(ego, radius, origin, has_z=True) if city else (None, None)
     return ScenarioDescription(
         id=window.id(shard),
         dataset=shard.dataset,
@@ -112,9 +96,9 @@ def describe(
         ),
         tracks=_tracks(window, steps, (ego, has_pose, is_between), origin, signals_at(can_bus, start + steps.times)),
         lights=Lights.empty(len(steps.times)),
-        map=_crop(city, crop, origin),
-        map_id=city.id if city else None,
-        map_crop=_shifted(crop, origin) if city else None,
+        map=roads,
+        map_id=map_id(place) if city and place else None,
+        map_crop=crop,
         tracks_to_predict=tuple((token, 0) for token in known),
         extras={
             "kind": "scene" if window.is_whole else "window",
@@ -187,20 +171,3 @@ def _unknown_targets(window: NuScenesWindow) -> tuple[Defect, ...]:
     reason = "expected objects of the scene, found another; it is not among the tracks to predict"
     defects.assume("tracks", CHALLENGE.as_posix(), unknown, window.recording.name, reason)
     return defects.found()
-
-
-def _around(path: Float64, radius: float) -> NuScenesBox:
-    """Bounding box of a path plus ``radius`` on each side [m], source frame."""
-    low, high = path[:, :2].min(axis=0) - radius, path[:, :2].max(axis=0) + radius
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-
-def _shifted(box: NuScenesBox, origin: Float64) -> NuScenesBox:
-    x, y = float(origin[0]), float(origin[1])
-    return box[0] - x, box[1] - y, box[2] - x, box[3] - y
-
-
-def _crop(city: NuScenesCity | None, crop: NuScenesBox, origin: Float64) -> MapFeatures | None:
-    if city is None:
-        return None
-    return city.builder.crop(crop, city.bounds).build(origin, has_z=True)

@@ -212,7 +212,7 @@ def _rows_with_bad_points(features: WaymoWireMap) -> list[int]:
     if not len(points):
         return []
     with np.errstate(invalid="ignore", over="ignore"):
-        if np.abs(points - points[:1]).max() <= MAX_MAP_DISTANCE / 2:  # nearly always; False for NaN
+        if points.max() - points.min() <= MAX_MAP_DISTANCE:  # nearly always; False for NaN
             return []
         is_near = (np.abs(points[:, :2] - _middle(points)) <= MAX_MAP_DISTANCE).all(axis=1)
     owner = np.repeat(np.arange(len(features.ids)), features.num_points)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.building import METRES, MapBuilder, kernels, make_origin, make_tracks, make_tracks_of_rows
+from scenarionet_data.building import METRES, MapBuilder, StateGrid, kernels, make_origin, make_tracks
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_data.testing import differences
@@ -105,12 +105,6 @@ def test_interpolated_steps_are_flagged_where_valid():
     made = tracks(valid=valid, is_interpolated=[False, True, False])
     assert made.is_interpolated.tolist() == [[False, True, False], [False, True, False]]
     assert tracks(valid=valid).is_interpolated.tolist() == np.zeros((2, 3), bool).tolist()
-    row = make_tracks_of_rows(
-        ["a"], 1, np.ones((2, 3)), np.zeros(2), np.zeros((2, 2)), np.ones((2, 3)), np.zeros(2, int), np.array([0,
-        2]), 3,
-        origin=np.zeros(3), is_interpolated=[False, True],
-    )  # fmt: skip
-    assert row.is_interpolated.tolist() == [[False, False, True]]
 
 
 @given(st.floats(-1000, 1000), st.floats(-1000, 1000), st.floats(-1e7, 1e7))
@@ -184,7 +178,7 @@ def test_constant_sizes_are_stored_exactly():
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_rows_and_grids_give_equal_tracks(seed: int) -> None:
+def test_rows_on_a_grid_give_the_tracks_of_the_grid(seed: int) -> None:
     rng = np.random.default_rng(seed)
     count, steps = int(rng.integers(0, 5)), int(rng.integers(1, 7))
     valid = rng.random((count, steps)) < 0.5
@@ -192,7 +186,10 @@ def test_rows_and_grids_give_equal_tracks(seed: int) -> None:
     heading = rng.choice([-np.pi, np.pi, 0.0, -0.0, 1.0], (count, steps))
     size = np.where(rng.random((count, 1, 1)) < 0.5, rng.random((count, 1, 3)), rng.random((count, steps, 3))) + 0.1
     ids, kinds, origin = [str(k) for k in range(count)], [1] * count, np.array([5.0, -3.0, 1.0])
-    said = {"origin": origin, "source_type": ids, "is_size_assumed": True, "extras": [{"k": k} for k in ids]}
-    wanted = make_tracks(ids, kinds, position, heading, velocity, size, valid, **said)
-    states = (values[valid] for values in (position, heading, velocity, size))
-    assert differences(make_tracks_of_rows(ids, kinds, *states, *np.nonzero(valid), steps, **said), wanted) == []
+    order = rng.permutation(np.count_nonzero(valid))
+    track, timestep = (rows[order] for rows in np.nonzero(valid))
+    grid = StateGrid(track, timestep, (count, steps))
+    assert grid.valid.tolist() == valid.tolist()
+    placed = [grid.place(values[track, timestep]) for values in (position, heading, velocity, size)]
+    wanted = make_tracks(ids, kinds, position, heading, velocity, size, valid, origin=origin)
+    assert differences(make_tracks(ids, kinds, *placed, grid.valid, origin=origin), wanted) == []
