@@ -11,11 +11,14 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import SnapshotConflict
+from scenarionet_data.maintenance.compaction import compact
 from scenarionet_data.maintenance.fsck import fsck
+from scenarionet_data.maintenance.vacuuming import vacuum
 from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.write import layouts, rewriting
 from tests.fixtures.lakes import stored_ids, write_shard
 from tests.fixtures.scenarios import renamed, small
 from tests.fixtures.waiting import HANGS_AFTER
@@ -216,3 +219,68 @@ def test_endless_conflicts_raise_error_with_remedy(files, template, monkeypatch)
     monkeypatch.setattr(time, "sleep", lambda seconds: None)
     with pytest.raises(SnapshotConflict, match="run the same command again, no work is lost"):
         commits.commit(files, [record], "test")
+
+
+def test_commit_starts_again_when_a_vacuum_removed_files_of_its_base(files, template, monkeypatch):
+    """Another job replaces a shard and a vacuum runs, after this commit has read the newest snapshot."""
+    old = write_shard(files.root, [renamed(template, "s0")], name="old")
+    commits.commit(files, [old], "test")
+    mine = write_shard(files.root, [renamed(template, "s1")], name="mine")
+    read, happened = snapshots.read, []
+
+    def read_and_raced(*arguments):
+        base = read(*arguments)
+        if not happened:
+            happened.append(base.number)
+            new = write_shard(files.root, [renamed(template, "s0")], name="new")
+            commits.commit(files, [new], "test", frozenset([old.key]))
+            vacuum(files.root, keep_last=1)
+            assert not any(files.has(name) for name in (*base.manifests, *base.metadata))
+        return base
+
+    monkeypatch.setattr(snapshots, "read", read_and_raced)
+    done = commits.commit(files, [mine], "test")
+    assert (happened, done.snapshot.number, done.refused, done.reduced) == ([1], 3, (), ())
+    assert names_of(files) == ["mine", "new"]
+    assert stored_ids(files) == ["made/v1/s0", "made/v1/s1"]
+
+
+def test_commit_that_only_removes(files, template):
+    records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(3)]
+    commits.commit(files, records, "test")
+    done = commits.commit(files, [], "repair", frozenset([records[1].key]))
+    assert (done.snapshot.number, done.snapshot.operation) == (2, "repair")
+    assert names_of(files) == ["shard0", "shard2"]
+    assert stored_ids(files) == ["made/v1/s0", "made/v1/s2"]
+    assert commits.commit(files, [], "repair", frozenset([records[1].key])).snapshot.number == 2  # gone already
+
+
+def test_rewritten_shards_that_another_job_has_replaced_are_late(files, template):
+    old = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(2)]
+    commits.commit(files, old, "test")
+    layout = layouts.load("analytics")
+    rewritten = [commits.Rewritten((each,), tuple(rewriting.rewrite(files, [each], layout))) for each in old]
+    new = write_shard(files.root, [renamed(template, "s9")], name="new")
+    commits.commit(files, [new], "test", frozenset([old[0].key]))
+    snapshot, late = commits.replace_files(files, rewritten, "compact")
+    assert (snapshot.number, late) == (3, rewritten[:1])
+    current = {each.name: each for each in manifests.shards(files, snapshot)}
+    assert current == {"new": new, "shard1": rewritten[1].new[0]}
+    assert commits.replace_files(files, rewritten[:1], "compact") == (snapshot, rewritten[:1])
+    assert stored_ids(files) == ["made/v1/s1", "made/v1/s9"]
+
+
+def test_compaction_plans_shards_again_that_were_replaced_meanwhile(files, template):
+    old = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(3)]
+    commits.commit(files, old, "test")
+    new, replaced = write_shard(files.root, [renamed(template, "s9")], name="new"), []
+
+    def run(jobs, do, lost=None):
+        yield from [do(job) for job in jobs]
+        if not replaced:
+            replaced.append(commits.commit(files, [new], "test", frozenset([old[0].key])))
+
+    done = compact(files.root, "analytics", executor=run)
+    assert (done.shards, done.left, done.failed) == (3, 0, [])
+    assert len(Lake(files.root).paths("tracks")) == 1
+    assert stored_ids(files) == ["made/v1/s1", "made/v1/s2", "made/v1/s9"]
