@@ -2,51 +2,23 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from scenarionet_data.public_names import import_on_first_use
 
 if TYPE_CHECKING:
-    from scenarionet_data.conversion.driver import convert, plan_conversion
-    from scenarionet_data.conversion.jobs import ShardJob, ShardResult, convert_shard
-    from scenarionet_data.conversion.pace import Pace, measure_pace
-    from scenarionet_data.conversion.plan import ConversionPlan
-    from scenarionet_data.conversion.report import ConversionReport
-    from scenarionet_data.conversion.selection import InputSelection, parse_slice
-    from scenarionet_data.conversion.watching import watch
+    from scenarionet_data.conversion.driver import convert as convert
+    from scenarionet_data.conversion.driver import plan_conversion as plan_conversion
+    from scenarionet_data.conversion.jobs import ShardJob as ShardJob
+    from scenarionet_data.conversion.jobs import ShardResult as ShardResult
+    from scenarionet_data.conversion.jobs import convert_shard as convert_shard
+    from scenarionet_data.conversion.pace import Pace as Pace
+    from scenarionet_data.conversion.pace import measure_pace as measure_pace
+    from scenarionet_data.conversion.plan import ConversionPlan as ConversionPlan
+    from scenarionet_data.conversion.report import ConversionReport as ConversionReport
+    from scenarionet_data.conversion.selection import InputSelection as InputSelection
+    from scenarionet_data.conversion.selection import parse_slice as parse_slice
+    from scenarionet_data.conversion.watching import watch as watch
 
-_MODULES = {
-    "ConversionPlan": "plan",
-    "ConversionReport": "report",
-    "InputSelection": "selection",
-    "Pace": "pace",
-    "ShardJob": "jobs",
-    "ShardResult": "jobs",
-    "convert": "driver",
-    "convert_shard": "jobs",
-    "measure_pace": "pace",
-    "parse_slice": "selection",
-    "plan_conversion": "driver",
-    "watch": "watching",
-}
-
-__all__ = [
-    "ConversionPlan",
-    "ConversionReport",
-    "InputSelection",
-    "Pace",
-    "ShardJob",
-    "ShardResult",
-    "convert",
-    "convert_shard",
-    "measure_pace",
-    "parse_slice",
-    "plan_conversion",
-    "watch",
-]
-
-
-def __getattr__(name: str) -> Any:
-    """Import on first use: a worker process has to follow its parent before it imports anything heavy."""
-    if name not in _MODULES:
-        raise AttributeError(f"scenarionet_data.conversion has no {name!r}; it has {', '.join(__all__)}")
-    return getattr(importlib.import_module(f"scenarionet_data.conversion.{_MODULES[name]}"), name)
+# A worker process has to follow its parent before it imports anything heavy.
+__getattr__, __dir__, __all__ = import_on_first_use(__name__, __file__)

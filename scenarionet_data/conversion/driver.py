@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace as replaced
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 from scenarionet_data import converters
@@ -87,9 +87,8 @@ def convert(
     """
     started, raw = time.monotonic(), str(raw)
     try:
-        files, maps, plan = _plan(
-            dataset, raw, lake, split, version, options, selection, replace, reconvert_stale, sort=limit is None
-        )
+        wanted = _Wanted(dataset, raw, lake, split, version, options, selection, replace, reconvert_stale)
+        files, maps, plan = _plan(wanted, sort=limit is None)
         files.sweep()
         report = ConversionReport(skipped=plan.num_skipped, stale=plan.num_stale, passed_over=plan.passed_over)
         if maps.shards:  # shared maps first: a scenario in the lake always finds its map
@@ -141,24 +140,27 @@ def plan_conversion(
             of the wrong type.
         DuplicateScenario: The recordings are in the lake already, converted with other options.
     """
-    return _plan(dataset, str(raw), lake, split, version, options, selection, replace, reconvert_stale, sort=False)[2]
+    wanted = _Wanted(dataset, str(raw), lake, split, version, options, selection, replace, reconvert_stale)
+    return _plan(wanted, sort=False)[2]
 
 
-def _plan(
-    dataset: str,
-    raw: str,
-    lake: LakeFilesLike,
-    split: str | None,
-    version: str | None,
-    options: Options | Mapping[str, Any] | None,
-    selection: ShardFilter | None,
-    may_replace: bool,
-    reconvert_stale: bool,
-    *,
-    sort: bool,
-) -> tuple[LakeFiles, ConversionPlan, ConversionPlan]:
+class _Wanted(NamedTuple):
+    """What to convert: arguments of :func:`convert` and :func:`plan_conversion`."""
+
+    dataset: str
+    raw: str
+    lake: LakeFilesLike
+    split: str | None
+    version: str | None
+    options: Options | Mapping[str, Any] | None
+    selection: ShardFilter | None
+    replace: bool
+    reconvert_stale: bool
+
+
+def _plan(wanted: _Wanted, *, sort: bool) -> tuple[LakeFiles, ConversionPlan, ConversionPlan]:
     """Return the lake's files and the plans for shared maps and scenarios, largest shards first if ``sort``."""
-    converter, files = converters.get(dataset), open_files(lake)
+    converter, files, raw, options = converters.get(wanted.dataset), open_files(wanted.lake), wanted.raw, wanted.options
     if not isinstance(options, Options):
         options = converter.Options.from_mapping(options or {})
     for name, path in options.paths.items():
@@ -171,8 +173,8 @@ def _plan(
     raw = urlsplit(raw).path if urlsplit(raw).scheme == "file" else raw
     with mirrored(converter, raw) if is_url(raw) else nullcontext() as mirror:
         folder, top = (mirror.folder, mirror.top) if mirror else (raw, "")
-        version = version or converter.release
-        is_guessed, split = not split, split or guess_split(folder, top)
+        version = wanted.version or converter.release
+        is_guessed, split = not wanted.split, wanted.split or guess_split(folder, top)
         folder = split_folder(folder, split)
         if not is_guessed and (converter.name, version, split) not in {
             (each.dataset, each.version, each.split) for each in existing
@@ -182,13 +184,12 @@ def _plan(
             if not _WORD.fullmatch(value):
                 raise BadParameter(f"{name}={value!r}: use letters, digits, '.', '_' and '-'")
         listed = list(converter.shards(folder, split, version, options))
-        shards = (selection or InputSelection()).select(listed)
+        shards = (wanted.selection or InputSelection()).select(listed)
         passed_over = [*converter.passed_over(folder, split, options, listed), *_not_selected(listed, shards)]
         plans = []
-        for wanted in (converter.maps(folder, version, options), shards):
-            plan = make_plan(
-                wanted, existing, converter.version, may_replace=may_replace, reconvert_stale=reconvert_stale
-            )
+        may = {"may_replace": wanted.replace, "reconvert_stale": wanted.reconvert_stale}
+        for each in (converter.maps(folder, version, options), shards):
+            plan = make_plan(each, existing, converter.version, **may)
             # Sorted here, because the mirror holds the file sizes of recordings in an object store.
             ordered = largest_first(plan.shards) if sort else plan.shards
             plans.append(replaced(plan, shards=tuple(map(mirror.original, ordered) if mirror else ordered)))

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace as replaced
 from pathlib import Path
-from typing import Any
 
-from scenarionet_data.conversion.driver import convert
 from scenarionet_data.conversion.report import ConversionReport
 from scenarionet_data.conversion.selection import InputSelection
 from scenarionet_data.errors import SourceNotFound
-from scenarionet_data.execution.executors import Executor
-from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import Shard
-from scenarionet_data.storage.files.opening import LakeFilesLike
 
 FileState = tuple[str, int, int]
 """Fingerprint, size [bytes] and modification time [ns] of a raw input."""
@@ -66,20 +61,10 @@ class SettledInputs:
 
 
 def watch(
-    dataset: str,
-    raw: str | Path,
-    lake: LakeFilesLike,
+    converting: Callable[..., ConversionReport],
     *,
     every: float = 30.0,
-    split: str | None = None,
-    version: str | None = None,
-    options: Options | Mapping[str, Any] | None = None,
-    workers: int = 1,
-    executor: Executor | None = None,
     selection: InputSelection | None = None,
-    replace: bool = False,
-    reconvert_stale: bool = False,
-    check: bool = True,
     wait: Callable[[float], None] = time.sleep,
 ) -> Iterator[ConversionReport]:
     """Convert new recordings as they arrive, forever; yield a report whenever something was converted.
@@ -87,10 +72,9 @@ def watch(
     A shard that fails is reported once, and tried again after its recordings have changed.
 
     Args:
-        dataset, raw, lake: As for :func:`~scenarionet_data.conversion.driver.convert`; ``raw`` may still be empty.
+        converting: Converts the recordings of one keyword argument ``selection``, for example
+            ``partial(convert, "waymo", raw, lake, workers=4)``; the folder ``raw`` may still be empty.
         every: Seconds between two scans: an input is converted once it is unchanged for this long.
-        split, version, options, workers, executor, replace, reconvert_stale, check: As for
-            :func:`~scenarionet_data.conversion.driver.convert`.
         selection: Which of the recordings to convert; all by default.
         wait: Sleeps for a number of seconds.
 
@@ -101,20 +85,7 @@ def watch(
     settled = SettledInputs(selection)
     while True:
         try:
-            report = convert(
-                dataset,
-                raw,
-                lake,
-                split=split,
-                version=version,
-                options=options,
-                workers=workers,
-                executor=executor,
-                selection=settled,
-                replace=replace,
-                reconvert_stale=reconvert_stale,
-                check=check,
-            )
+            report = converting(selection=settled)
         except SourceNotFound:  # nothing there yet
             report = ConversionReport()
         if report.shards or report.failed:

@@ -20,76 +20,39 @@ matplotlib is not changed.
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.errors import MissingDependency
+from scenarionet_data.public_names import import_on_first_use
 
 if TYPE_CHECKING:
-    from scenarionet_data.plots.animation import Animation, animate
-    from scenarionet_data.plots.comparison import draw_comparison, write_comparison
-    from scenarionet_data.plots.distributions import Distribution, draw_distributions
-    from scenarionet_data.plots.drawing import Drawing, draw_scenario, scenario_figure, small_multiples
-    from scenarionet_data.plots.files import write_figure, write_video
-    from scenarionet_data.plots.profiles import draw_profiles
-    from scenarionet_data.plots.scene import Moment, Scene, Window
-    from scenarionet_data.plots.style import new_figure, styled
-    from scenarionet_data.plots.thumbnails import thumbnail
-    from scenarionet_data.plots.topdown import TopDown
+    from scenarionet_data.plots.animation import Animation as Animation
+    from scenarionet_data.plots.animation import animate as animate
+    from scenarionet_data.plots.comparison import draw_comparison as draw_comparison
+    from scenarionet_data.plots.comparison import write_comparison as write_comparison
+    from scenarionet_data.plots.distributions import Distribution as Distribution
+    from scenarionet_data.plots.distributions import draw_distributions as draw_distributions
+    from scenarionet_data.plots.drawing import Drawing as Drawing
+    from scenarionet_data.plots.drawing import draw_scenario as draw_scenario
+    from scenarionet_data.plots.drawing import scenario_figure as scenario_figure
+    from scenarionet_data.plots.drawing import small_multiples as small_multiples
+    from scenarionet_data.plots.files import write_figure as write_figure
+    from scenarionet_data.plots.files import write_video as write_video
+    from scenarionet_data.plots.profiles import draw_profiles as draw_profiles
+    from scenarionet_data.plots.scene import Moment as Moment
+    from scenarionet_data.plots.scene import Scene as Scene
+    from scenarionet_data.plots.scene import Window as Window
+    from scenarionet_data.plots.style import new_figure as new_figure
+    from scenarionet_data.plots.style import styled as styled
+    from scenarionet_data.plots.thumbnails import thumbnail as thumbnail
+    from scenarionet_data.plots.topdown import TopDown as TopDown
 
-__all__ = [
-    "Animation",
-    "Distribution",
-    "Drawing",
-    "Moment",
-    "Scene",
-    "TopDown",
-    "Window",
-    "animate",
-    "draw_comparison",
-    "draw_distributions",
-    "draw_profiles",
-    "draw_scenario",
-    "new_figure",
-    "scenario_figure",
-    "small_multiples",
-    "styled",
-    "thumbnail",
-    "write_comparison",
-    "write_figure",
-    "write_video",
-]
-
-_HOME = {
-    "Animation": "animation",
-    "Distribution": "distributions",
-    "Drawing": "drawing",
-    "Moment": "scene",
-    "Scene": "scene",
-    "TopDown": "topdown",
-    "Window": "scene",
-    "animate": "animation",
-    "draw_comparison": "comparison",
-    "draw_distributions": "distributions",
-    "draw_profiles": "profiles",
-    "draw_scenario": "drawing",
-    "new_figure": "style",
-    "scenario_figure": "drawing",
-    "small_multiples": "drawing",
-    "styled": "style",
-    "thumbnail": "thumbnails",
-    "write_comparison": "comparison",
-    "write_figure": "files",
-    "write_video": "files",
-}
+_import, __dir__, __all__ = import_on_first_use(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:
-    """Import on first use."""
-    if name not in _HOME:
-        raise AttributeError(f"scenarionet_data.plots has no {name!r}; it has {', '.join(__all__)}")
     try:
-        return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+        return _import(name)
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] not in ("matplotlib", "PIL"):
             raise

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 
 import pytest
 
-from scenarionet_data import Lake
+from scenarionet_data import Lake, convert
 from scenarionet_data.conversion import InputSelection, watch
 from scenarionet_data.errors import BadParameter, DuplicateScenario
 from tests.fixtures.made import BUCKETED, NAME, MadeOptions, write_raw
@@ -29,8 +30,9 @@ def watch_reports(raw, lake, *between, name=NAME, **how):
         event()
 
     found = []
+    converting = partial(convert, name, str(raw), lake, options=MadeOptions(num_objects=2))
     with pytest.raises(EndOfWatch):
-        for report in watch(name, str(raw), lake, wait=wait, options=MadeOptions(num_objects=2), **how):
+        for report in watch(converting, wait=wait, **how):
             found.append((len(waited), report.converted, [shard for shard, _ in report.failed]))
     assert set(waited) == {how.get("every", 30.0)}
     return found
@@ -86,7 +88,7 @@ def test_converted_files_must_not_change(tmp_path):
     raw = write_raw(tmp_path / "raw", {"a": [1]})
     changes = iter([nothing, lambda: write_raw(raw, {"a": [2]}), nothing])
     with pytest.raises(DuplicateScenario, match="pass replace=True"):
-        list(watch(NAME, str(raw), tmp_path / "lake", wait=lambda _: next(changes)()))
+        list(watch(partial(convert, NAME, str(raw), tmp_path / "lake"), wait=lambda _: next(changes)()))
 
 
 def test_selection_applies_to_new_files(tmp_path):
@@ -97,4 +99,4 @@ def test_selection_applies_to_new_files(tmp_path):
     )
     assert found == [(1, 1, []), (3, 1, [])]
     with pytest.raises(BadParameter, match="unknown property 'town'"):
-        next(watch(NAME, str(raw), tmp_path / "lake", selection=InputSelection({"town": "x"})))
+        next(watch(partial(convert, NAME, str(raw), tmp_path / "lake"), selection=InputSelection({"town": "x"})))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from functools import partial
 
 import pytest
 
@@ -97,7 +98,8 @@ def test_a_database_of_pickles_and_its_mapping(store, tmp_path):
 def test_new_files_are_converted_once_unchanged(store, tmp_path):
     raw = write_raw(tmp_path / "raw", {"s0": [1, 2]})
     events = iter([lambda: put({"s1.made": b"3"}, "growing"), lambda: None, lambda: None])
-    reports = watch(NAME, upload(raw, "growing"), tmp_path / "lake", options=FEW, wait=lambda _: next(events)())
+    converting = partial(convert, NAME, upload(raw, "growing"), tmp_path / "lake", options=FEW)
+    reports = watch(converting, wait=lambda _: next(events)())
     assert next(reports).converted == 2
     assert next(reports).converted == 1
 

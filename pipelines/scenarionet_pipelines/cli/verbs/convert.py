@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 from dataclasses import asdict
+from functools import partial
 from importlib.abc import MetaPathFinder
 from typing import TYPE_CHECKING, Any
 
@@ -191,12 +192,13 @@ def _leave_pandas_out() -> None:
 
 def _watch(dataset: str, raw: str, lake: str, every: float, as_json: bool, **how: Any) -> bool:
     """Convert new recordings until a signal; return whether every report was clean."""
-    from scenarionet_data.conversion import watch
+    from scenarionet_data.conversion import convert, watch
 
     click.echo(f"watching {raw} every {duration(every)}; stop with Ctrl-C", err=True)
     is_clean = True
     try:
-        for report in watch(dataset, raw, lake, every=every, **how):
+        selection = how.pop("selection")
+        for report in watch(partial(convert, dataset, raw, lake, **how), every=every, selection=selection):
             print_report(report, lake, as_json)
             is_clean = is_clean and report.is_clean
     except KeyboardInterrupt:
