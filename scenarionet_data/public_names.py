@@ -1,4 +1,4 @@
-"""Public names of a package that are imported on first use, from the one list that type checkers read, too.
+"""Names that are imported on first use: those of users, as ``module:Class``, and public names of a package.
 
 A package lists its names as imports under ``if TYPE_CHECKING``, one ``from module import Name as Name`` a line.
 """
@@ -10,6 +10,8 @@ import importlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from scenarionet_data.errors import BadParameter
 
 
 def import_on_first_use(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
@@ -33,3 +35,16 @@ def import_on_first_use(package: str, file: str) -> tuple[Callable[[str], Any], 
         return getattr(importlib.import_module(home_of[name]), name)
 
     return import_name, lambda: names, names
+
+
+def load_by_name(reference: str) -> Any:
+    """Return what ``module:Class`` names.
+
+    Raises:
+        BadParameter: The module cannot be imported, or has no such name.
+    """
+    module, _, name = reference.partition(":")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise BadParameter(f"{reference}: {error}; is its folder on PYTHONPATH?") from error

@@ -6,7 +6,6 @@ A driver of your own is a class named as ``module:Class``: a ``Planner``, which 
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
@@ -15,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.public_names import load_by_name
 from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
@@ -175,11 +175,7 @@ def resolve_drivers(
         return Drivers((*others, planned), None)
     if ":" not in policy:
         return Drivers((*others, replace(_lookup(DRIVERS, policy, "policy"), route=along)), None)
-    module, _, name = policy.partition(":")
-    try:
-        kind = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise BadParameter(f"policy {policy}: {error}; is its folder on PYTHONPATH?") from error
+    kind = load_by_name(policy)
     if isinstance(kind, type) and issubclass(kind, Planner):
         return Drivers((*others, Planned(planner=kind, tracker=follows, backend=vehicle, route=along)), None)
     made = kind()

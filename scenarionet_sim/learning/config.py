@@ -1,4 +1,7 @@
-"""Settings of the learning algorithms: frozen dataclasses with the published values as defaults.
+"""Settings of the learning algorithms: frozen dataclasses with the published values as defaults; without torch.
+
+The settings of an algorithm name its learner. One of your own is a dataclass derived from ``LearnerConfig`` or another
+one, beside its learner in a module of yours, and is trained as ``module:Class``.
 
 Sources: *scenarionet_training*, the ScenarioNet paper's released training code; *CoPO*, the released code of Peng et
 al. (2021), ``torch_copo/algo_ippo.py`` and ``algo_copo.py``; the appendix of the ScenarioNet paper for GAIL and AIRL;
@@ -9,9 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any, Literal, get_args
+from types import MappingProxyType
+from typing import Any, ClassVar, Literal, get_args
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.public_names import load_by_name
 
 TrafficDriver = Literal["replay", "idm"]
 
@@ -34,6 +39,13 @@ class LearnerConfig:
         reward_scale: Factor of the rewards in the losses; recorded rewards are not scaled.
         checkpoint_every: Rounds between checkpoints; metrics are published with them.
     """
+
+    learner: ClassVar[str]
+    """``module:Class`` of the learner, see ``learners.Algorithm``."""
+    needs_experts: ClassVar[bool] = False
+    """Whether the learner takes ``experts`` after its other arguments."""
+    small: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    """What differs on one processor core: fewer passes over larger minibatches."""
 
     steps: int = 1_000_000
     worlds: int = 64
@@ -79,6 +91,12 @@ class PpoConfig(LearnerConfig):
         spread: Initial standard deviation of the actions.
     """
 
+    learner: ClassVar[str] = "scenarionet_sim.learning.ppo:PpoLearner"
+    small: ClassVar[Mapping[str, Any]] = MappingProxyType({
+        "hidden": (128, 128), "rate": 1e-3, "reward_scale": 0.1, "epochs": 5, "minibatch": 1024, "horizon": 64,
+        "spread": 0.6, "entropy": 1e-3,
+    })  # fmt: skip
+
     hidden: tuple[int, ...] = (512, 256, 128)
     rate: float = 1e-4
     horizon: int = 782
@@ -106,6 +124,10 @@ class IppoConfig(PpoConfig):
     Its network is RLlib's default, two layers of 256 units; two of 128 are ours.
     """
 
+    small: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {"worlds": 32, "seats": 16, "reward_scale": 0.1, "spread": 0.6, "epochs": 4, "minibatch": 1024}
+    )
+
     worlds: int = 4
     seats: int = 50
     hidden: tuple[int, ...] = (128, 128)
@@ -128,6 +150,8 @@ class CopoConfig(IppoConfig):
         angle_rate, angle_epochs: Learning rate and passes of the meta-update; 0 passes freeze the factor.
     """
 
+    learner: ClassVar[str] = "scenarionet_sim.learning.copo:CopoLearner"
+
     neighbourhood: float = 40.0
     global_gamma: float = 1.0
     angle_spread: float = 0.1
@@ -147,6 +171,10 @@ class GailConfig(IppoConfig):
         input_noise: Standard deviation of noise on the discriminator's inputs.
         normalizes: Whether the discriminator's inputs are normalized by the experts' mean and deviation.
     """
+
+    learner: ClassVar[str] = "scenarionet_sim.learning.gail:GailLearner"
+    needs_experts: ClassVar[bool] = True
+    small: ClassVar[Mapping[str, Any]] = MappingProxyType({**IppoConfig.small, "rate": 3e-4})
 
     rate: float = 1e-4
     epochs: int = 10
@@ -169,6 +197,8 @@ class AirlConfig(GailConfig):
         inverse_rate, inverse_steps, inverse_minibatch: Learning rate, gradient steps per update and minibatch of the
             inverse dynamics.
     """
+
+    learner: ClassVar[str] = "scenarionet_sim.learning.airl:AirlLearner"
 
     discriminator_rate: float = 3e-4
     discriminator_epochs: int = 5
@@ -193,6 +223,11 @@ class Td3Config(LearnerConfig):
         tau: Step of the targets towards the networks.
     """
 
+    learner: ClassVar[str] = "scenarionet_sim.learning.td3:Td3Learner"
+    small: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {"worlds": 32, "seats": 16, "reward_scale": 0.1, "updates": 0.1, "warm_up": 5_000, "noise": 0.3}
+    )
+
     replay: int = 100_000
     warm_up: int = 25_000
     minibatch: int = 256
@@ -205,30 +240,30 @@ class Td3Config(LearnerConfig):
     tau: float = 0.005
 
 
-CONFIGS: dict[str, type[LearnerConfig]] = {
-    "ppo": PpoConfig,
-    "td3": Td3Config,
-    "ippo": IppoConfig,
-    "copo": CopoConfig,
-    "gail": GailConfig,
-    "airl": AirlConfig,
+ALGORITHMS: dict[str, str] = {
+    "ppo": f"{__name__}:PpoConfig",
+    "td3": f"{__name__}:Td3Config",
+    "ippo": f"{__name__}:IppoConfig",
+    "copo": f"{__name__}:CopoConfig",
+    "gail": f"{__name__}:GailConfig",
+    "airl": f"{__name__}:AirlConfig",
 }
-"""Settings of each algorithm."""
+"""Settings of each algorithm, as ``module:Class``."""
 
-_SMALL_ON_POLICY = {
-    "hidden": (128, 128), "rate": 1e-3, "reward_scale": 0.1, "epochs": 5, "minibatch": 1024, "horizon": 64,
-    "spread": 0.6, "entropy": 1e-3,
-}  # fmt: skip
-_SMALL_AGENTS = {"worlds": 32, "seats": 16, "reward_scale": 0.1, "spread": 0.6, "epochs": 4, "minibatch": 1024}
-SMALL: dict[str, dict[str, Any]] = {
-    "ppo": _SMALL_ON_POLICY,
-    "td3": {"worlds": 32, "seats": 16, "reward_scale": 0.1, "updates": 0.1, "warm_up": 5_000, "noise": 0.3},
-    "ippo": _SMALL_AGENTS,
-    "copo": _SMALL_AGENTS,
-    "gail": _SMALL_AGENTS | {"rate": 3e-4},
-    "airl": _SMALL_AGENTS | {"rate": 3e-4},
-}
-"""What differs on one processor core: fewer passes over larger minibatches."""
+
+def config_class(algorithm: str) -> type[LearnerConfig]:
+    """Return the class of the settings of an algorithm.
+
+    Raises:
+        BadParameter: It is neither a name in ALGORITHMS nor ``module:Class`` of settings.
+    """
+    if algorithm not in ALGORITHMS and ":" not in algorithm:
+        names = ", ".join(ALGORITHMS)
+        raise BadParameter(f"unknown algorithm {algorithm!r}; choose from {names}, or module:Class for your own")
+    found = load_by_name(ALGORITHMS.get(algorithm, algorithm))
+    if not (isinstance(found, type) and issubclass(found, LearnerConfig) and hasattr(found, "learner")):
+        raise BadParameter(f"algorithm {algorithm}: expected a subclass of LearnerConfig that names its learner")
+    return found
 
 
 def make_learner_config(
@@ -237,37 +272,27 @@ def make_learner_config(
     """Return the settings of an algorithm.
 
     Args:
-        algorithm: A name in CONFIGS.
+        algorithm: A name in ALGORITHMS, or ``module:Class`` of settings of your own.
         size: ``paper`` for the published values, ``small`` for one processor core.
         settings: Fields that differ; texts are parsed.
 
     Raises:
         BadParameter: The algorithm, the size or a field is unknown, or a value is not of the field's type.
     """
-    if algorithm not in CONFIGS:
-        raise BadParameter(f"unknown algorithm {algorithm!r}; choose from {', '.join(CONFIGS)}")
     if size not in ("paper", "small"):
         raise BadParameter(f"size={size!r}; expected paper or small")
-    config, settings = CONFIGS[algorithm](), settings or {}
+    config, settings = config_class(algorithm)(), settings or {}
     known = {column.name: getattr(config, column.name) for column in fields(config)}
     unknown = sorted(set(settings) - set(known))
     if unknown:
         raise BadParameter(f"{algorithm} has no setting {unknown[0]!r}; choose from {', '.join(known)}")
     given = {name: _parsed(name, value, known[name]) for name, value in settings.items()}
-    return replace(config, **((SMALL[algorithm] if size == "small" else {}) | given))
+    return replace(config, **((dict(config.small) if size == "small" else {}) | given))
 
 
 def describe_config(config: LearnerConfig) -> dict[str, Any]:
     """Return the fields of a configuration, JSON-serialisable."""
     return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(config).items()}
-
-
-def read_config(algorithm: str, described: dict[str, Any]) -> LearnerConfig:
-    """Return a configuration from :func:`describe_config`."""
-    values: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in described.items()
-    }
-    return CONFIGS[algorithm](**values)
 
 
 def _parsed(name: str, value: Any, default: Any) -> Any:

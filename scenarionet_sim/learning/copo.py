@@ -97,9 +97,9 @@ class CopoLearner(PpoLearner):
     kinds = 3
     config: CopoConfig
 
-    def __init__(self, env: AgentRows, config: CopoConfig, seed: int = 0, seats: int = 1) -> None:
+    def __init__(self, env: AgentRows, config: CopoConfig, seed: int = 0) -> None:
         super().__init__(env, config, seed)
-        self._worlds = np.arange(env.num_agents) // seats
+        self._worlds = np.arange(env.num_agents) // env.seats
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed + 1)
             self.social_critic = perceptron([env.observations.shape[1], *config.hidden, 2])

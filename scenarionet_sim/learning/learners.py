@@ -1,23 +1,19 @@
-"""The algorithms by name."""
+"""What an algorithm is, and the learner that its settings name."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol, cast
+from typing import Protocol
 
 from torch import Tensor
 
 from scenarionet_data.arrays.dtypes import Float32
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.public_names import load_by_name
 from scenarionet_sim.environments.flat import FlatEnv
-from scenarionet_sim.learning.airl import AirlLearner
-from scenarionet_sim.learning.config import AirlConfig, CopoConfig, GailConfig, LearnerConfig, PpoConfig, Td3Config
-from scenarionet_sim.learning.copo import CopoLearner
+from scenarionet_sim.learning.config import LearnerConfig
 from scenarionet_sim.learning.experts import Experts
-from scenarionet_sim.learning.gail import GailLearner
-from scenarionet_sim.learning.ppo import PpoLearner
 from scenarionet_sim.learning.rows import Clock, Outcomes
-from scenarionet_sim.learning.td3 import Td3Learner
 
 
 class Algorithm(Protocol):
@@ -43,28 +39,22 @@ class Algorithm(Protocol):
         """Continue from :meth:`tensors`."""
 
 
-def make_learner(algorithm: str, env: FlatEnv, config: LearnerConfig, seed: int, experts: Experts | None) -> Algorithm:
-    """Return the learner of an algorithm in ``config.CONFIGS``.
+def make_learner(env: FlatEnv, config: LearnerConfig, seed: int, experts: Experts | None) -> Algorithm:
+    """Return the learner that the settings name.
 
     Args:
-        algorithm: Its name.
         env: Where the agents drive; it has been reset.
-        config: Its settings.
+        config: The settings.
         seed: Seed of weights, actions and minibatches.
         experts: Transitions of experts, for imitation.
 
     Raises:
-        BadParameter: Experts are needed and missing.
+        BadParameter: Experts are needed and missing, or the learner cannot be imported.
     """
-    if isinstance(config, GailConfig):
-        if experts is None:
-            raise BadParameter(
-                f"{algorithm} imitates experts; pass observations='NAME' of a run of scenarionet_sim.record",
-                cli_remedy="--observations NAME of a run of `scenarionet runs record`",
-            )
-        return (AirlLearner if isinstance(config, AirlConfig) else GailLearner)(env, config, seed, experts)  # type: ignore[arg-type]
-    if isinstance(config, Td3Config):
-        return Td3Learner(env, config, seed)
-    if isinstance(config, CopoConfig):
-        return CopoLearner(env, config, seed, env.seats)
-    return PpoLearner(env, cast("PpoConfig", config), seed)
+    if config.needs_experts and experts is None:
+        raise BadParameter(
+            f"{type(config).__name__} imitates experts; pass observations='NAME' of a run of scenarionet_sim.record",
+            cli_remedy="--observations NAME of a run of `scenarionet runs record`",
+        )
+    learner: Algorithm = load_by_name(config.learner)(env, config, seed, *([experts] if config.needs_experts else []))
+    return learner

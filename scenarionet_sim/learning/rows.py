@@ -19,6 +19,7 @@ class AgentRows(Protocol):
     """The part of ``FlatEnv`` that the algorithms need; attributes as there."""
 
     num_agents: int
+    seats: int
     observations: Float32
     last_observations: Float32
     last_numbers: Float64

@@ -52,7 +52,7 @@ class Training:
         lake: Path or URL of the lake.
         database: ``name@version``, scenario ids, or None for the whole lake.
         snapshot: Number of the lake's snapshot.
-        algorithm: A name in ``config.CONFIGS``.
+        algorithm: A name in ``config.ALGORITHMS``, or ``module:Class``.
         config: Settings.
         seed: Seed of weights, actions, minibatches and scenarios.
         tests: Databases on which the policy is tested at each checkpoint.
@@ -86,7 +86,7 @@ class Training:
     def default_name(self) -> str:
         """Name of the run unless one is given."""
         words = [describe_database(self.database) or "all", self.algorithm, f"seed{self.seed}"]
-        return "-".join(words).replace("@", ".")
+        return "-".join(words).replace("@", ".").replace(":", ".")
 
     def environment(self, database: str | tuple[str, ...] | None = None, *, is_test: bool = False) -> EnvConfig:
         """Return the environment of training, or of a test on another database."""
@@ -159,7 +159,7 @@ def train(
     Args:
         lake: The lake, its path or its URL.
         database: Training scenarios: a ``Database``, its name, scenario ids, or None for the whole lake.
-        algorithm: ``ppo``, ``td3``, ``ippo``, ``copo``, ``gail`` or ``airl``.
+        algorithm: ``ppo``, ``td3``, ``ippo``, ``copo``, ``gail``, ``airl``, or ``module:Class`` for your own settings.
         config: Settings; None for the published ones.
         seed: Seed of weights, actions, minibatches and scenarios.
         name: Name of the run; None for database, algorithm and seed joined by hyphens.
@@ -231,7 +231,7 @@ def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRou
         env.restore(FlatState(facts["series"], arrays["ages"], arrays["past"], arrays["observations"]))
         rounds, steps, number = facts["rounds"], facts["steps"], checkpoint.number
     experts = Experts.recorded(training.lake, training.observations) if training.observations else None
-    learner = make_learner(training.algorithm, env, config, training.seed, experts)
+    learner = make_learner(env, config, training.seed, experts)
     if checkpoint is not None:
         learner.restore({key: torch.from_numpy(value.copy()) for key, value in checkpoint.arrays.items()})
     report.resumed, report.memory = steps, learner.num_bytes

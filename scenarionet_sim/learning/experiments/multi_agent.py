@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from scenarionet_data import Lake
 from scenarionet_sim.evaluation.recording import record
-from scenarionet_sim.learning.config import CONFIGS, make_learner_config
+from scenarionet_sim.learning.config import PpoConfig, Td3Config, make_learner_config
 from scenarionet_sim.learning.experiments.comparison import Claim, Comparison, PublishedFigure, TrainingArm
 from scenarionet_sim.learning.experiments.cross_dataset import PUBLISHED_SOURCES, READING_NOTE, prepare
 
@@ -14,11 +15,11 @@ ALGORITHMS = ("ippo", "td3", "copo", "gail", "airl")
 EXPERTS = "multi-agent-experts"
 """Run with the experts' observations."""
 
-SMALL = {"steps": 245_760, "worlds": 16, "seats": 24, "checkpoint_every": 2}
-"""Settings of the small form, on top of ``config.SMALL``."""
+SMALL = {"steps": 245_760, "worlds": 16, "seats": 24}
+"""Settings of the small form, on top of each algorithm's own."""
 
-SMALL_EVERY = {"td3": 12}
-"""Rounds between checkpoints where a round is not 50 steps: TD3 has rounds of 8."""
+EVERY = 100
+"""About as many steps of a world are between two checkpoints of the small form."""
 
 PAPER = {"steps": 1_000_000}
 """A million steps of agents, as in CoPO's code, with the published settings; not run for this page."""
@@ -46,10 +47,10 @@ def multi_agent(size: str = "small", prefix: str = "standin") -> Comparison:
     """
     arms = []
     for algorithm in ALGORITHMS:
-        every = {"checkpoint_every": SMALL_EVERY[algorithm]} if algorithm in SMALL_EVERY else {}
-        settings = SMALL | every if size == "small" else PAPER
-        config = make_learner_config(algorithm, size, settings)
-        experts = EXPERTS if algorithm in ("gail", "airl") else None
+        config = make_learner_config(algorithm, size, SMALL if size == "small" else PAPER)
+        if size == "small" and isinstance(config, PpoConfig | Td3Config):
+            config = replace(config, checkpoint_every=round(EVERY / config.horizon))
+        experts = EXPERTS if config.needs_experts else None
         arms.append(TrainingArm(algorithm, algorithm, config, f"{prefix}_train", f"{prefix}_val", experts))
     test = f"{prefix}_test"
     return Comparison(
@@ -66,7 +67,7 @@ def _published(test: str) -> tuple[PublishedFigure, ...]:
 
 
 def _claims(test: str) -> tuple[Claim, ...]:
-    names = {name: name.upper() for name in CONFIGS} | {"copo": "CoPO"}
+    names = {name: name.upper() for name in ALGORITHMS} | {"copo": "CoPO"}
     above = [("copo", "ippo"), ("ippo", "gail"), ("ippo", "airl"), ("copo", "gail"), ("copo", "airl")]
     why = {"ippo": "Displacement rewards beat adversarial ones", "copo": "Coordination helps"}
     return tuple(

@@ -18,8 +18,9 @@ def test_seeds_train_on_a_local_cluster(tmp_path, monkeypatch):
     """With a few scenarios and steps, which say nothing about the drivers."""
     monkeypatch.setattr(cross_dataset, "SMALL_TRAIN", 8)
     monkeypatch.setattr(cross_dataset, "SMALL_TEST", 4)
-    tiny = {"steps": 400, "worlds": 2, "seats": 8, "checkpoint_every": 1, "hidden": (16, 16), "minibatch": 64}
+    tiny = {"steps": 400, "worlds": 2, "seats": 8, "hidden": (16, 16), "minibatch": 64}
     monkeypatch.setattr(multi_agent, "SMALL", tiny)
+    monkeypatch.setattr(multi_agent, "EVERY", 50)
     monkeypatch.setattr(multi_agent, "ALGORITHMS", ("ippo", "copo"))
     claims = multi_agent._claims
     monkeypatch.setattr(multi_agent, "_claims", lambda test: claims(test)[:1])  # CoPO above IPPO

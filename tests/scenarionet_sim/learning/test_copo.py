@@ -91,7 +91,7 @@ def test_without_an_angle_it_is_ippo_to_the_bit(only):
     settings = {"worlds": 2, "seats": 10, "hidden": (16, 16), "horizon": 12, "minibatch": 64, "epochs": 2}
     ippo, copo = IppoConfig(**settings), CopoConfig(**settings, angle_spread=0.0, angle_epochs=0)
     weights = []
-    for make in (lambda env: PpoLearner(env, ippo, 3), lambda env: CopoLearner(env, copo, 3, env.seats)):
+    for make in (lambda env: PpoLearner(env, ippo, 3), lambda env: CopoLearner(env, copo, 3)):
         env = FlatEnv(2, MultiAgentConfig(only("crowd")), 10, seed=0, threads=1)
         env.reset()
         learner = make(env)
@@ -109,7 +109,7 @@ def test_the_angle_moves(only):
     settings = {"worlds": 2, "seats": 10, "hidden": (16, 16), "horizon": 12, "minibatch": 64, "epochs": 2}
     env = FlatEnv(2, MultiAgentConfig(only("crowd")), 10, seed=0, threads=1)
     env.reset()
-    learner = CopoLearner(env, CopoConfig(**settings, angle_rate=0.01), 3, 10)
+    learner = CopoLearner(env, CopoConfig(**settings, angle_rate=0.01), 3)
     angles = [learner.round()[1]["angle"] for _ in range(3)]
     assert len(set(angles)) == 3 and 0.0 < max(map(abs, angles)) < 90.0
     env.close()

@@ -30,7 +30,7 @@ class Scripted:
     Observations are 1, 2, 3 before the first step, 10 times as large after it, but those after an end are 100, 200.
     """
 
-    num_agents = 3
+    num_agents = seats = 3
 
     def __init__(self):
         self.observations = np.array([[1.0], [2.0], [3.0]], np.float32)
@@ -77,7 +77,7 @@ def test_truncated_episodes_count_the_value_of_their_last_observation_and_termin
 
 
 def test_rewards_of_the_neighbourhood_leave_the_agent_out_and_those_of_all_do_not():
-    learner = CopoLearner(Scripted(), CopoConfig(**SMALL, neighbourhood=10.0, reward_scale=0.5), seats=3)
+    learner = CopoLearner(Scripted(), CopoConfig(**SMALL, neighbourhood=10.0, reward_scale=0.5))
     rewards = learner._collect().rewards
     own, near, of_all = rewards[0].T
     np.testing.assert_allclose(own, [0.5, 1.0, 2.0])

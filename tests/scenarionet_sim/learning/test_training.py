@@ -80,7 +80,7 @@ def test_a_killed_run_ends_with_the_same_weights(lake, algorithm):
 
 
 def test_imitation_needs_experts(lake):
-    with pytest.raises(BadParameter, match="gail imitates experts; pass observations"):
+    with pytest.raises(BadParameter, match="GailConfig imitates experts; pass observations"):
         train(lake, algorithm="gail", config=tiny("gail"))
     with pytest.raises(BadParameter, match="no transitions of experts in run 'unknown'"):
         train(lake, algorithm="airl", config=tiny("airl"), observations="unknown")
@@ -183,3 +183,33 @@ def test_a_damaged_checkpoint_is_named(lake):
     newest.write_bytes(data)
     with pytest.raises(LakeError, match="a damaged checkpoint, its tensors differ"):
         checkpoints.load(open_files(lake.root), "mine")
+
+
+MINE = """
+from dataclasses import dataclass
+from typing import ClassVar
+
+from scenarionet_sim.learning.config import PpoConfig
+from scenarionet_sim.learning.ppo import PpoLearner
+
+
+@dataclass(frozen=True)
+class CalmConfig(PpoConfig):
+    learner: ClassVar[str] = "calm:CalmLearner"
+    calmness: float = 0.5
+
+
+class CalmLearner(PpoLearner):
+    def round(self):
+        done, learned = super().round()
+        return done, learned | {"calmness": self.config.calmness}
+"""
+
+
+def test_an_algorithm_of_ones_own_is_one_file(lake, tmp_path, monkeypatch):
+    (tmp_path / "calm.py").write_text(MINE)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    settings = TINY["ppo"] | {"steps": 120, "hidden": "16,16", "calmness": "0.75"}
+    config = make_learner_config("calm:CalmConfig", "small", settings)
+    report = train(lake, algorithm="calm:CalmConfig", config=config)
+    assert report.run == "all-calm.CalmConfig-seed0" and '"calmness": 0.75' in report.last["learned"]

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from scenarionet_sim.learning.training import TrainingReport
 
-_ALGORITHMS = ("ppo", "td3", "ippo", "copo", "gail", "airl")
 _MAX_EXAMPLES = 5
 
 
@@ -36,7 +35,7 @@ _MAX_EXAMPLES = 5
     "scenarionet train copo lake busy_train --size small",
     "scenarionet train gail lake busy_train --size small --observations busy_train-vehicles-observed",
 )
-@click.argument("algorithm", type=click.Choice(_ALGORITHMS))
+@click.argument("algorithm")
 @lake_argument
 @optional_database_argument
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of weights, actions and scenarios.")
@@ -76,6 +75,8 @@ def command(
 ) -> None:
     """Train a driver on the scenarios of a database, or of the whole lake.
 
+    ALGORITHM is ppo, td3, ippo, copo, gail, airl, or module:Class for settings of your own.
+
     Settings are those that were published, --size small those for one processor core; -p changes one of them, for
     example -p steps=200_000.
 
@@ -98,7 +99,7 @@ def command(
     training = plan_training(
         lake, database, algorithm, config=config, seed=seed, tests=tests, observations=observations, name=name
     )
-    run = name or f"{database or 'all'}-{algorithm}-seed{seed}".replace("@", ".")
+    run = name or f"{database or 'all'}-{algorithm}-seed{seed}".replace("@", ".").replace(":", ".")
     with ProgressDisplay(f"train {run}", "step", is_quiet=quiet) as progress:
         try:
             report = run_training(training, run, lambda row: progress.update(row["steps"], config.steps))
