@@ -43,9 +43,13 @@ class EvaluationRun:
 
     def done(self) -> set[int]:
         """Numbers of the finished parts."""
-        names = self.files.names(self._folder(self.tables[-1]), ".parquet")
-        stems = [name.rpartition("/")[2].removesuffix(".parquet") for name in names]
-        return {int(stem) for stem in stems if stem.isdecimal()}
+        return set(self._parts(self.tables[-1]))
+
+    def failed(self) -> set[int]:
+        """Numbers of the finished parts of ``results`` with a scenario that could not be simulated."""
+        parts = self._parts("results")
+        errors = self.files.read_all(list(parts.values()), ["error"])
+        return {part for part, rows in zip(parts, errors, strict=True) if rows["error"].null_count < len(rows)}
 
     def publish(self, part: int, rows: Mapping[str, Sequence[Mapping[str, Any]] | pa.Table]) -> None:
         """Publish a part: rows of each of the tables, without the column ``run``."""
@@ -56,6 +60,12 @@ class EvaluationRun:
             named = content.add_column(0, schema.field("run"), pa.array([self.name] * content.num_rows, pa.string()))
             name = f"{self._folder(table)}/{part:06d}.parquet"
             publish_table(self.files, table, named.select(schema.names), {}, name)
+
+    def _parts(self, table: str) -> dict[int, str]:
+        """Files of a table by the number of their part."""
+        names = self.files.names(self._folder(table), ".parquet")
+        stems = {name.rpartition("/")[2].removesuffix(".parquet"): name for name in names}
+        return {int(stem): name for stem, name in stems.items() if stem.isdecimal()}
 
     def _folder(self, table: str) -> str:
         return f"{_FOLDER}/{self.name}/{table}"

@@ -1,7 +1,7 @@
 """Closed-loop evaluation: drive a policy through every scenario of a database, in parallel, and store the results.
 
 The rows of a part depend only on the part, not on the worker or on the order. A scenario that fails to simulate becomes
-a row with its error; the run continues.
+a row with its error; the run continues, and another call tries again the parts that have such rows.
 """
 
 from __future__ import annotations
@@ -153,7 +153,8 @@ def evaluate(
 ) -> EvaluationReport:
     """Drive a policy through every scenario of a database and write the results into the lake.
 
-    A second call with the same arguments continues an interrupted run, from the snapshot that it began with.
+    A second call with the same arguments continues an interrupted run, from the snapshot that it began with, and tries
+    again what could not be simulated.
 
     Args:
         lake: The lake, its path or its URL.
@@ -245,7 +246,7 @@ def run_evaluation(
         evaluation = evaluation if begun is None else replace(evaluation, snapshot=begun)
     tables = ("rollouts", "results") if rollouts else ("results",)
     run = evaluation_runs.claim(open_files(evaluation.lake), name, tables, evaluation.description)
-    total, done = len(_loader(evaluation)), run.done()
+    total, done = len(_loader(evaluation)), run.done() - run.failed()
     parts = parts_of(total * evaluation.rollouts, PART_SIZE)
     jobs = [_EvaluationJob(evaluation, part, run) for part in parts if part.number not in done]
     left = {item // evaluation.rollouts for job in jobs for item in range(job.part.first, job.part.end)}

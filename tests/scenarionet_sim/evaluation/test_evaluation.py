@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -208,6 +209,21 @@ def test_failing_scenario_does_not_end_the_run(lake):
     assert lake.named_query("runs").select("scenarios", "not_simulated").rows() == [(5, 2)]
 
 
+def test_scenarios_that_could_not_be_read_are_tried_again(lake):
+    """A file is damaged while a run is made, and restored afterwards."""
+    path = next((Path(lake.root) / "tracks").rglob("*.parquet"))
+    whole = path.read_bytes()
+    path.write_bytes(whole[:200] + bytes(200) + whole[400:])
+    first = evaluate(Lake(lake.root), policy="replay", name="again")
+    failures = "SELECT scenario_id FROM results WHERE run = 'again' AND success IS NOT TRUE"
+    assert first.broken and len(lake.sql(failures)) == len(first.broken)
+    path.write_bytes(whole)
+    second = evaluate(Lake(lake.root), policy="replay", name="again")
+    assert not second.broken and second.skipped < 5 and lake.sql(failures).is_empty()
+    assert lake.sql("SELECT count(*) FROM results").item() == 5
+    assert evaluate(Lake(lake.root), policy="replay", name="again").skipped == 5
+
+
 def test_database_is_evaluated_in_its_order(lake):
     lake.filter("ego_mean_speed > 9.5", name="fast")
     evaluate(lake, "fast", policy="replay", name="fast", rollouts=False)
@@ -229,7 +245,7 @@ def test_database_is_evaluated_in_its_order(lake):
         ),
         ("idm", {"traffic": "none"}, "unknown traffic 'none'; choose from replay, idm"),
         ("idm", {"backend": "cuda"}, "unknown backend 'cuda'; choose from kinematic, bullet"),
-        ("nowhere:Planner", {}, "policy nowhere:Planner: No module named 'nowhere'; is its folder on PYTHONPATH"),
+        ("nowhere:Planner", {}, "nowhere:Planner: No module named 'nowhere'; is its folder on PYTHONPATH"),
         (own("Missing"), {}, "has no attribute 'Missing'"),
         (own("NoDriver"), {}, "is not a driver: expected a subclass of Planner or Policy, or a class"),
     ],
