@@ -12,6 +12,7 @@ import polars as pl
 from scenarionet_data import Lake
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.storage import evaluation_runs
 
 METRICS: Mapping[str, str] = {
     "success": "success::INTEGER",
@@ -34,6 +35,14 @@ METRICS: Mapping[str, str] = {
 
 JUDGED_BY = "coalesce(nuplan_score, success::INTEGER - crashed::INTEGER)"
 """What decides unless told otherwise whether a scenario got better: higher is better."""
+
+CONDITIONS = (
+    ("rule", "what is scored", "until the ego of IDM has reached the end of its path (an older version)"),
+    ("backend", "the vehicle model", "unknown"),
+    ("traffic", "the traffic", "unknown"),
+    ("episode", "the episode", "unknown"),
+)
+"""Conditions of runs that should be the same: key of the description, title, and value of runs that do not have it."""
 
 ALL = "all"
 """Group of all scenarios."""
@@ -86,6 +95,7 @@ class RunComparison:
         runs: Their names.
         metrics: Group by group, that of all scenarios first.
         judged_by: Expression that decides what is better.
+        notes: What differs between the runs beside their drivers: vehicle model, traffic, rule of scoring.
         better, worse: Scenarios that it calls better or worse in the last run than in the first, and by how much, the
             largest change first.
     """
@@ -93,6 +103,7 @@ class RunComparison:
     runs: tuple[str, ...]
     metrics: tuple[ComparedMetric, ...]
     judged_by: str
+    notes: tuple[str, ...]
     better: tuple[tuple[str, float], ...]
     worse: tuple[tuple[str, float], ...]
 
@@ -168,7 +179,18 @@ def compare_runs(
         for metric in METRICS
     ]
     better, worse = _changed(rows, runs)
-    return RunComparison(tuple(runs), tuple(metrics), judged_by, better, worse)
+    return RunComparison(tuple(runs), tuple(metrics), judged_by, _notes(lake, runs), better, worse)
+
+
+def _notes(lake: Lake, runs: Sequence[str]) -> tuple[str, ...]:
+    """Return a sentence on every condition that is not the same in all runs."""
+    told = {run: evaluation_runs.describe(lake.files, run) for run in runs}
+    found = []
+    for key, title, older in CONDITIONS:
+        values = {run: str(each.get(key) or older) for run, each in told.items()}
+        if len(set(values.values())) > 1:
+            found.append(f"{title} differs: " + ", ".join(f"{run} {value}" for run, value in values.items()))
+    return tuple(found)
 
 
 def _rows(lake: Lake, runs: Sequence[str], where: str, by: str | None, judged_by: str) -> pl.DataFrame:

@@ -35,6 +35,10 @@ from scenarionet_sim.scenarios.selection import database_reference
 PART_SIZE = 32
 """Rollouts per part: the most work that a killed worker loses."""
 
+RULE = "to the end of the episode"
+"""Time that metrics cover. Runs from before there was a choice of words say nothing: an ego of IDM that had reached the
+end of its path was scored until then."""
+
 ScenarioEnd = tuple[str, str | None, str | None]
 """Scenario id, how the episode ended, and the error if it could not be simulated."""
 
@@ -77,7 +81,7 @@ class Evaluation:
         for name in ("tracker", "route"):  # as in runs from before there was a choice
             if spec[name] == getattr(type(self), name):
                 del spec[name]
-        return spec | {"part": PART_SIZE, "software": version.name_and_version()}
+        return spec | {"rule": RULE, "part": PART_SIZE, "software": version.name_and_version()}
 
     @property
     def default_name(self) -> str:

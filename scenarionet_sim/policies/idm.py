@@ -20,7 +20,8 @@ class Idm(Policy):
     """The Intelligent Driver Model (Treiber, Hennecke, Helbing 2000) along an object's recorded path.
 
     An object keeps a headway to every box on the strip ahead, including the ego, stops at red lights on the lanes of
-    its path, slows down for bends, and leaves at the end of its path. It appears as recorded, once its place is free.
+    its path, slows down for bends, and leaves at the end of its path; the ego comfortably stops there and stays. It
+    appears as recorded, once its place is free.
     Objects that were recorded standing are left to the preceding policy.
 
     Attributes:

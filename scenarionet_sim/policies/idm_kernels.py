@@ -6,6 +6,7 @@ whose box overlaps the strip that the vehicle will sweep along its path.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from scenarionet_sim.arrays.boxes import Y as BOX_Y
 from scenarionet_sim.arrays.log import ARC, HEADING, VALID, VX, VY, YAW_RATE, X, Y, Z
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.arrays.overlap import is_overlapping
-from scenarionet_sim.arrays.structures import LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS, OBJECTS, Recorded, StateArrays
+from scenarionet_sim.arrays.structures import EGO, LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS, OBJECTS, Recorded, StateArrays
 from scenarionet_sim.policies.motion_kernels import place_as_recorded
 from scenarionet_sim.policies.strip_kernels import (
     STATION_ARC,
@@ -64,7 +65,7 @@ def drive_along_paths(
     """Advance every object of a policy in a world by one step.
 
     An object appears as recorded, at the first valid timestep at which its place is free. It leaves at the end of
-    its path, where its arc length becomes infinite.
+    its path, where its arc length becomes infinite; the ego, whose episode goes on, stops there and stays.
 
     Args:
         w: The world.
@@ -111,8 +112,14 @@ def drive_along_paths(
         desired = _speed_for_bends(top_speed, stations, num_stations, law)
         wanted = free_acceleration(speed, desired, law.acceleration, law.deceleration) - braking
         new_speed = larger(speed + larger(wanted, -law.hardest) * dt, 0.0)
+        end = path.points[path.end - 1, ARC]
+        if n == recorded.place[w, EGO]:
+            stopping = speed_before_stop(end - s, speed, law.deceleration, dt)
+            new_speed = smaller(new_speed, larger(stopping, speed - law.hardest * dt))
         s += (speed + new_speed) / 2.0 * dt
-        if s >= path.points[path.end - 1, ARC]:
+        if s >= end and n == recorded.place[w, EGO]:
+            s, new_speed = end, 0.0
+        elif s >= end:
             then.route[w, n, 0] = np.inf
             continue
         k = segment_from(path, k, s)
@@ -123,6 +130,17 @@ def drive_along_paths(
         moved[VX], moved[VY] = new_speed * tx, new_speed * ty
         moved[YAW_RATE] = wrapped(angle - row[HEADING]) / dt
         then.route[w, n, 0], then.present[w, n] = s, True
+
+
+@device_function
+def speed_before_stop(distance: float, speed: float, deceleration: float, dt: float) -> float:
+    """Return the highest speed after a step from which a constant deceleration still stops within a distance.
+
+    It is the positive solution of v² = 2 b (distance - (speed + v) / 2 dt), or 0.
+    """
+    half = 0.5 * deceleration * dt
+    square = half * half + deceleration * (2.0 * distance - speed * dt)
+    return max(math.sqrt(max(square, 0.0)) - half, 0.0)
 
 
 @device_function

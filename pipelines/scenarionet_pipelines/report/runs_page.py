@@ -38,8 +38,11 @@ def render(comparison: RunComparison, lake: Lake) -> str:
     title = f"{comparison.runs[-1]} compared with {comparison.runs[0]}"
     counts = f"{len(comparison.better)} scenarios got better and {len(comparison.worse)} worse, by "
     judged = tag("p", counts, tag("code", comparison.judged_by), ".")
+    notes = joined(*(tag("p", f"Note: {note}.") for note in comparison.notes))
     body = tag(
-        "body", tag("header", tag("h1", title), judged), tag("main", _tables(comparison), _worst(comparison, lake))
+        "body",
+        tag("header", tag("h1", title), judged, notes),
+        tag("main", _tables(comparison), _worst(comparison, lake)),
     )
     return f"<!doctype html>\n{tag('html', page_head(title), body, lang='en')}\n"
 

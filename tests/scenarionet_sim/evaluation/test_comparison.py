@@ -9,6 +9,7 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, QueryError
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.evaluation.comparison import RunComparison, compare_runs
+from scenarionet_sim.evaluation.evaluation import RULE
 from tests.fixtures.drives import make_drive
 from tests.fixtures.lakes import write_lake
 
@@ -16,8 +17,8 @@ SCENARIOS = [make_drive(f"d{k}", speed=5.0 + k) for k in range(4)]
 IDS = [scenario.id for scenario in SCENARIOS]
 
 
-def publish(lake: Lake, run: str, rows: list[dict]) -> None:
-    claimed = evaluation_runs.claim(lake.files, run, ("results",), {})
+def publish(lake: Lake, run: str, rows: list[dict], **description) -> None:
+    claimed = evaluation_runs.claim(lake.files, run, ("results",), description)
     claimed.publish(0, {"results": [{"rollout": 0} | row for row in rows]})
 
 
@@ -104,3 +105,14 @@ def test_many_scenarios_have_the_interval_of_the_normal_distribution():
 def test_what_cannot_be_compared(lake, runs, words, message):
     with pytest.raises(BadParameter, match=message):
         compare_runs(lake, *runs, **words)
+
+
+def test_runs_of_an_older_rule_or_another_vehicle_model_are_not_compared_without_a_word(tmp_path):
+    lake = write_lake(tmp_path / "lake", SCENARIOS)
+    conditions = {"traffic": "idm", "episode": "log", "backend": "kinematic"}
+    publish(lake, "older", [row(0, 0.5)], **conditions)
+    publish(lake, "new", [row(0, 0.5)], **conditions, rule=RULE)
+    publish(lake, "bullet", [row(0, 0.5)], **conditions | {"backend": "bullet"}, rule=RULE)
+    (note,) = compare_runs(lake, "older", "new").notes
+    assert "what is scored differs: older until the ego of IDM" in note and f"new {RULE}" in note
+    assert compare_runs(lake, "new", "bullet").notes == ("the vehicle model differs: new kinematic, bullet bullet",)

@@ -134,3 +134,12 @@ def test_recording_of_a_single_moment():
     row = measured(make_drive(num_steps=3, hidden=slice(1, 3)))
     assert row["success"] and row["average_displacement"] == 0.0
     assert row.get("nuplan_score") is None
+
+
+def test_a_driver_that_arrives_early_waits_and_is_scored_to_the_end_of_its_episode():
+    """IDM drives at 5 m/s or more where the recording takes 10 s for 30 m."""
+    rollout, world = drive(make_drive(speed=3.0, num_steps=101), "idm")
+    scored = rollout.scored()
+    assert scored.num_steps == rollout.num_scored == 100 and scored.present[:, scored.agent].all()
+    assert np.hypot(*scored.velocity[-20:, scored.agent].T).max() == 0.0
+    assert measure(rollout, world)["mean_speed"] == pytest.approx(3.0, abs=0.05)

@@ -13,6 +13,7 @@ from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, ObjectType
 from scenarionet_sim.metrics.comfort import body_acceleration, measure_comfort
 from scenarionet_sim.policies import External, Idm, Replay, ego, vehicles
+from scenarionet_sim.policies.idm_kernels import speed_before_stop
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
@@ -158,3 +159,28 @@ def test_stationary_objects_are_replayed():
 def test_parameters_must_be_positive():
     with pytest.raises(BadParameter, match="headway=0"):
         Idm(headway=0.0)
+
+
+def test_the_ego_stops_at_the_end_of_its_path_and_stays_while_others_leave():
+    """From 10 m/s it brakes by 3 m/s² over the last 16.7 m, to the last step, in which it would need less."""
+    scenario = make_drive(num_steps=61, others=(Other(-25.0, vx=10.0),))
+    simulation = Simulation([World.from_scenario(scenario)], (Replay(), Idm(objects=ego)))
+    places, speeds = [0.0], [10.0]
+    for _ in range(100):
+        simulation.step()
+        assert simulation.state.present[0, 0]
+        places.append(float(simulation.state.position[0, 0, 0]))
+        speeds.append(float(np.hypot(*simulation.state.velocity[0, 0])))
+    braking = -np.diff(speeds) / 0.1
+    assert places[-1] == pytest.approx(60.0, abs=0.01) and speeds[-1] == 0.0
+    distance = 60.0 - np.array(places)
+    is_stopping = (distance[:-1] < 15.0) & (distance[1:] > 0.01)
+    np.testing.assert_allclose(braking[is_stopping][:-1], 3.0, atol=0.02)
+    np.testing.assert_allclose(np.array(speeds)[:-1][is_stopping] ** 2, 6.0 * distance[:-1][is_stopping], atol=0.1)
+    assert max(braking) < 3.1 and np.all(np.diff(places) >= 0.0)
+
+
+def test_a_speed_before_a_stop_by_hand():
+    """3 m/s² over 6 m need 6 m/s: after a step of 0.1 s from 6 m/s it is 5.7 m/s, after 0.585 m."""
+    assert speed_before_stop.py_func(6.0, 6.0, 3.0, 0.1) == pytest.approx(5.7)
+    assert speed_before_stop.py_func(-1.0, 2.0, 3.0, 0.1) == 0.0

@@ -200,8 +200,8 @@ def _print(
 ) -> None:
     facts = _facts(lake, report.run)
     beside = {title: _facts(lake, run) for title, run in references.items()}
-    rows = f"results JOIN metadata USING (scenario_id) WHERE run = '{report.run}' AND success IS NOT TRUE"
-    join = f'scenarionet sql {lake} "SELECT * FROM {rows}"'
+    failures = f"results JOIN metadata USING (scenario_id) WHERE run = '{report.run}' AND success IS NOT TRUE"
+    join = f'scenarionet sql {lake} "SELECT * FROM {failures}"'
     if as_json:
         broken = [{"scenario_id": scenario_id, "reason": reason} for scenario_id, reason in report.broken]
         done = {"run": report.run, "skipped": report.skipped, "seconds": report.seconds, "broken": broken}

@@ -103,5 +103,7 @@ def _print(found: RunComparison) -> None:
         ]
         rows.append([each.group] * has_groups + [each.metric, *means, *map(change_text, each.changes[1:])])
     print_table(rows, heads)
+    for note in found.notes:
+        click.echo(f"note: {note}")
     verdict = f"{count(len(found.better), 'scenario')} better, {len(found.worse):,} worse in {found.runs[-1]}"
     click.echo(f"{verdict} by {found.judged_by}")
