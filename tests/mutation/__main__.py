@@ -183,8 +183,8 @@ def check_unmutated(areas: list[Area]) -> None:
 
 
 def run(database: WorkDB, areas: dict[Path, Area]) -> None:
-    """Run the tests for each mutant that has no result yet."""
-    pending = list(database.pending_work_items)
+    """Run the tests for each mutant in these modules that has no result yet."""
+    pending = [item for item in database.pending_work_items if item.mutations[0].module_path in areas]
     for number, item in enumerate(pending, 1):
         mutation = item.mutations[0]
         result = mutate_and_test(item.mutations, areas[mutation.module_path].command, LONGEST)
@@ -213,7 +213,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="make mutants", description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--scale", type=float, default=1.0, help="share of the numbers in core.toml")
-    parser.add_argument("--area", help="only areas whose name contains this")
+    parser.add_argument("--area", default="", help="only areas whose name contains this")
     parser.add_argument("--fresh", action="store_true", help="forget earlier results")
     parser.add_argument("--report", action="store_true", help="only print the results")
     arguments = parser.parse_args()
@@ -223,11 +223,12 @@ def main() -> None:
         prepare_checkout()
     os.chdir(CHECKOUT)
     os.environ["PYTHONPATH"] = f"{CHECKOUT}:{CHECKOUT / 'pipelines'}"
-    areas = [area for area in read_areas() if not arguments.area or arguments.area in area.name]
+    areas = read_areas()
     database, area_of = session_for(arguments.seed, arguments.scale, areas)
     if not arguments.report:
-        check_unmutated(areas)
-        run(database, area_of)
+        chosen = [area for area in areas if arguments.area in area.name]
+        check_unmutated(chosen)
+        run(database, {path: area for path, area in area_of.items() if area in chosen})
     sys.exit(report(database, area_of) < BAR)
 
 
