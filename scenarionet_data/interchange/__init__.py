@@ -1,0 +1,51 @@
+"""Formats of other simulators and tools: one folder a format, with a writer, a reader or both.
+
+    base      what a writer is, and the report of what a format cannot hold
+    files     a database as files of a format: in parts, resumable
+    roads     from a lane graph to roads with parallel lanes, for the formats that have roads
+
+Readers are converters (``scenarionet_data.converters``), registered there by name.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from typing import Any
+
+from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_data.interchange.base import Writer
+
+WRITERS = {
+    "gpudrive": "scenarionet_data.interchange.gpudrive.writer:GpuDriveWriter",
+    "pufferdrive": "scenarionet_data.interchange.pufferdrive.writer:PufferDriveWriter",
+}
+"""Class of each writer by the name of its format."""
+
+
+def writer_for(name: str, **options: Any) -> Writer:
+    """Return the writer of a format.
+
+    Args:
+        name: A name in ``WRITERS``.
+        options: Fields of the writer's class.
+
+    Raises:
+        BadParameter: Unknown format or option, with those that exist.
+        MissingDependency: The format needs a library that is not installed.
+    """
+    if name not in WRITERS:
+        near = difflib.get_close_matches(name, WRITERS, n=3) or sorted(WRITERS)
+        raise BadParameter(f"no format {name!r} to export to; did you mean {', '.join(near)}?")
+    module, _, attribute = WRITERS[name].partition(":")
+    try:
+        kind = getattr(importlib.import_module(module), attribute)
+    except ModuleNotFoundError as error:
+        raise MissingDependency(f"the format {name} needs {error.name}", "interop") from error
+    unknown = set(options) - set(kind.__dataclass_fields__)
+    if unknown:
+        raise BadParameter(
+            f"{name} has no option {min(unknown)!r}; it has {', '.join(kind.__dataclass_fields__) or 'none'}"
+        )
+    writer: Writer = kind(**options)
+    return writer

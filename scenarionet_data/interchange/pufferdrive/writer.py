@@ -1,0 +1,125 @@
+"""Write scenarios as PufferDrive's binary maps."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Float32, Float64
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.interchange.base import Losses
+from scenarionet_data.interchange.gpudrive.layout import INVALID, ROADS
+from scenarionet_data.interchange.pufferdrive.layout import OBJECT_TYPES, ROAD_TYPES, Entity, PufferMap, encode
+from scenarionet_data.interchange.scenes import Scene, crosses_edges, make_scene, object_name
+from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
+from scenarionet_data.scenario.vocabulary import MapFeatureType
+
+_SIMPLIFIED_FROM = 11  # points; shorter polylines are kept
+_AREA = 0.1  # [m²] of the triangle at a point that is left out
+_LONGEST_SEGMENT = 250.0  # [m]
+
+
+@dataclass(frozen=True)
+class PufferDriveWriter:
+    """Writes one binary map a scenario.
+
+    Attributes:
+        layout: 2 for PufferDrive 2.0, 1 for pufferlib 3.0.
+        simplify: Leave out points of polylines as PufferDrive's own preparation does.
+    """
+
+    name: ClassVar[str] = "pufferdrive"
+    suffixes: ClassVar[tuple[str, ...]] = (".bin",)
+
+    layout: int = 2
+    simplify: bool = True
+
+    def __post_init__(self) -> None:
+        if self.layout not in (1, 2):
+            raise BadParameter(f"layout={self.layout}: PufferDrive has the layouts 1 and 2")
+
+    def write(self, scenario: ScenarioDescription, stem: str, losses: Losses) -> Mapping[str, bytes]:
+        """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.Writer`."""
+        scene = make_scene(scenario, losses)
+        objects = [_object(scenario, scene, place) for place in range(len(scene.rows))]
+        roads = (
+            []
+            if scenario.map is None
+            else [self._road(scenario.map, row, points, losses) for row, points in scene.roads]
+        )
+        place_of = {scenario.tracks.ids[row]: place for place, row in enumerate(scene.rows)}
+        predicted = tuple(place_of[track] for track, _ in scenario.tracks_to_predict if track in place_of)
+        everything = np.concatenate(
+            [entity.position[entity.valid] for entity in objects] + [road.position for road in roads]
+        )
+        losses.approximate(
+            "coordinates stored as float32", everything.size, float(np.spacing(np.abs(everything)).max() / 2), "m"
+        )
+        return {f"{stem}.bin": encode(PufferMap(objects, roads, scene.ego, predicted), self.layout)}
+
+    def _road(self, features: MapFeatures, row: int, points: Float64, losses: Losses) -> Entity:
+        name, number = ROADS[MapFeatureType(features.feature_type[row])]
+        if self.simplify and len(points) >= _SIMPLIFIED_FROM and number <= 16:
+            kept = simplified(points)
+            losses.leave_out("points of polylines, as PufferDrive's preparation does", len(points) - len(kept))
+            points = kept
+        feature_id = features.ids[row]
+        road_id = int(feature_id) if feature_id.isdigit() and int(feature_id) < 2**31 else row
+        return Entity(ROAD_TYPES[name], road_id, points.astype(np.float32))
+
+
+def _object(scenario: ScenarioDescription, scene: Scene, place: int) -> Entity:
+    row, valid = scene.rows[place], scene.valid[place]
+    extras = json.loads(scenario.tracks.extras[row] or "{}")
+    is_expert = extras.get("mark_as_expert")
+    if is_expert is None:
+        is_expert = crosses_edges(scene.position[place], valid, scenario.map, scenario.origin)
+
+    def stored(values: Float64) -> Float32:
+        is_known = valid.reshape(-1, *[1] * (values.ndim - 1))
+        return np.where(is_known, values, INVALID).astype(np.float32)
+
+    velocity = np.concatenate([scene.velocity[place], np.zeros((len(valid), 1))], axis=1)
+    length, width, height = scene.size[place].tolist()
+    track_id = scenario.tracks.ids[row]
+    return Entity(
+        kind=OBJECT_TYPES[object_name(scenario.tracks.object_type[row])],
+        id=int(track_id) if track_id.isdigit() and int(track_id) < 2**31 else int(row),
+        position=stored(scene.position[place]),
+        velocity=stored(velocity),
+        heading=stored(scene.heading[place]),
+        valid=valid,
+        size=(width, length, height),
+        goal=tuple(scene.goal[place].tolist()),
+        is_expert=is_expert,
+    )
+
+
+def simplified(points: Float64) -> Float64:
+    """Leave out points whose triangle with their neighbours has less than 0.1 m², until none is left.
+
+    Args:
+        points: (P, 3) [m].
+    """
+    kept = list(range(len(points)))
+    has_changed = True
+    while has_changed:
+        has_changed, place, following = False, 0, [kept[0]]
+        while place + 2 < len(kept):
+            first, middle, last = points[kept[place]], points[kept[place + 1]], points[kept[place + 2]]
+            area = 0.5 * abs(
+                (first[0] - last[0]) * (middle[1] - first[1]) - (first[0] - middle[0]) * (last[1] - first[1])
+            )
+            if area < _AREA and np.hypot(*(last - first)[:2]) <= _LONGEST_SEGMENT:
+                has_changed = True
+                following.append(kept[place + 2])
+                place += 2
+            else:
+                following.append(kept[place + 1])
+                place += 1
+        kept = following + kept[place + 1 :]
+    return points[kept]

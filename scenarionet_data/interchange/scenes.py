@@ -1,0 +1,140 @@
+"""A scenario as the training simulators hold it: 91 timesteps of a few kinds of objects, and roads as polylines.
+
+GPUDrive's JSON and PufferDrive's binary maps share this step; coordinates are those of the source frame.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Bool, Float64, IntP
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.interchange.base import Losses
+from scenarionet_data.interchange.gpudrive.layout import HISTORY, NUM_STEPS, OBJECT_NAMES, ROADS
+from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType, is_lane, is_road_edge
+
+_EXPERT_CROSSING = 0.1  # [m] Waymo's edges are drawn this roughly
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Objects and roads of a scenario, in the source frame.
+
+    Attributes:
+        rows: (N,) rows of the objects in the scenario's tracks.
+        steps: 91 timesteps of the scenario.
+        position: (N, 91, 3) float64 [m]. heading: (N, 91) [rad]. velocity: (N, 91, 2) [m/s].
+        valid: (N, 91).
+        size: (N, 3) length, width, height [m].
+        goal: (N, 3) last valid position [m].
+        ego: Row of the ego among these objects.
+        roads: Pairs of a row of the map and its points (P, 3) float64 [m].
+    """
+
+    rows: IntP
+    steps: slice
+    position: Float64
+    heading: Float64
+    velocity: Float64
+    valid: Bool
+    size: Float64
+    goal: Float64
+    ego: int
+    roads: list[tuple[int, Float64]]
+
+
+def make_scene(scenario: ScenarioDescription, losses: Losses) -> Scene:
+    """Select the timesteps and objects that the training simulators hold, with the ego first to be kept.
+
+    Raises:
+        InvalidScenario: The scenario is shorter than 91 timesteps.
+    """
+    tracks = scenario.tracks
+    num_steps = len(scenario.timestamps)
+    if num_steps < NUM_STEPS:
+        reason = f"expected at least {NUM_STEPS} timesteps, found {num_steps}; convert longer windows"
+        raise InvalidScenario(scenario.id, "timestamps", reason)
+    if abs(scenario.dt - 0.1) > 1e-3:
+        reason = f"expected timesteps of 0.1 s, found {scenario.dt:g} s; convert with dt=0.1"
+        raise InvalidScenario(scenario.id, "dt", reason)
+    first = min(max(scenario.current_timestep - HISTORY, 0), num_steps - NUM_STEPS)
+    steps = slice(first, first + NUM_STEPS)
+    losses.leave_out("timesteps", num_steps - NUM_STEPS)
+    is_kept = np.isin(tracks.object_type, list(OBJECT_NAMES)) & tracks.valid[:, steps].any(axis=1)
+    losses.leave_out(
+        "objects that are no vehicles, pedestrians or cyclists, or not seen in these timesteps", int((~is_kept).sum())
+    )
+    losses.leave_out("states of traffic lights", int((scenario.lights.state[:, steps] != 0).sum()))
+    rows = np.flatnonzero(is_kept)
+    valid = tracks.valid[rows, steps]
+    position = tracks.position[rows, steps].astype(np.float64) + scenario.origin
+    last = NUM_STEPS - 1 - np.argmax(valid[:, ::-1], axis=1)
+    first_seen = np.argmax(valid, axis=1)
+    goal = position[np.arange(len(rows)), last]
+    for place, row in enumerate(rows):
+        asked = json.loads(tracks.extras[row] or "{}").get("goal_position")
+        if asked is not None:
+            goal[place] = asked
+    size = tracks.size[rows, steps].astype(np.float64)
+    changes = np.abs(np.where(valid[..., None], size - size[np.arange(len(rows)), first_seen][:, None], 0.0))
+    losses.approximate(
+        "objects whose size changes",
+        int((changes.max(axis=(1, 2), initial=0.0) > 0.01).sum()),
+        float(changes.max(initial=0.0)),
+        "m",
+    )
+    ego = np.flatnonzero(rows == tracks.index(scenario.ego_id))
+    if not len(ego):
+        raise InvalidScenario(
+            scenario.id, "ego_id", "expected an ego that is a vehicle seen in these timesteps, found none"
+        )
+    return Scene(
+        rows, steps, position, tracks.heading[rows, steps].astype(np.float64),
+        tracks.velocity[rows, steps].astype(np.float64), valid, size[np.arange(len(rows)), first_seen], goal,
+        int(ego[0]), _roads(scenario, losses),
+    )  # fmt: skip
+
+
+def _roads(scenario: ScenarioDescription, losses: Losses) -> list[tuple[int, Float64]]:
+    features = scenario.map
+    if features is None:
+        losses.leave_out("maps, as the scenario has none")
+        return []
+    roads = []
+    for row, kind in enumerate(features.feature_type):
+        points = features.polyline[row] if len(features.polyline[row]) else features.polygon[row]
+        if MapFeatureType(kind) in ROADS and len(points):
+            roads.append((row, points.astype(np.float64) + scenario.origin))
+        else:
+            losses.leave_out(f"map features of type {MapFeatureType(kind).name}")
+    is_linked = is_lane(features.feature_type)
+    losses.leave_out("links between lanes", int(features.exit_lanes.lengths[is_linked].sum()))
+    return roads
+
+
+def crosses_edges(position: Float64, valid: Bool, features: MapFeatures | None, origin: Float64) -> bool:
+    """Whether a recorded path crosses a road edge, which a controlled vehicle must not: GPUDrive's ``mark_as_expert``.
+
+    Args:
+        position: (T, 3) [m], source frame. valid: (T,).
+    """
+    path = position[valid, :2]
+    if features is None or len(path) < 2:
+        return False
+    import shapely
+
+    edges = [
+        features.polyline[int(row)][:, :2] + origin[:2] for row in np.flatnonzero(is_road_edge(features.feature_type))
+    ]
+    lines = [shapely.LineString(edge) for edge in edges if len(edge) > 1]
+    moved = np.hypot(*np.diff(path, axis=0).T).sum() > _EXPERT_CROSSING
+    return bool(moved and shapely.intersects(shapely.LineString(path), lines).any()) if lines else False
+
+
+def object_name(kind: int) -> str:
+    """Return the simulators' name of an ``ObjectType``."""
+    return OBJECT_NAMES[ObjectType(kind)]
