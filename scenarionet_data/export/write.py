@@ -6,40 +6,26 @@ give equal bytes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sized
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, InvalidScenario
-from scenarionet_data.execution.executors import Executor
+from scenarionet_data.execution.executors import Executor, run_serially
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.export.destination import MAPPING_FILE, SUMMARY_FILE, check_destination, new_directory
 from scenarionet_data.export.parts import write_parts
 from scenarionet_data.export.pickling import WrittenPickle, dump, twice, write_scenarios
+from scenarionet_data.interchange import writer_for
+from scenarionet_data.interchange.base import ExportReport
+from scenarionet_data.interchange.files import write_files
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.storage.files.places import is_url, local_path
-
-
-@dataclass(frozen=True)
-class ExportReport:
-    """Result of :func:`export`.
-
-    Attributes:
-        directory: The database's folder or URL.
-        num_scenarios, num_bytes: Pickled scenarios and their size.
-        refused: Scenarios that the format cannot represent, which are not written.
-    """
-
-    directory: Path | str
-    num_scenarios: int
-    num_bytes: int
-    refused: tuple[InvalidScenario, ...]
 
 
 def export(
@@ -48,10 +34,12 @@ def export(
     *,
     replace: bool = False,
     original: bool = True,
+    file_format: str = "scenarionet",
+    parameters: Mapping[str, Any] | None = None,
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> ExportReport:
-    """Write a ScenarioNet database.
+    """Write scenarios for other software: as a ScenarioNet database, or in a format of ``interchange``.
 
     A folder appears when it is complete. At a URL, the summary and the mapping are uploaded when all pickles are there.
 
@@ -61,6 +49,8 @@ def export(
         replace: Replace an existing database of pickles.
         original: Write unchanged scenarios that were converted from pickles as these were, whatever their version;
             False for the current format, which MetaDrive 0.4.3 reads.
+        file_format: ``"scenarionet"`` or a name in ``interchange.WRITERS``.
+        parameters: Options of another format, see its writer.
         executor: Writes it in parts, for example on a cluster, which shares the file system of the folder (for a URL,
             of ``$TMPDIR``); requires ``scenarios`` to be a picklable sequence.
         on_progress: Called after each scenario; the total is 0 if ``scenarios`` has no length.
@@ -71,6 +61,15 @@ def export(
         InvalidScenario: None of the scenarios could be written, with the first reason.
         LakeError: The disk is full, or ``directory`` is not writable.
     """
+    if file_format != "scenarionet":
+        return write_files(
+            cast(Sequence[ScenarioDescription], scenarios),
+            local_path(directory, f"an export as {file_format}"),
+            writer_for(file_format, **(parameters or {})),
+            replace=replace,
+            executor=executor or run_serially,
+            on_progress=on_progress,
+        )
     directory = str(directory) if is_url(directory) else local_path(directory, "an export").absolute()
     check_destination(directory, replace)
     summary: dict[str, Any] = {}
@@ -103,18 +102,23 @@ def export_database(
     *,
     replace: bool = False,
     original: bool = True,
+    file_format: str = "scenarionet",
+    parameters: Mapping[str, Any] | None = None,
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> ExportReport:
-    """Write the scenarios of a lake as a ScenarioNet database; see :func:`export`.
+    """Write the scenarios of a lake for other software; see :func:`export`.
 
     Args:
         lake: The lake, its path or its URL.
         database: A database (saved or not), its name, scenario ids, or None for all scenarios.
-        directory, replace, original, executor, on_progress: See :func:`export`.
+        directory, replace, original, file_format, parameters, executor, on_progress: See :func:`export`.
     """
     loader = ScenarioLoader(lake, database)
-    return export(loader, directory, replace=replace, original=original, executor=executor, on_progress=on_progress)
+    return export(
+        loader, directory, replace=replace, original=original, file_format=file_format, parameters=parameters,
+        executor=executor, on_progress=on_progress,
+    )  # fmt: skip
 
 
 def _take(entry: WrittenPickle | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:

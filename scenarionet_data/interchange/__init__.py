@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import difflib
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.errors import BadParameter, MissingDependency
-from scenarionet_data.interchange.base import Writer
+
+if TYPE_CHECKING:
+    from scenarionet_data.interchange.base import FormatWriter
 
 WRITERS = {
     "gpudrive": "scenarionet_data.interchange.gpudrive.writer:GpuDriveWriter",
@@ -23,15 +25,14 @@ WRITERS = {
 """Class of each writer by the name of its format."""
 
 
-def writer_for(name: str, **options: Any) -> Writer:
-    """Return the writer of a format.
+def writer_class(name: str) -> type[Any]:
+    """Return the class of a format's writer, a dataclass whose fields are its options.
 
     Args:
         name: A name in ``WRITERS``.
-        options: Fields of the writer's class.
 
     Raises:
-        BadParameter: Unknown format or option, with those that exist.
+        BadParameter: Unknown format, with those that exist.
         MissingDependency: The format needs a library that is not installed.
     """
     if name not in WRITERS:
@@ -39,13 +40,23 @@ def writer_for(name: str, **options: Any) -> Writer:
         raise BadParameter(f"no format {name!r} to export to; did you mean {', '.join(near)}?")
     module, _, attribute = WRITERS[name].partition(":")
     try:
-        kind = getattr(importlib.import_module(module), attribute)
+        kind: type[Any] = getattr(importlib.import_module(module), attribute)
     except ModuleNotFoundError as error:
         raise MissingDependency(f"the format {name} needs {error.name}", "interop") from error
-    unknown = set(options) - set(kind.__dataclass_fields__)
+    return kind
+
+
+def writer_for(name: str, **options: Any) -> FormatWriter:
+    """Return the writer of a format with options, the fields of its class.
+
+    Raises:
+        BadParameter: Unknown format or option, with those that exist.
+        MissingDependency: The format needs a library that is not installed.
+    """
+    kind = writer_class(name)
+    known = kind.__dataclass_fields__
+    unknown = sorted(set(options) - set(known))
     if unknown:
-        raise BadParameter(
-            f"{name} has no option {min(unknown)!r}; it has {', '.join(kind.__dataclass_fields__) or 'none'}"
-        )
-    writer: Writer = kind(**options)
+        raise BadParameter(f"{name} has no option {unknown[0]!r}; it has {', '.join(known) or 'none'}")
+    writer: FormatWriter = kind(**options)
     return writer

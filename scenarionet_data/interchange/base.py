@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
+from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.description import ScenarioDescription
 
 
@@ -78,7 +80,7 @@ class Losses:
             self._found[key] = count + loss.count, max(error, loss.error or 0.0)
 
 
-class Writer(Protocol):
+class FormatWriter(Protocol):
     """Writes scenarios in one format: a frozen dataclass whose fields are the format's options.
 
     Class attributes:
@@ -102,3 +104,23 @@ class Writer(Protocol):
             InvalidScenario: The format cannot hold the scenario at all; the others are written.
         """
         ...
+
+
+@dataclass(frozen=True)
+class ExportReport:
+    """Result of an export.
+
+    Attributes:
+        directory: The folder or URL.
+        num_scenarios, num_bytes: Written scenarios and their size, shared files counted once.
+        refused: Scenarios that the format cannot represent, which are not written.
+        num_files: Number of files; 0 for databases of pickles, which have one each.
+        losses: What the files do not hold, in sum.
+    """
+
+    directory: Path | str
+    num_scenarios: int
+    num_bytes: int
+    refused: tuple[InvalidScenario, ...]
+    num_files: int = 0
+    losses: tuple[Loss, ...] = ()

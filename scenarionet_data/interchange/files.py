@@ -20,7 +20,7 @@ from scenarionet_data import version
 from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario, LakeError
 from scenarionet_data.execution.executors import Executor, run_serially
 from scenarionet_data.execution.progress import Progress
-from scenarionet_data.interchange.base import Loss, Losses, Writer
+from scenarionet_data.interchange.base import ExportReport, FormatWriter, Loss, Losses
 from scenarionet_data.scenario.description import ScenarioDescription
 
 INDEX = "export.jsonl"
@@ -29,30 +29,11 @@ _LONGEST_NAME = 200  # bytes of a file's name, which most file systems limit to 
 
 
 @dataclass(frozen=True)
-class FilesReport:
-    """Result of :func:`write_files`.
-
-    Attributes:
-        directory: The folder.
-        num_scenarios, num_files, num_bytes: What was written, shared files counted once.
-        refused: Scenarios that the format cannot hold, with reasons.
-        losses: What the files do not hold, in sum.
-    """
-
-    directory: Path
-    num_scenarios: int
-    num_files: int
-    num_bytes: int
-    refused: tuple[InvalidScenario, ...]
-    losses: tuple[Loss, ...]
-
-
-@dataclass(frozen=True)
 class _Part:
     """Scenarios ``first`` to ``end - 1``, to be written to ``draft``."""
 
     scenarios: Sequence[ScenarioDescription]
-    writer: Writer
+    writer: FormatWriter
     draft: Path
     first: int
     end: int
@@ -65,12 +46,12 @@ class _Part:
 def write_files(
     scenarios: Sequence[ScenarioDescription],
     directory: Path | str,
-    writer: Writer,
+    writer: FormatWriter,
     *,
     replace: bool = False,
     executor: Executor = run_serially,
     on_progress: Progress | None = None,
-) -> FilesReport:
+) -> ExportReport:
     """Write every scenario in a format.
 
     Args:
@@ -137,7 +118,7 @@ def _check_destination(target: Path, replace: bool) -> None:
         raise DatabaseExists(f"{target}: is not empty; pass replace=True (--replace), or give another directory")
 
 
-def _draft_for(target: Path, scenarios: Sequence[ScenarioDescription], writer: Writer) -> Path:
+def _draft_for(target: Path, scenarios: Sequence[ScenarioDescription], writer: FormatWriter) -> Path:
     """Return the draft of this export, with what an interrupted run of the same export left in it."""
     ids = getattr(scenarios, "ids", None)
     identity = [
@@ -188,7 +169,7 @@ def _lines(parts: Sequence[_Part]) -> Iterator[dict[str, Any]]:
             yield from map(json.loads, file)
 
 
-def _summarise(parts: Sequence[_Part], target: Path) -> FilesReport:
+def _summarise(parts: Sequence[_Part], target: Path) -> ExportReport:
     losses, refused, sizes, count = Losses(), list[InvalidScenario](), dict[str, int](), 0
     for line in _lines(parts):
         if "refused" in line:
@@ -197,7 +178,7 @@ def _summarise(parts: Sequence[_Part], target: Path) -> FilesReport:
         count += 1
         sizes |= line["files"]
         losses.add(Loss(**loss) for loss in line["losses"])
-    return FilesReport(target, count, len(sizes), sum(sizes.values()), tuple(refused), losses.found())
+    return ExportReport(target, count, sum(sizes.values()), tuple(refused), len(sizes), losses.found())
 
 
 def _publish(draft: Path, parts: Sequence[_Part], target: Path) -> None:

@@ -21,7 +21,7 @@ _EXPERT_CROSSING = 0.1  # [m] Waymo's edges are drawn this roughly
 
 
 @dataclass(frozen=True)
-class Scene:
+class TrainingScene:
     """Objects and roads of a scenario, in the source frame.
 
     Attributes:
@@ -47,7 +47,7 @@ class Scene:
     roads: list[tuple[int, Float64]]
 
 
-def make_scene(scenario: ScenarioDescription, losses: Losses) -> Scene:
+def make_scene(scenario: ScenarioDescription, losses: Losses) -> TrainingScene:
     """Select the timesteps and objects that the training simulators hold, with the ego first to be kept.
 
     Raises:
@@ -92,7 +92,7 @@ def make_scene(scenario: ScenarioDescription, losses: Losses) -> Scene:
         raise InvalidScenario(
             scenario.id, "ego_id", "expected an ego that is a vehicle seen in these timesteps, found none"
         )
-    return Scene(
+    return TrainingScene(
         rows, steps, position, tracks.heading[rows, steps].astype(np.float64),
         tracks.velocity[rows, steps].astype(np.float64), valid, size[np.arange(len(rows)), first_seen], goal,
         int(ego[0]), _roads(scenario, losses),

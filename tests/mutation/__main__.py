@@ -21,7 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosmic_ray.commands.init import init
-from cosmic_ray.mutating import mutate_and_test
+from cosmic_ray.mutating import mutate_and_test, mutate_code
+from cosmic_ray.plugins import get_operator
 from cosmic_ray.work_db import WorkDB, use_db
 from cosmic_ray.work_item import MutationSpec, TestOutcome, WorkItem
 
@@ -98,14 +99,14 @@ def variant(mutation: MutationSpec) -> str:
 
 
 def unevaluated(path: Path) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Return the ranges of a file (line, column) that are annotations or type aliases."""
+    """Return the ranges of a file (line, column) that are annotations or decorators."""
     ranges = []
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         notes: list[ast.expr | None] = []
         if isinstance(node, ast.arg | ast.AnnAssign):
             notes.append(node.annotation)
-        elif isinstance(node, ast.FunctionDef):
-            notes.append(node.returns)
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            notes += [getattr(node, "returns", None), *node.decorator_list]
         for note in notes:
             if note is not None:
                 ranges.append(((note.lineno, note.col_offset), (note.end_lineno or 0, note.end_col_offset or 0)))
@@ -144,11 +145,22 @@ def draw(area: Area, items: list[WorkItem], seed: int) -> list[WorkItem]:
     drawn = []
     for place in order:
         item = generator.choice(places[place])
-        if name_of(item.mutations[0]) not in proofs:
+        if name_of(item.mutations[0]) not in proofs and is_python(item.mutations[0]):
             drawn.append(item)
         if len(drawn) == area.number:
             break
     return drawn
+
+
+def is_python(mutation: MutationSpec) -> bool:
+    """Whether the mutant compiles, so that a test has to catch it."""
+    operator = get_operator(mutation.operator_name)(**mutation.operator_args)
+    _, mutated = mutate_code(mutation.module_path.read_text("utf-8"), operator, mutation.occurrence)
+    try:
+        compile(mutated or "", mutation.module_path, "exec", dont_inherit=True)
+    except SyntaxError:
+        return False
+    return True
 
 
 def prepare_checkout() -> None:

@@ -64,18 +64,36 @@ def parse_options(converter: Converter[Any], words: Iterable[str]) -> Options:
     Raises:
         BadParameter: An option is unknown or a value does not match its type; the message lists the valid ones.
     """
-    known = {option.name: option for option in options(converter)}
+    words = tuple(words)
+    for key in pairs(words, "-p"):
+        converter.Options.refuse_removed(key)
+    made: Options = converter.Options(**parse_fields(converter.Options, converter.name, words))
+    return made
+
+
+def parse_fields(kind: type[Any], name: str, words: Iterable[str]) -> dict[str, Any]:
+    """Parse ``key=value`` words into values for the fields of a dataclass.
+
+    Args:
+        kind: The dataclass: the options of a converter, or the writer of a format.
+        name: What has these fields, for error messages.
+        words: As typed after ``-p``.
+
+    Raises:
+        BadParameter: A field is unknown or a value does not match its type; the message lists the valid ones.
+    """
+    hints, known = get_type_hints(kind), {each.name: each for each in fields(kind)}
     given = {}
     for key, word in pairs(words, "-p").items():
-        converter.Options.refuse_removed(key)
         if key not in known:
-            raise BadParameter(f"{converter.name} has no option {key!r}; it has {', '.join(known) or 'none'}")
+            raise BadParameter(f"{name} has no option {key!r}; it has {', '.join(known) or 'none'}")
+        option = ConverterOption(key, hints[key], _default(known[key]), "")
         try:
-            given[key] = _convert(known[key].type, word)
+            given[key] = _convert(option.type, word)
         except (ValueError, KeyError) as error:
-            wanted = f"{known[key].type_text}, for example {known[key].default!r}"
-            raise BadParameter(f"{converter.name}: option {key} wants {wanted}; found {word!r}") from error
-    return converter.Options(**given)
+            wanted = f"{option.type_text}, for example {option.default!r}"
+            raise BadParameter(f"{name}: option {key} wants {wanted}; found {word!r}") from error
+    return given
 
 
 def _convert(wanted: Any, word: str) -> Any:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.gpudrive.layout import INVALID, MAX_OBJECTS, MAX_POINTS, MAX_ROADS, ROADS
-from scenarionet_data.interchange.scenes import Scene, crosses_edges, make_scene, object_name
+from scenarionet_data.interchange.scenes import TrainingScene, crosses_edges, make_scene, object_name
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -23,7 +23,7 @@ class GpuDriveWriter:
     suffixes: ClassVar[tuple[str, ...]] = (".json",)
 
     def write(self, scenario: ScenarioDescription, stem: str, losses: Losses) -> Mapping[str, bytes]:
-        """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.Writer`."""
+        """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.FormatWriter`."""
         scene = make_scene(scenario, losses)
         losses.leave_out("objects beyond those that GPUDrive reads", max(len(scene.rows) - MAX_OBJECTS, 0))
         losses.leave_out("roads beyond those that GPUDrive reads", max(len(scene.roads) - MAX_ROADS, 0))
@@ -40,7 +40,7 @@ class GpuDriveWriter:
         return {f"{stem}.json": text.encode()}
 
 
-def _object(scenario: ScenarioDescription, scene: Scene, place: int) -> dict[str, Any]:
+def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int) -> dict[str, Any]:
     row, valid = scene.rows[place], scene.valid[place]
     extras = json.loads(scenario.tracks.extras[row] or "{}")
 
@@ -86,7 +86,7 @@ def _road(scenario: ScenarioDescription, row: int, points: Float64, losses: Loss
     }
 
 
-def _metadata(scenario: ScenarioDescription, scene: Scene) -> dict[str, Any]:
+def _metadata(scenario: ScenarioDescription, scene: TrainingScene) -> dict[str, Any]:
     place_of = {scenario.tracks.ids[row]: place for place, row in enumerate(scene.rows[:MAX_OBJECTS])}
     interesting = [place_of[track] for track in scenario.objects_of_interest if track in place_of]
     predicted = [

@@ -14,7 +14,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.gpudrive.layout import INVALID, ROADS
 from scenarionet_data.interchange.pufferdrive.layout import OBJECT_TYPES, ROAD_TYPES, Entity, PufferMap, encode
-from scenarionet_data.interchange.scenes import Scene, crosses_edges, make_scene, object_name
+from scenarionet_data.interchange.scenes import TrainingScene, crosses_edges, make_scene, object_name
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -43,7 +43,7 @@ class PufferDriveWriter:
             raise BadParameter(f"layout={self.layout}: PufferDrive has the layouts 1 and 2")
 
     def write(self, scenario: ScenarioDescription, stem: str, losses: Losses) -> Mapping[str, bytes]:
-        """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.Writer`."""
+        """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.FormatWriter`."""
         scene = make_scene(scenario, losses)
         objects = [_object(scenario, scene, place) for place in range(len(scene.rows))]
         roads = (
@@ -72,7 +72,7 @@ class PufferDriveWriter:
         return Entity(ROAD_TYPES[name], road_id, points.astype(np.float32))
 
 
-def _object(scenario: ScenarioDescription, scene: Scene, place: int) -> Entity:
+def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int) -> Entity:
     row, valid = scene.rows[place], scene.valid[place]
     extras = json.loads(scenario.tracks.extras[row] or "{}")
     is_expert = extras.get("mark_as_expert")

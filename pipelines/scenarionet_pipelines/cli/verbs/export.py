@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.interchange import WRITERS, writer_class
 from scenarionet_data.storage.files.places import is_url
 from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
@@ -15,17 +16,19 @@ from scenarionet_pipelines.cli.parameters import (
     database_argument,
     json_option,
     lake_argument,
+    parameter_option,
     quiet_option,
     replace_option,
 )
 from scenarionet_pipelines.cli.progress import ProgressDisplay
 
-_FORMATS = ("scenarionet",)
+_FORMATS = ("scenarionet", *WRITERS)
 
 
 @verb(
     "export",
     "scenarionet export lake busy_val exported/busy_val --format scenarionet",
+    "scenarionet export lake busy_val maps --format pufferdrive -p layout=1",
     "scenarionet export lake busy_val exported/busy_val --workers 4",
     "scenarionet export lake busy_val exported/busy_val --cluster local",
 )
@@ -33,6 +36,7 @@ _FORMATS = ("scenarionet",)
 @database_argument
 @click.argument("directory", metavar="DIR")
 @click.option("--format", "file_format", type=click.Choice(_FORMATS), default=_FORMATS[0], help="Format of the output.")
+@parameter_option
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes. [default: 1]")
 @cluster_option
 @replace_option
@@ -48,6 +52,7 @@ def command(
     database: str,
     directory: str,
     file_format: str,
+    parameters: tuple[str, ...],
     workers: int | None,
     cluster: str | None,
     replace: bool,
@@ -58,16 +63,25 @@ def command(
     """Export a database to the folder DIR, or to a URL in an object store.
 
     The format `scenarionet` is a folder of pickles that ScenarioNet and MetaDrive load unchanged. To read such
-    pickles, run `scenarionet convert scenarionet DIR LAKE`.
+    pickles, run `scenarionet convert scenarionet DIR LAKE`. Other formats are files for other simulators; what these
+    cannot hold is counted below, and per scenario in DIR/export.jsonl. `-p` sets an option of the format.
     """
     from scenarionet_data import ScenarioLoader
     from scenarionet_data.execution.executors import ProcessExecutor
     from scenarionet_data.export import export
+    from scenarionet_data.interchange.base import Losses
+    from scenarionet_pipelines.cli.converter import parse_fields
 
     if cluster and is_url(directory):
         raise BadParameter(
             f"{directory}: the workers of a cluster write to a folder that they share; give one, or leave out --cluster"
         )
+    if file_format != _FORMATS[0]:
+        chosen = parse_fields(writer_class(file_format), file_format, parameters)
+    elif parameters:
+        raise BadParameter(f"-p sets options of other formats than {file_format}; leave it out")
+    else:
+        chosen = {}
     scenarios = ScenarioLoader(lake, database)
     with (
         executor_from_options(cluster, workers, quiet=quiet) as execution,
@@ -78,6 +92,8 @@ def command(
             directory,
             replace=replace,
             original=not current_format,
+            file_format=file_format,
+            parameters=chosen,
             executor=execution.measured or (ProcessExecutor(workers) if workers else None),
             on_progress=progress.update,
         )
@@ -87,13 +103,15 @@ def command(
         print_json(
             {"directory": report.directory, "format": file_format}
             | written
-            | {"refused": refused}
+            | {"refused": refused, "losses": Losses(report.losses).as_json()}
             | worker_facts(execution.stats)
         )
     else:
         left_out = f", {len(report.refused):,} left out" if report.refused else ""
         scenarios_written = count(report.num_scenarios, "scenario")
         click.echo(f"{report.directory}: {scenarios_written}{left_out}, {size(report.num_bytes)}")
+        for loss in report.losses:
+            click.echo(f"  {loss}")
         print_table(worker_rows(execution.stats, "part"))
         for error in report.refused:
             click.echo(f"left out: {one_line(error)}", err=True)
