@@ -65,7 +65,7 @@ def export(
         return write_files(
             cast(Sequence[ScenarioDescription], scenarios),
             local_path(directory, f"an export as {file_format}"),
-            writer_for(file_format, **(parameters or {})),
+            writer_for(file_format, parameters),
             replace=replace,
             executor=executor or run_serially,
             on_progress=on_progress,

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.errors import BadParameter, MissingDependency
@@ -46,7 +47,7 @@ def writer_class(name: str) -> type[Any]:
     return kind
 
 
-def writer_for(name: str, **options: Any) -> FormatWriter:
+def writer_for(name: str, options: Mapping[str, Any] | None = None) -> FormatWriter:
     """Return the writer of a format with options, the fields of its class.
 
     Raises:
@@ -55,8 +56,8 @@ def writer_for(name: str, **options: Any) -> FormatWriter:
     """
     kind = writer_class(name)
     known = kind.__dataclass_fields__
-    unknown = sorted(set(options) - set(known))
+    unknown = sorted(set(options or {}) - set(known))
     if unknown:
         raise BadParameter(f"{name} has no option {unknown[0]!r}; it has {', '.join(known) or 'none'}")
-    writer: FormatWriter = kind(**options)
+    writer: FormatWriter = kind(**(options or {}))
     return writer

@@ -48,7 +48,11 @@ class Area:
     def command(self) -> str:
         """The command that runs the tests until the first one fails."""
         python = ROOT / (".venv-learn" if self.needs_torch else ".venv") / "bin" / "python"
-        marks = "learn and not long" if self.needs_torch else "not long and not learn and not damage and not packaging"
+        marks = (
+            "learn and not long"
+            if self.needs_torch
+            else "not long and not learn and not integration and not damage and not packaging"
+        )
         return f"{python} -m pytest -x -q -p no:cacheprovider -m '{marks}' {' '.join(self.tests)}"
 
 

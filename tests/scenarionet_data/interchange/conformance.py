@@ -66,4 +66,4 @@ class WriterConformance:
 
     def test_unknown_options_are_refused(self):
         with pytest.raises(BadParameter, match="no option 'colour'"):
-            writer_for(self.name, colour="red")
+            writer_for(self.name, {"colour": "red"})

@@ -29,7 +29,9 @@ class TestPufferDrive(WriterConformance):
     @pytest.mark.parametrize("layout", [1, 2])
     def test_written_maps_are_read_back(self, lake, layout):
         scenario = ScenarioLoader(lake)[1]
-        (content,) = writer_for("pufferdrive", layout=layout, simplify=False).write(scenario, "m", Losses()).values()
+        (content,) = (
+            writer_for("pufferdrive", {"layout": layout, "simplify": False}).write(scenario, "m", Losses()).values()
+        )
         read = decode(content, layout, "m.bin")
         ego = read.objects[read.ego if layout == 2 else 0]
         row, first = scenario.ego_index, scenario.current_timestep - 10
@@ -62,7 +64,7 @@ def test_damage_is_a_sentence(layout):
     with pytest.raises(CorruptSource):
         decode(content, 3 - layout, "map.bin")
     with pytest.raises(BadParameter, match="layouts 1 and 2"):
-        writer_for("pufferdrive", layout=3)
+        writer_for("pufferdrive", {"layout": 3})
 
 
 def test_simplified_lines_keep_corners_and_ends():
