@@ -15,7 +15,7 @@ import numpy as np
 from scenarionet_data import codec
 from scenarionet_data.cards import HasCard
 from scenarionet_data.databases.record import DatabaseRecord
-from scenarionet_data.errors import LakeError
+from scenarionet_data.errors import BadParameter, LakeError, ScenarioNotFound
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.storage.read.map_cache import MapCache
@@ -88,9 +88,11 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
         return self._stream(range(len(self)), TABLES, self._scenarios)
 
     def __getitem__(self, index: Any) -> Any:
-        """Scenario ``index``; a list of scenarios for a slice."""
+        """Scenario ``index``, or of an id; a list of scenarios for a slice or several indices."""
         if isinstance(index, slice):
             return self.batch(range(len(self))[index])
+        if isinstance(index, list | range | np.ndarray):
+            return self.batch(list(index))
         (scenario,) = self._scenarios(self._metadata([index]))
         return scenario
 
@@ -127,13 +129,29 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
             for group in _decoding_groups(metadata[:_PREFETCHED]):
                 yield from decode(group)
 
-    def _metadata(self, indices: Sequence[int]) -> list[Metadata]:
+    def _metadata(self, indices: Sequence[Any]) -> list[Metadata]:
         size, rows = len(self), []
         for index in indices:
+            if not isinstance(index, int | np.integer):
+                index = self._position(index)
             if not -size <= index < size:
-                raise IndexError(f"scenario {index} of {size}")
+                raise IndexError(f"scenario {index} of {size}" + ("" if size else ": the selection is empty"))
             rows.append(self._rows[index % size])
         return rows
+
+    def _position(self, scenario_id: Any) -> int:
+        """Index of a scenario by its id.
+
+        Raises:
+            BadParameter: It is no id.
+            ScenarioNotFound: None of the scenarios has it.
+        """
+        if not isinstance(scenario_id, str):
+            raise BadParameter(f"expected the index of a scenario, 0 ... {len(self) - 1}, or its id; {scenario_id!r}")
+        ids = self.scenario_ids
+        if scenario_id not in ids:
+            raise ScenarioNotFound(f"none of {len(ids):,} scenarios is {scenario_id!r}; ids look like {ids[:1]}")
+        return ids.index(scenario_id)
 
     def _scenarios(self, metadata: Sequence[Metadata]) -> list[ScenarioDescription]:
         if self._is_sealed:

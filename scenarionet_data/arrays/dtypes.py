@@ -25,3 +25,10 @@ ArrayRecord: TypeAlias = Any
 """One element of a record array: ``np.record``, whose fields NumPy does not type."""
 RecordArray: TypeAlias = Any
 """``np.recarray``: fields are attributes, each an array."""
+
+
+def is_count(value: object, least: int | None = 0) -> bool:
+    """Return whether a value is a whole number, of Python or NumPy, that is not below ``least``."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        return False
+    return least is None or int(value) >= least

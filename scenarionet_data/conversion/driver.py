@@ -85,6 +85,9 @@ def convert(
         BrokenContract: A shared map breaks a hard rule.
         LakeError: The lake cannot be written.
     """
+    for name, number in (("workers", workers), ("limit", limit)):
+        if number is not None and number < 1:
+            raise BadParameter(f"{name}: wanted 1 or more, found {number}")
     started, raw = time.monotonic(), str(raw)
     try:
         wanted = _Wanted(dataset, raw, lake, split, version, options, selection, replace, reconvert_stale)

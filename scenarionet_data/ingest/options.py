@@ -71,6 +71,8 @@ class Options:
         Raises:
             BadParameter: An unknown name, or a value of the wrong type.
         """
+        if not isinstance(values, Mapping):
+            raise BadParameter(f"options: wanted {cls.__name__} or values by name, found {values!r}")
         hints, known = get_type_hints(cls), {each.name: each for each in fields(cls)}
         for name, value in values.items():
             cls.refuse_removed(name)

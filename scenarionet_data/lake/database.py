@@ -76,11 +76,11 @@ class Database(DatabaseRecord, HasCard, Filtering["Database"], Splitting["Databa
         return scenario_id in self._positions
 
     @overload
-    def __getitem__(self, index: int) -> ScenarioDescription: ...
+    def __getitem__(self, index: int | str) -> ScenarioDescription: ...
     @overload
     def __getitem__(self, index: slice) -> list[ScenarioDescription]: ...
-    def __getitem__(self, index: int | slice) -> ScenarioDescription | list[ScenarioDescription]:
-        """Load the scenario at an index; for a slice, a list of scenarios."""
+    def __getitem__(self, index: int | str | slice) -> ScenarioDescription | list[ScenarioDescription]:
+        """Load the scenario at an index, or of an id; for a slice, a list of scenarios."""
         loaded: ScenarioDescription | list[ScenarioDescription] = self._loader[index]
         return loaded
 

@@ -13,6 +13,7 @@ from typing import Any, Generic, Self, TypeVar
 import pyarrow as pa
 
 from scenarionet_data import version
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.databases import record as records
 from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord, Lineage
@@ -279,6 +280,17 @@ def as_recorded(parameters: Mapping[str, Any]) -> dict[str, Any]:
             "pass a date as text and compare with $name::DATE"
         ) from error
     return recorded
+
+
+def check_whole(what: str, value: object, least: int | None = None) -> None:
+    """Raise for anything but None and whole numbers from ``least`` on.
+
+    Raises:
+        BadParameter: It is something else.
+    """
+    if value is not None and not is_count(value, least):
+        at_least = "" if least is None else f" of {least} or more"
+        raise BadParameter(f"{what}: wanted a whole number{at_least}, found {value!r}")
 
 
 def check_column(view: LakeView, column: str, purpose: str) -> None:

@@ -92,6 +92,8 @@ def find_scenarios(
 ) -> tuple[Lineage, Generator[pa.RecordBatch, None, None]]:
     """Return the lineage of a filter, and its rows in order; see :meth:`Filtering.filter`."""
     check_expression(where)
+    if not isinstance(parameters or {}, Mapping):
+        raise BadParameter(f"parameters: wanted values by name, as {{'min': 10}}, found {parameters!r}")
     named = FILTERS.resolve(filters)
     if ids is not None:
         if isinstance(ids, str):

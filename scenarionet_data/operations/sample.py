@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, check_column, uniform
+from scenarionet_data.operations.database_query import (
+    AnyDatabase,
+    DatabaseQuery,
+    Pool,
+    check_column,
+    check_whole,
+    uniform,
+)
 from scenarionet_data.query.statements import check_expression
 from scenarionet_data.query.suggestions import explaining
 
@@ -53,10 +60,10 @@ class Sampling(Pool[AnyDatabase]):
         """
         if (n is None) == (fraction is None):
             raise BadParameter("wanted either a number of scenarios or a fraction")
-        if n is not None and n < 1:
-            raise BadParameter(f"wanted a number of 1 or more, found {n}")
-        if fraction is not None and not 0 < fraction <= 1:
-            raise BadParameter(f"wanted a fraction above 0 and up to 1, found {fraction:g}")
+        for what, value, least in (("n", n, 1), ("levels", levels, 1), ("seed", seed, None)):
+            check_whole(what, value, least)
+        if fraction is not None and not (isinstance(fraction, int | float) and 0 < fraction <= 1):
+            raise BadParameter(f"fraction: wanted a number above 0 and up to 1, found {fraction!r}")
         check_expression(weights)
         query = self._query(database)
         sql = query.query("operations/sample", {"rounds": _rounds(query, weights, stratify, balance, levels)})
@@ -72,8 +79,6 @@ def _rounds(query: DatabaseQuery, weights: str, stratify: str | None, balance: s
     """Return SQL that gives each scenario its ``round`` and, within a round, its ``priority``."""
     if [stratify, balance, levels].count(None) < 2:
         raise BadParameter("wanted one of stratify (as the whole), balance (as many of each), levels (of difficulty)")
-    if levels is not None and levels < 1:
-        raise BadParameter(f"wanted 1 level or more, found {levels}")
     column = stratify or balance
     if column is not None:
         check_column(query.view, column, "to sample by")

@@ -19,7 +19,14 @@ from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.databases.writer import DatabaseWriter
 from scenarionet_data.errors import BadParameter, EmptyResult, LakeError, LeakingSplit
-from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, check_column, uniform
+from scenarionet_data.operations.database_query import (
+    AnyDatabase,
+    DatabaseQuery,
+    Pool,
+    check_column,
+    check_whole,
+    uniform,
+)
 
 _MAX_PARTS = 100
 
@@ -110,6 +117,8 @@ class Splitting(Pool[AnyDatabase]):
             raise BadParameter("stratify goes with fractions alone: not with along, levels or each")
         if each is not None and along is not None:
             raise BadParameter("each makes a part for every value, without order: leave along out")
+        check_whole("levels", levels, 1)
+        check_whole("seed", seed)
         query = self._query(database)
         stem = name or (query.parents[0].name if query.parents else "all")
         if stem is None:
@@ -118,8 +127,6 @@ class Splitting(Pool[AnyDatabase]):
             parts = _by_value(query, each, stem)
         else:
             if levels is not None:
-                if levels < 1:
-                    raise BadParameter(f"wanted 1 level or more, found {levels}")
                 fractions = {f"level{number}": 1.0 / levels for number in range(1, levels + 1)}
                 along = along or "difficulty"
             parts = _by_share(query, fractions or {}, seed, by, stratify, along, levels is not None, stem)
@@ -201,7 +208,7 @@ def upper_bounds(fractions: Mapping[str, float]) -> list[float]:
     Raises:
         BadParameter: A fraction is not above 0, or they do not add up to 1.
     """
-    if not fractions or any(not fraction > 0 for fraction in fractions.values()):
+    if not fractions or not all(isinstance(each, int | float) and 0 < each <= 1 + 1e-6 for each in fractions.values()):
         raise BadParameter('wanted at least one part, each with a fraction above 0, as in {"train": 0.9, "val": 0.1}')
     exact = [Fraction(repr(float(fraction))) for fraction in fractions.values()]  # 0.2 + 0.2 + 0.2 is 0.6
     total = sum(exact, Fraction())

@@ -73,6 +73,9 @@ class LakeView:
         *,
         max_memory: int | None = None,
     ) -> None:
+        for what, value in (("snapshot", snapshot), ("max_memory", max_memory)):
+            if not (value is None or isinstance(value, int)):
+                raise BadParameter(f"{what}: wanted a number or None, found {value!r}")
         self.files = open_files(root)
         snapshots.check_is_lake(self.files)
         self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
@@ -243,7 +246,10 @@ class LakeView:
 
         Raises:
             DatabaseNotFound: The message lists the existing databases.
+            BadParameter: It is neither a name nor a database.
         """
+        if not isinstance(database, DatabaseRecord | str):
+            raise BadParameter(f"wanted a database or its name, found {database!r}; there are {self.databases}")
         return records.resolve(self.files, database)
 
     # --- scenarios ------------------------------------------------------------------------------------

@@ -57,6 +57,8 @@ def check_expression(where: str) -> None:
 
 
 def _check_text(sql: str) -> None:
+    if not isinstance(sql, str):
+        raise QueryError(f"wanted SQL as text, found {sql!r}")
     try:
         sql.encode()
     except UnicodeEncodeError as error:

@@ -39,4 +39,8 @@ def similar_columns(where: str, user_columns: Iterable[str] = ()) -> str:
     words = {word.lower() for word in re.findall(r"[A-Za-z_]\w*", where)} - set(columns)
     near = [name for word in sorted(words) for name in difflib.get_close_matches(word, columns, n=3, cutoff=0.5)]
     hint = f"similar: {', '.join(dict.fromkeys(near))}; " if near else ""
+    compared = re.findall(r"(?:[=<>(,]|\b(?:IN|LIKE)\b)\s*([A-Za-z_]\w*)\b(?!\s*\()", where, re.IGNORECASE)
+    texts = [word for word in compared if word.lower() in words]
+    if texts:
+        hint = f"a text is written in quotes, '{texts[0]}'; {hint}"
     return f"{hint}`scenarionet info filters --columns` explains all columns"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.query.statements import check_expression
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -23,7 +24,8 @@ class TimeWindow:
         future: Time after it [s].
         dt: Timestep [s]; recordings with another one are interpolated, angles along the shorter arc.
         stride: Time between the current timesteps of a scenario's samples [s], from the first that has the whole
-            history; by default a scenario is used once, at its own ``current_timestep``.
+            history; by default a scenario is used once, at its own ``current_timestep`` or, where that leaves no room
+            for the window, at the first timestep that does.
         longest_gap: Longest time between two recorded states that is interpolated [s].
     """
 
@@ -34,11 +36,12 @@ class TimeWindow:
     longest_gap: float = 1.0
 
     def __post_init__(self) -> None:
-        _require(self.dt > 0, "dt", "a timestep above 0 s", self.dt)
-        _require(self.stride is None or self.stride > 0, "stride", "a time above 0 s, or None", self.stride)
+        _require(0 < self.dt < np.inf, "dt", "a timestep above 0 s", self.dt)
+        _require(self.stride is None or 0 < self.stride < np.inf, "stride", "a time above 0 s, or None", self.stride)
+        _require(self.longest_gap >= 0, "longest_gap", "0 s or more", self.longest_gap)
         for name in ("history", "future"):
             steps = getattr(self, name) / self.dt
-            is_whole = steps >= 0 and abs(steps - round(steps)) < 1e-6
+            is_whole = 0 <= steps < np.inf and abs(steps - round(steps)) < 1e-6
             _require(is_whole, name, f"a multiple of {self.dt:g} s", getattr(self, name))
 
     @property
@@ -67,7 +70,10 @@ class Agents:
     types: tuple[ObjectType, ...] = ROAD_USERS
 
     def __post_init__(self) -> None:
-        _require(self.count > 0, "count", "at least 1 agent", self.count)
+        _require(is_count(self.count, 1), "count", "at least 1 agent", self.count)
+        _require(self.radius > 0, "radius", "a distance above 0 m", self.radius)
+        kinds = ", ".join(kind.name for kind in ObjectType)
+        _require(all(isinstance(kind, ObjectType) for kind in self.types), "types", f"ObjectTypes: {kinds}", self.types)
 
 
 @dataclass(frozen=True)
@@ -87,9 +93,10 @@ class Polylines:
     radius: float = 100.0
 
     def __post_init__(self) -> None:
-        _require(self.count >= 0, "count", "0 polylines or more", self.count)
-        _require(self.points >= 2, "points", "at least 2 points", self.points)
-        _require(self.spacing > 0, "spacing", "a distance above 0 m", self.spacing)
+        _require(is_count(self.count, 0), "count", "0 polylines or more", self.count)
+        _require(is_count(self.points, 2), "points", "at least 2 points", self.points)
+        _require(0 < self.spacing < np.inf, "spacing", "a distance above 0 m", self.spacing)
+        _require(self.radius > 0, "radius", "a distance above 0 m", self.radius)
 
 
 @dataclass(frozen=True)
@@ -98,18 +105,20 @@ class Targets:
 
     Attributes:
         which: ``recorded``: those that the dataset's challenge asks for (``tracks_to_predict``); ``ego``; ``moving``:
-            road users that travel more than 1 m; ``where``: those of an SQL condition over the view ``objects``.
+            road users that travel more than 1 m; ``where``: those of an SQL condition over the view ``objects``;
+            ``default``: as ``recorded``, but ``moving`` in scenarios that name none.
         where: The condition, for example ``object_type = 'CYCLIST' AND distance > 5``.
         limit: Largest number of targets of a scenario; the first ones by ``track_index``.
     """
 
-    which: Literal["recorded", "ego", "moving", "where"] = "recorded"
+    which: Literal["default", "recorded", "ego", "moving", "where"] = "default"
     where: str = ""
     limit: int | None = None
 
     def __post_init__(self) -> None:
-        kinds = ("recorded", "ego", "moving", "where")
+        kinds = ("default", "recorded", "ego", "moving", "where")
         _require(self.which in kinds, "which", " or ".join(kinds), self.which)
+        _require(self.limit is None or is_count(self.limit, 1), "limit", "at least 1 target, or None", self.limit)
         has_condition = bool(self.where.strip())
         _require(
             has_condition == (self.which == "where"), "where", 'a condition exactly with which="where"', self.where
@@ -121,7 +130,7 @@ class Targets:
     def condition(self) -> str:
         """SQL over the view ``objects``; empty if targets are named in the view ``metadata``."""
         types = ", ".join(f"'{kind.name}'" for kind in ROAD_USERS)
-        return f"distance > 1 AND object_type IN ({types})" if self.which == "moving" else self.where
+        return f"distance > 1 AND object_type IN ({types})" if self.which in ("default", "moving") else self.where
 
 
 @dataclass(frozen=True)
@@ -144,7 +153,8 @@ class Augmentation:
 
     def __post_init__(self) -> None:
         _require(0 <= self.rotation <= np.pi, "rotation", "0 ... pi rad", self.rotation)
-        _require(self.noise >= 0, "noise", "0 m or more", self.noise)
+        _require(0 <= self.noise < np.inf, "noise", "0 m or more", self.noise)
+        _require(is_count(self.seed, 0), "seed", "a whole number of 0 or more", self.seed)
         for name in ("flip", "drop"):
             _require(0 <= getattr(self, name) <= 1, name, "a probability", getattr(self, name))
 
@@ -168,6 +178,26 @@ class Choices:
 
     def __post_init__(self) -> None:
         _require(self.perspective in ("agent", "scene"), "perspective", "agent or scene", self.perspective)
+
+
+_Part = TypeVar("_Part", TimeWindow, Agents, Polylines, Targets, Augmentation)
+
+
+def part_of(kind: type[_Part], name: str, given: Any) -> _Part:
+    """Return a part of the choices: as given, or from the text or numbers of its first fields; the default for None.
+
+    Raises:
+        BadParameter: It is something else.
+    """
+    if given is None or isinstance(given, kind):
+        return given or kind()
+    is_text = kind is Targets and isinstance(given, str)
+    if not (is_text or isinstance(given, tuple)):
+        raise BadParameter(f"{name}: expected {kind.__name__}, such as {kind()!r}, found {given!r}")
+    try:
+        return kind(*((given,) if isinstance(given, str) else given))
+    except TypeError as error:
+        raise BadParameter(f"{name}: expected {kind.__name__}, such as {kind()!r}, found {given!r}") from error
 
 
 def _require(is_right: bool, name: str, wanted: str, found: object) -> None:

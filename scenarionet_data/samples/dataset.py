@@ -12,11 +12,20 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int64, UInt64
+from scenarionet_data.arrays.dtypes import Array, Int64, UInt64, is_count
 from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike, open_view
-from scenarionet_data.samples.choices import Agents, Augmentation, Choices, Polylines, Targets, TimeWindow
+from scenarionet_data.samples.choices import (
+    Agents,
+    Augmentation,
+    Choices,
+    Polylines,
+    Targets,
+    TimeWindow,
+    part_of,
+)
 from scenarionet_data.samples.forecasting import forecasting
 from scenarionet_data.samples.scenes import MAP_COLUMNS, TRACK_COLUMNS, Requests, SceneReader, Scenes
 from scenarionet_data.samples.selection import SamplesWarning, select
@@ -78,7 +87,8 @@ class Samples(Sequence[Sample]):
     Args:
         lake: The lake, its path or its URL.
         database: A database, its name, or scenario ids; by default all scenarios.
-        window, agents, polylines, targets, augmentation: What a sample contains.
+        window, agents, polylines, targets, augmentation: What a sample contains; ``window=(1.0, 3.0)`` is short for
+            ``TimeWindow(history=1.0, future=3.0)``, ``targets="moving"`` for ``Targets("moving")``.
         perspective: ``agent``: one sample per target; ``scene``: one per scenario, around the ego.
         layout: How samples are made; a function of ``Scenes`` and ``Choices`` for a layout of your own.
 
@@ -100,16 +110,24 @@ class Samples(Sequence[Sample]):
         lake: LakeLike,
         database: DatabaseRecord | str | Iterable[str] | None = None,
         *,
-        window: TimeWindow | None = None,
+        window: TimeWindow | tuple[float, ...] | None = None,
         agents: Agents | None = None,
         polylines: Polylines | None = None,
-        targets: Targets | None = None,
+        targets: Targets | str | None = None,
         augmentation: Augmentation | None = None,
         perspective: Literal["agent", "scene"] = "agent",
         layout: SampleLayout | Callable[[Scenes, Choices], Mapping[str, Array]] = FORECASTING,
     ) -> None:
-        parts = (window or TimeWindow(), agents or Agents(), polylines or Polylines(), targets or Targets())
-        self.choices = Choices(*parts, augmentation or Augmentation(), perspective)
+        self.choices = Choices(
+            part_of(TimeWindow, "window", window),
+            part_of(Agents, "agents", agents),
+            part_of(Polylines, "polylines", polylines),
+            part_of(Targets, "targets", targets),
+            part_of(Augmentation, "augmentation", augmentation),
+            perspective,
+        )
+        if not (isinstance(layout, SampleLayout) or callable(layout)):
+            raise BadParameter(f"layout: expected FORECASTING, UNITRAJ or a function, found {layout!r}")
         self.layout = layout if isinstance(layout, SampleLayout) else SampleLayout(layout)
         view, rows = open_view(lake).find(database)
         self._rows = rows if self.layout.columns is None else rows.select(_METADATA)
@@ -166,6 +184,8 @@ class Samples(Sequence[Sample]):
             LakeError: A file is missing or damaged.
         """
         numbers = self._numbers(indices)
+        if not is_count(epoch, 0):
+            raise BadParameter(f"epoch: expected a whole number of 0 or more, found {epoch!r}")
         selection = self._selection
         scenes, scene = np.unique(selection.scene[numbers], return_inverse=True)
         if self._verifying is not None:
@@ -200,10 +220,14 @@ class Samples(Sequence[Sample]):
         return self._rows.numbers[self._selection.scene]
 
     def _numbers(self, indices: Sequence[int] | Int64) -> Int64:
-        numbers = np.asarray(indices, np.int64)
+        numbers = np.asarray(indices)
+        if numbers.ndim != 1 or not len(numbers) or numbers.dtype.kind not in "iu":
+            raise BadParameter(f"expected whole numbers of samples, at least one, as in range(32); found {indices!r}")
+        numbers = numbers.astype(np.int64, copy=False)
         outside = (numbers < -len(self)) | (numbers >= len(self))
         if outside.any():
-            raise IndexError(f"sample {numbers[outside][0]} of {len(self)}")
+            why = "" if len(self) else ": `findings` says why the scenarios give none"
+            raise IndexError(f"sample {numbers[outside][0]} of {len(self)}{why}")
         return numbers % max(len(self), 1)
 
     @property

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Int64
+from scenarionet_data.arrays.dtypes import Int64, is_count
 from scenarionet_data.errors import BadParameter
 
 
@@ -25,8 +25,10 @@ class Shuffling:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.block < 1 or self.buffer < 1:
+        if not (is_count(self.block, 1) and is_count(self.buffer, 1)):
             raise BadParameter(f"block, buffer: expected at least 1 sample, found {self.block} and {self.buffer}")
+        if not is_count(self.seed, 0):
+            raise BadParameter(f"seed: expected a whole number of 0 or more, found {self.seed!r}")
 
 
 def epoch_order(places: Int64, shuffling: Shuffling | None, epoch: int) -> Int64:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
@@ -67,7 +67,13 @@ def select(view: LakeView, rows: MetadataRows, choices: Choices) -> Selection:
     table = rows.columns(_COLUMNS)
     times = _Times(table)
     scene, moment = times.moments(choices.window)
-    targets = _targets(view, rows, table, choices)
+    moved = np.zeros(len(rows), np.bool_)
+    if choices.window.stride is None:
+        moved[scene] = moment != times.current[scene]
+    unnamed = table["tracks_to_predict"].combine_chunks().value_lengths().to_numpy(zero_copy_only=False) == 0
+    unnamed &= choices.targets.which == "default"
+    are_current = choices.window.stride is None and not moved.any()
+    targets = _targets(view, rows, table, choices.targets, are_current=are_current and not unnamed.any())
     lacks_map = table["map_id"].is_null().to_numpy() if choices.polylines.count else np.zeros(len(rows), np.bool_)
     is_kept = ~lacks_map[scene] & (targets.counts[scene] > 0)
     scene_now, moment_now = scene[is_kept], moment[is_kept]
@@ -84,6 +90,8 @@ def select(view: LakeView, rows: MetadataRows, choices: Choices) -> Selection:
             "too short for the window": too_short,
             "without a map": lacks_map & ~too_short,
             "without targets": without & ~too_short & ~lacks_map,
+            "whose own timestep leaves no room for the window, at their first one that does": moved & ~without,
+            "that name no targets, with their moving road users": unnamed & ~without,
             f"of another timestep than {choices.window.dt:g} s, which are interpolated": (
                 np.abs(times.dt - choices.window.dt) > 0.05 * choices.window.dt
             ),
@@ -135,7 +143,7 @@ class _Times:
     def __init__(self, table: pa.Table) -> None:
         self.dt: Float64 = table["dt"].to_numpy()
         self._steps: Int64 = table["num_timesteps"].to_numpy().astype(np.int64)
-        self._current: Int64 = table["current_timestep"].to_numpy().astype(np.int64)
+        self.current: Int64 = table["current_timestep"].to_numpy().astype(np.int64)
         listed = table["timestamps"].combine_chunks()
         self._is_regular: Bool = listed.is_null().to_numpy(zero_copy_only=False)
         self._starts = listed.offsets.to_numpy()
@@ -151,10 +159,15 @@ class _Times:
         """Scenario and current timestep of each window that is recorded; a state holds for half a timestep."""
         slack = 0.5 * window.dt
         if window.stride is None:
-            now = self._at(self._current)
-            fits = (now >= window.history - slack) & (self._at(self._steps - 1) - now >= window.future - slack)
+            now, end = self._at(self.current), self._at(self._steps - 1)
+            fits = (now >= window.history - slack) & (end - now >= window.future - slack)
+            chosen = self.current.copy()
+            for scene in np.flatnonzero(~fits & (end >= window.history + window.future - 2 * slack)).tolist():
+                earliest = self._strided(scene, replace(window, stride=float(end[scene])), slack)[:1]
+                if len(earliest):
+                    chosen[scene], fits[scene] = earliest[0], True
             scenes = np.flatnonzero(fits)
-            return scenes.astype(np.int32), self._current[scenes].astype(np.int32)
+            return scenes.astype(np.int32), chosen[scenes].astype(np.int32)
         found = [self._strided(scene, window, slack) for scene in range(len(self._steps))]
         counts = [len(moments) for moments in found]
         moments = np.concatenate(found) if found else np.zeros(0)
@@ -173,22 +186,22 @@ class _Times:
         return found
 
 
-def _targets(view: LakeView, rows: MetadataRows, table: pa.Table, choices: Choices) -> _TargetLists:
+def _targets(
+    view: LakeView, rows: MetadataRows, table: pa.Table, targets: Targets, *, are_current: bool
+) -> _TargetLists:
     """Find targets. Those that the metadata names are seen at the scenario's own current timestep."""
-    which = choices.targets.which
     spans = None
-    if choices.window.stride is None and which == "ego":
+    if are_current and targets.which == "ego":
         counts, ids = np.ones(len(rows), np.int64), table["ego_id"].combine_chunks()
-    elif choices.window.stride is None and which == "recorded":
+    elif are_current and targets.which in ("default", "recorded"):
         listed = table["tracks_to_predict"].combine_chunks()
         counts, ids = listed.value_lengths().to_numpy().astype(np.int64), listed.flatten()
     else:
-        found = view.restrict_to(rows.ids.to_pylist()).arrow(_SPANS.format(chosen=_chosen(choices.targets)))
+        found = view.restrict_to(rows.ids.to_pylist()).arrow(_SPANS.format(chosen=_chosen(targets)))
         scene = pc.index_in(found["scenario_id"], value_set=rows.ids).to_numpy()
         spans = found.take(pa.array(np.argsort(scene, kind="stable")))
         counts, ids = np.bincount(scene, minlength=len(rows)), spans["track_id"].combine_chunks()
-    limit = choices.targets.limit
-    limited = counts if limit is None else np.minimum(counts, limit)
+    limited = counts if targets.limit is None else np.minimum(counts, targets.limit)
     return _TargetLists(np.cumsum(counts) - counts, limited.astype(np.int32), ids, spans)
 
 
@@ -196,9 +209,14 @@ def _chosen(targets: Targets) -> str:
     """SQL for the chosen objects."""
     if targets.which == "ego":
         return "SELECT scenario_id, ego_id AS track_id FROM metadata"
+    objects = f"SELECT scenario_id, track_id FROM objects WHERE ({targets.condition}\n)"
+    if targets.which not in ("default", "recorded"):
+        return objects
+    named = "SELECT scenario_id, unnest(tracks_to_predict) AS track_id FROM metadata"
     if targets.which == "recorded":
-        return "SELECT scenario_id, unnest(tracks_to_predict) AS track_id FROM metadata"
-    return f"SELECT scenario_id, track_id FROM objects WHERE ({targets.condition}\n)"
+        return named
+    unnamed = "SELECT scenario_id FROM metadata WHERE coalesce(len(tracks_to_predict), 0) = 0"
+    return f"{named} UNION ALL {objects} AND scenario_id IN ({unnamed})"
 
 
 def _findings(rows: MetadataRows, affected: Mapping[str, Bool]) -> dict[str, tuple[int, str]]:

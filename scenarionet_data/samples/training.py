@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.arrays.dtypes import Array, is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.samples.dataset import Sample, Samples
 from scenarionet_data.samples.order import Shuffling, batches_of, epoch_order
@@ -52,8 +52,8 @@ class SampleStream(IterableDataset[dict[str, Any]]):
         rank: int | None = None,
         world_size: int | None = None,
     ) -> None:
-        if batch_size < 1:
-            raise BadParameter(f"batch_size: expected at least 1 sample, found {batch_size}")
+        if not is_count(batch_size, 1):
+            raise BadParameter(f"batch_size: expected at least 1 sample, found {batch_size!r}")
         self._samples = samples
         self._batch_size = batch_size
         self._shuffling = shuffling
@@ -79,7 +79,14 @@ class SampleStream(IterableDataset[dict[str, Any]]):
         return {"epoch": self._epoch, "done": self._done}
 
     def load_state_dict(self, state: Mapping[str, int]) -> None:
-        """Continue after ``done`` batches of an epoch."""
+        """Continue after ``done`` batches of an epoch.
+
+        Raises:
+            BadParameter: It is no state of a stream.
+        """
+        wanted = isinstance(state, Mapping) and all(is_count(state.get(name), 0) for name in ("epoch", "done"))
+        if not wanted:
+            raise BadParameter(f"expected what state_dict returned, as {{'epoch': 2, 'done': 100}}; found {state!r}")
         self._epoch, self._done = state["epoch"], state["done"]
 
     def __iter__(self) -> Iterator[dict[str, Any]]:

@@ -159,7 +159,7 @@ def test_split_that_keeps_logs_together_is_not_reported(logs, how):
         ({}, "wanted one of fractions"),
         ({"fractions": {"a": 1.0}, "levels": 2}, "wanted one of fractions"),
         ({"levels": 2, "each": "city"}, "wanted one of fractions"),
-        ({"levels": 0}, "wanted 1 level or more"),
+        ({"levels": 0}, "levels: wanted a whole number of 1 or more"),
         ({"levels": 2, "stratify": "city"}, "stratify goes with fractions alone"),
         ({"fractions": {"a": 1.0}, "stratify": "city", "along": "date"}, "stratify goes with fractions alone"),
         ({"each": "city", "along": "date"}, "leave along out"),

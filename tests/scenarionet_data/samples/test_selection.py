@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ import pytest
 from scenarionet_data import Augmentation, Polylines, Samples, Targets, TimeWindow
 from scenarionet_data.errors import BadParameter, UnsafeSql
 from scenarionet_data.samples.selection import SamplesWarning
+from tests.fixtures.drives import make_drive
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import renamed
 from tests.scenarionet_data.samples.conftest import COUNT, made
 
 WINDOW = TimeWindow(history=0.4, future=1.2)
@@ -46,6 +50,25 @@ def test_recorded_targets_and_the_ego(lake):
     assert [key.track_ids for key in keys(quietly(lake, window=WINDOW))] == [("t0",), ("t1",)] * 4
     assert [key.track_ids for key in keys(quietly(lake, window=WINDOW, targets=Targets("ego")))] == [("t0",)] * 4
     assert len(quietly(lake, window=WINDOW, targets=Targets(limit=1))) == 4
+
+
+def test_a_long_scenario_that_is_current_at_its_start_gives_samples_by_default(tmp_path):
+    """As a scene of nuScenes: 19 s, current at its first timestep, and no targets named."""
+    scene = replace(make_drive(num_steps=39, dt=0.5), current_timestep=0)
+    named = replace(renamed(scene, "named"), tracks_to_predict=((scene.ego_id, 0),))
+    short = renamed(replace(make_drive(num_steps=10, dt=0.5), current_timestep=0), "short")
+    root = write_lake(tmp_path / "lake", [scene, named, short]).root
+    with pytest.warns(SamplesWarning) as warned:
+        samples = Samples(root, polylines=Polylines(count=0))
+    assert (scene.id, 2) in {(key.scenario_id, key.timestep) for key in keys(samples)}  # 1 s of history, at 2 Hz
+    assert [key for key in keys(samples) if key.scenario_id == named.id] == [(named.id, 2, (scene.ego_id,))]
+    assert samples.findings["too short for the window"] == (1, short.id)
+    assert samples.findings["whose own timestep leaves no room for the window, at their first one that does"][0] == 2
+    assert samples.findings["that name no targets, with their moving road users"] == (1, scene.id)
+    assert "1 too short for the window" in str(warned[0].message)
+    assert samples.batch(range(len(samples)))["has_centre"].all()
+    strict = quietly(root, targets=Targets("recorded"), polylines=Polylines(count=0))
+    assert {key.scenario_id for key in keys(strict)} == {named.id}
 
 
 def test_sql_over_objects_chooses_targets(lake):
@@ -92,7 +115,7 @@ def test_targets_that_are_not_seen_are_masked_with_one_warning(lake):
     [
         (TimeWindow, {"history": 0.25}, "history: expected a multiple of 0.1 s, found 0.25"),
         (TimeWindow, {"dt": 0.0}, "dt: expected a timestep above 0 s, found 0.0"),
-        (Targets, {"which": "all"}, "which: expected recorded or ego or moving or where, found 'all'"),
+        (Targets, {"which": "all"}, "which: expected default or recorded or ego or moving or where, found 'all'"),
         (Targets, {"where": "true"}, "where: expected a condition exactly with"),
         (Polylines, {"points": 1}, "points: expected at least 2 points, found 1"),
         (Augmentation, {"flip": 2}, "flip: expected a probability, found 2"),

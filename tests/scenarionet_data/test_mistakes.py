@@ -1,0 +1,106 @@
+"""Mistakes in Python: the obvious meaning, or one sentence with what is wanted, as on the command line."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from scenarionet_data import Agents, Augmentation, Lake, Polylines, Samples, ScenarioLoader, Shuffling, Targets
+
+from scenarionet_data import TimeWindow, convert  # isort: skip
+from scenarionet_data.errors import BadParameter, QueryError, ScenarioNotFound
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+WINDOW = (0.4, 1.2)
+
+
+@pytest.fixture(scope="module")
+def lake(tmp_path_factory):
+    return write_lake(tmp_path_factory.mktemp("mistakes") / "lake", [make_scenario(k, num_steps=31) for k in range(3)])
+
+
+def test_obvious_meanings(lake):
+    loader = ScenarioLoader(lake)
+    name = loader.scenario_ids[2]
+    assert loader[name].id == lake.select()[name].id == loader[np.int64(2)].id == name
+    assert len(loader.tracks(name)) == len(loader[name].tracks)
+    assert [each.id for each in loader[[2, 0]]] == [each.id for each in loader.batch([2, loader.scenario_ids[0]])]
+    assert Samples(lake, window=WINDOW, targets="moving").choices.window == TimeWindow(0.4, 1.2)
+    assert Samples(lake, window=WINDOW, targets="moving").choices.targets == Targets("moving")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda lake, samples: ScenarioLoader(lake)["made/v1/x"], "none of 3 scenarios is 'made/v1/x'; ids look like"),
+        (lambda lake, samples: ScenarioLoader(lake)[1.5], "expected the index of a scenario, 0 ... 2, or its id; 1.5"),
+        (lambda lake, samples: lake.select("false")[0], "scenario 0 of 0: the selection is empty"),
+        (lambda lake, samples: samples.batch([]), "expected whole numbers of samples, at least one"),
+        (lambda lake, samples: samples.batch([1.5]), r"expected whole numbers of samples.* found \[1.5\]"),
+        (lambda lake, samples: samples.batch(3), "expected whole numbers of samples"),
+        (lambda lake, samples: samples["x"], "expected whole numbers of samples"),
+        (lambda lake, samples: samples.batch([0], epoch=-1), "epoch: expected a whole number of 0 or more, found -1"),
+        (lambda lake, samples: Samples(lake, [])[0], "sample 0 of 0: `findings` says why"),
+        (
+            lambda lake, samples: Samples(lake, window=3.0),
+            r"window: expected TimeWindow, such as TimeWindow\(h",
+        ),
+        (lambda lake, samples: Samples(lake, window=(1,) * 7), "window: expected TimeWindow"),
+        (lambda lake, samples: Samples(lake, agents=8), "agents: expected Agents, such as Agents"),
+        (lambda lake, samples: Samples(lake, targets="all"), "which: expected default or recorded or ego"),
+        (lambda lake, samples: Samples(lake, layout="unitraj"), "layout: expected FORECASTING, UNITRAJ or a function"),
+        (lambda lake, samples: TimeWindow(history=math.inf), "history: expected a multiple of 0.1 s, found inf"),
+        (lambda lake, samples: TimeWindow(dt=math.inf), "dt: expected a timestep above 0 s, found inf"),
+        (lambda lake, samples: TimeWindow(stride=math.inf), "stride: expected a time above 0 s, or None, found inf"),
+        (lambda lake, samples: TimeWindow(longest_gap=math.nan), "longest_gap: expected 0 s or more, found nan"),
+        (lambda lake, samples: Agents(count=1.5), "count: expected at least 1 agent, found 1.5"),
+        (lambda lake, samples: Agents(radius=-1), "radius: expected a distance above 0 m, found -1"),
+        (lambda lake, samples: Agents(types=("VEHICLE",)), "types: expected ObjectTypes: .*VEHICLE"),
+        (lambda lake, samples: Polylines(spacing=math.inf), "spacing: expected a distance above 0 m, found inf"),
+        (lambda lake, samples: Targets(limit=-1), "limit: expected at least 1 target, or None, found -1"),
+        (lambda lake, samples: Augmentation(seed=-1), "seed: expected a whole number of 0 or more, found -1"),
+        (lambda lake, samples: Augmentation(noise=math.inf), "noise: expected 0 m or more, found inf"),
+        (lambda lake, samples: Shuffling(seed=-1), "seed: expected a whole number of 0 or more, found -1"),
+        (lambda lake, samples: Shuffling(block=1.5), "block, buffer: expected at least 1 sample, found 1.5 and 8192"),
+        (lambda lake, samples: lake.sample(name="s", n=1.5), "n: wanted a whole number of 1 or more, found 1.5"),
+        (lambda lake, samples: lake.sample(name="s", n=-1), "n: wanted a whole number of 1 or more, found -1"),
+        (lambda lake, samples: lake.sample(name="s", n=1, seed="x"), "seed: wanted a whole number, found 'x'"),
+        (lambda lake, samples: lake.sample(name="s", fraction="0.5"), "fraction: wanted a number above 0 and up to 1"),
+        (lambda lake, samples: lake.split({"a": math.inf}), "each with a fraction above 0"),
+        (lambda lake, samples: lake.split({"a": "x"}), "each with a fraction above 0"),
+        (lambda lake, samples: lake.split(levels="3"), "levels: wanted a whole number of 1 or more, found '3'"),
+        (lambda lake, samples: lake.select(None), "wanted SQL as text, found None"),
+        (lambda lake, samples: lake.select("true", parameters=[1]), "parameters: wanted values by name"),
+        (lambda lake, samples: lake.select("dataset = made"), "a text is written in quotes, 'made'"),
+        (lambda lake, samples: lake.select("dataset IN (made, pg)"), "a text is written in quotes, 'made'"),
+        (lambda lake, samples: lake.database(3), "wanted a database or its name, found 3"),
+        (lambda lake, samples: Lake(lake.root, snapshot="1"), "snapshot: wanted a number or None, found '1'"),
+        (lambda lake, samples: convert("pg", "0:1", lake, workers=-1), "workers: wanted 1 or more, found -1"),
+        (lambda lake, samples: convert("pg", "0:1", lake, limit=0), "limit: wanted 1 or more, found 0"),
+        (lambda lake, samples: convert("pg", "0:1", lake, options="x"), r"options: wanted \w+ or values by name"),
+    ],
+)
+def test_a_mistake_is_a_sentence(wrong, message, lake):
+    samples = Samples(lake, window=WINDOW, targets="moving")
+    with pytest.raises((BadParameter, QueryError, ScenarioNotFound, IndexError), match=message) as caught:
+        wrong(lake, samples)
+    assert len(str(caught.value)) < 400
+
+
+def test_a_column_on_the_right_is_no_text(lake):
+    with pytest.raises(QueryError) as caught:
+        lake.select("speed > 3")
+    assert "in quotes" not in str(caught.value)
+
+
+@pytest.mark.parametrize("state", [None, {}, [1], {"epoch": "a", "done": 0}, {"epoch": -1, "done": 0}])
+def test_garbage_is_no_state_of_a_stream(lake, state):
+    training = pytest.importorskip("scenarionet_data.samples.training")
+    stream = training.SampleStream(Samples(lake, window=WINDOW, targets="moving"), 2)
+    with pytest.raises(BadParameter, match="expected what state_dict returned"):
+        stream.load_state_dict(state)
+    stream.load_state_dict({"epoch": 1, "done": 1})
+    assert stream.state_dict() == {"epoch": 1, "done": 1}
