@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, Int64, UInt8
+from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, UInt8
 from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_sim.cameras.draw.frames import draw_frames
 from scenarionet_sim.cameras.draw.layout import (
@@ -31,7 +31,7 @@ from scenarionet_sim.cameras.draw.layout import (
 from scenarionet_sim.cameras.draw.mounting import mount_cameras
 from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.stage import Scenery, stage_of
-from scenarionet_sim.threads.team import Threads
+from scenarionet_sim.threads import Threads
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -119,14 +119,14 @@ def draw(
     solids, meshes, ground = stage.solids(batch, state), library(), stage.ground
     options = optics.are_boxes, optics.reach, optics.flow_time
 
-    def draw_parts(own: int, ranges: Int64) -> None:
-        unchecked(draw_frames)(
-            own, ranges, cameras, poses, optics.lens, optics.rays, optics.rings, (height, width), options, solids,
+    def draw_parts(_: int, first: int, end: int) -> int:
+        return unchecked(draw_frames)(
+            first, end, cameras, poses, optics.lens, optics.rays, optics.rings, (height, width), options, solids,
             ground, meshes, look, _scratch(width), pictures,
         )  # fmt: skip
 
     if count:
-        _threads(threads).spread(draw_parts, count * -(-height // (BAND * BANDS)))
+        _threads(threads).run(draw_parts, count * -(-height // (BAND * BANDS)))
     return {name: values.reshape(count, height, width, *TAILS[name]) for name, values in made.items()}
 
 

@@ -15,7 +15,9 @@ from scenarionet_sim.arrays.structures import Series
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.bicycle_kernels import NUM_COLUMNS
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
-from scenarionet_sim.policies import External, Policy, Replay
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.policies.slots import SlotPolicies, prepared
 from scenarionet_sim.policies.strip_kernels import SightMemory
 from scenarionet_sim.sensors.base import require_located
@@ -34,8 +36,7 @@ from scenarionet_sim.simulation.step import (
     step_worlds,
 )
 from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays
-from scenarionet_sim.threads.sharing import Team
-from scenarionet_sim.threads.team import Threads
+from scenarionet_sim.threads import Threads
 from scenarionet_sim.worlds.episode_kernels import AT_FIRST, GOES_ON, UNDRIVEN
 from scenarionet_sim.worlds.state import History, State
 from scenarionet_sim.worlds.world import World
@@ -326,10 +327,10 @@ class Simulation:
         exchange = Exchange(self._agents.actions, observer.result, observer.sensing)
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
 
-        def run(own: int, team: Team) -> None:
-            step(own, team, phases, counts, numbers, arrays, exchange, *memory[own])
+        def run(own: int, first: int, end: int) -> int:
+            return step(first, end, phases, counts, numbers, arrays, exchange, *memory[own])
 
-        lost = self._threads.share(run, len(self.batch))
+        lost = self._threads.run(run, len(self.batch))
         if phases & OBSERVE:
             observer.is_stale &= bool(phases & ONLY_BEGUN)
             if lost >= 0:
@@ -353,7 +354,6 @@ class Simulation:
         count, sensing = self.batch.max_objects, self.observer.sensing
         if self._memory and self._memory_for[0] == count and self._memory_for[1] is sensing.kind:
             return
-        self._threads.dismiss()
         self._memory_for = count, sensing.kind
         self._memory = [
             (Scratch.of(count, sensing), *((SightMemory.of(count),) if self._policies.follow_paths else ()))

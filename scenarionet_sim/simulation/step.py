@@ -29,7 +29,6 @@ from scenarionet_sim.simulation.agent_kernels import DrivenArrays, admit_agents,
 from scenarionet_sim.simulation.seats import seat_agents, settle
 from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays
 from scenarionet_sim.task.scoring_kernels import StepResult, clear_score, excuse, score
-from scenarionet_sim.threads.sharing import LEADER, Team, begin, end, keep, kept, take
 from scenarionet_sim.worlds.episode_kernels import AT_FIRST, BEGUN, GOES_ON, begin_world
 from scenarionet_sim.worlds.path_kernels import PathRows, locate
 
@@ -42,20 +41,19 @@ begun go on. Episodes begin before.
 
 @kernel(nogil=True, allocates=False)
 def step_worlds(
-    own: int,
-    team: Team,
+    first: int,
+    end: int,
     phases: int,
     counts: tuple[int, int],
     numbers: tuple[float, float, float, float],
     arrays: StepArrays,
     exchange: Exchange,
     scratch: Scratch,
-) -> None:
-    """Advance worlds by one step; the largest result of any thread is an agent that is not located on its path, or -1.
+) -> int:
+    """Advance a range of worlds by one step.
 
     Args:
-        own: Number of the thread.
-        team: Threads that share the worlds; all but the leader's arguments are taken from the leader.
+        first, end: The worlds.
         phases: Phases of the step.
         counts: Substeps of the vehicle model; number of places of each world whose agents are observed.
         numbers: Length of the step [s]; search window on a path behind and ahead of an agent [m]; 1 if the routes
@@ -63,24 +61,21 @@ def step_worlds(
         arrays: What steps read and write.
         exchange: What the step gets and returns.
         scratch: Memory of this thread.
+
+    Returns:
+        The last agent that is not located on its path, or -1.
     """
-    if own == LEADER:
-        keep(team, (phases, counts, numbers, arrays, exchange))
-    turn = begin(team, own, 0)
-    while turn:
-        given = kept(team, (phases, counts, numbers, arrays, exchange))
-        lost, w = -1, take(team.ranges, own)
-        while w >= 0:
-            _begin_or_move(w, given[0], given[2], given[3])
-            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], given[4], scratch))
-            w = take(team.ranges, own)
-        turn = end(team, own, turn, lost)
+    lost = -1
+    for w in range(first, end):
+        _begin_or_move(w, phases, numbers, arrays)
+        lost = larger(lost, _finish(w, phases, counts, numbers, arrays, exchange, scratch))
+    return lost
 
 
 @kernel(nogil=True, allocates=False)
 def step_reactive_worlds(
-    own: int,
-    team: Team,
+    first: int,
+    end: int,
     phases: int,
     counts: tuple[int, int],
     numbers: tuple[float, float, float, float],
@@ -88,25 +83,22 @@ def step_reactive_worlds(
     exchange: Exchange,
     scratch: Scratch,
     memory: SightMemory,
-) -> None:
+) -> int:
     """Advance worlds in which objects follow paths by IDM: a kernel of its own, as replays need not compile that.
 
     Args:
-        own, team, phases, counts, numbers, arrays, exchange, scratch: See :func:`step_worlds`.
+        first, end, phases, counts, numbers, arrays, exchange, scratch: See :func:`step_worlds`.
         memory: Memory of this thread.
+
+    Returns:
+        The last agent that is not located on its path, or -1.
     """
-    if own == LEADER:
-        keep(team, (phases, counts, numbers, arrays, exchange))
-    turn = begin(team, own, 0)
-    while turn:
-        given = kept(team, (phases, counts, numbers, arrays, exchange))
-        lost, w = -1, take(team.ranges, own)
-        while w >= 0:
-            _begin_or_move(w, given[0], given[2], given[3])
-            _drive_by_idm(w, given[0], given[2][0], given[3], memory)
-            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], given[4], scratch))
-            w = take(team.ranges, own)
-        turn = end(team, own, turn, lost)
+    lost = -1
+    for w in range(first, end):
+        _begin_or_move(w, phases, numbers, arrays)
+        _drive_by_idm(w, phases, numbers[0], arrays, memory)
+        lost = larger(lost, _finish(w, phases, counts, numbers, arrays, exchange, scratch))
+    return lost
 
 
 @device_function(forceinline=True)

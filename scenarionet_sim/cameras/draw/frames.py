@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarionet_data.arrays.dtypes import Float64, Int32, Int64, UInt8
+from scenarionet_data.arrays.dtypes import Float64, Int32, UInt8
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.minmax import smaller
 from scenarionet_sim.cameras.draw.instances import add_solids
@@ -31,13 +31,12 @@ from scenarionet_sim.cameras.draw.rows import look_along
 from scenarionet_sim.cameras.draw.shading import cast_shadows, color_triangles, expose
 from scenarionet_sim.cameras.draw.sky import carry_sky, color_sky
 from scenarionet_sim.cameras.draw.triangles import trace_band
-from scenarionet_sim.threads.sharing import take
 
 
 @kernel(allocates=False, nogil=True, divides_by_zero=True, is_wide=True)
 def draw_frames(
-    own: int,
-    ranges: Int64,
+    first: int,
+    end: int,
     owners: Int32,
     poses: Float64,
     lens: Float64,
@@ -51,11 +50,11 @@ def draw_frames(
     look: Look,
     scratch: FrameMemory,
     pictures: Pictures,
-) -> None:
+) -> int:
     """Draw parts of frames, ``BANDS`` bands each.
 
     Args:
-        own, ranges: Number of the thread, and parts of all frames, frame by frame, see ``threads.sharing``.
+        first, end: Range of the parts of all frames, frame by frame.
         owners: (B, 3) slot, row of the own vehicle or -1, and how it is shown.
         poses: (B, NUM_POSE) cameras.
         lens: (NUM_LENS,).
@@ -66,14 +65,16 @@ def draw_frames(
         solids, ground, meshes, look: The scenes.
         scratch: Memory of the calling thread.
         pictures: Outputs.
+
+    Returns:
+        The last part.
     """
     height, width = size
     are_boxes, reach, dt = options
     is_colored = len(pictures.rgb) > 0
     drawn, count, num_shadows, shown, above = -1, 0, 0, -1, -1
     parts = (height + BAND * BANDS - 1) // (BAND * BANDS)
-    part = take(ranges, own)
-    while part >= 0:
+    for part in range(first, end):
         frame = part // parts
         slot, pose = owners[frame, 0], poses[frame]
         if frame != drawn:
@@ -110,7 +111,7 @@ def draw_frames(
                         place, size, look.lights[frame], look.tone, seen, scratch.shades,
                         pictures.rgb[frame, 3 * place : 3 * (place + num)],
                     )  # fmt: skip
-        part = take(ranges, own)
+    return end - 1
 
 
 @device_function(forceinline=True, divides_by_zero=True, nogil=True)

@@ -1,1 +1,0 @@
-"""Threads that take items from each other inside compiled functions."""
