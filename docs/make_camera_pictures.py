@@ -19,8 +19,8 @@ from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_sim.cameras.classes import class_colors
 from scenarionet_sim.cameras.weather import DAY, DUSK, OVERCAST, RAIN, Weather
-from scenarionet_sim.policies import Replay
-from scenarionet_sim.sensors import Camera, Mount
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.sensors.camera import Camera, Mount
 from scenarionet_sim.sensors.camera_presets import CHASE, COCKPIT, camera_ring
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World

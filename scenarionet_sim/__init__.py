@@ -10,219 +10,77 @@ installed. All other names are imported on first use.
 
 from __future__ import annotations
 
-import importlib
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from scenarionet_data.public_names import import_on_first_use
 
 if TYPE_CHECKING:
-    from scenarionet_sim.backends.base import Drive
-    from scenarionet_sim.backends.bullet import Bullet
-    from scenarionet_sim.backends.fleet import Fleet
-    from scenarionet_sim.backends.kinematic import Kinematic
-    from scenarionet_sim.cameras.weather import Weather
-    from scenarionet_sim.environments.config import (
-        BOUNDARY,
-        PAPER_OBSERVATION,
-        EnvConfig,
-        MultiAgentConfig,
-        VectorConfig,
-    )
-    from scenarionet_sim.environments.flat import FlatEnv
-    from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
-    from scenarionet_sim.environments.single_agent import ScenarioNetEnv
-    from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-    from scenarionet_sim.evaluation.comparison import compare_runs
-    from scenarionet_sim.evaluation.evaluation import evaluate
-    from scenarionet_sim.evaluation.recording import record
-    from scenarionet_sim.planners import Lqr, PerfectTracking, Planned, Planner, Trajectory, View
-    from scenarionet_sim.planners.following import (
-        ConstantVelocityPlanner,
-        IdmPlanner,
-        LogReplayPlanner,
-        PurePursuitPlanner,
-    )
-    from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
-    from scenarionet_sim.policies import (
-        ConstantVelocity,
-        External,
-        Idm,
-        NoisyVelocity,
-        Policy,
-        Replay,
-        RouteFollower,
-        SampledIdm,
-        SocialForce,
-        ego,
-        other_vehicles,
-        vehicles,
-    )
-    from scenarionet_sim.render import Live, rollout_moments
-    from scenarionet_sim.scenarios import Curriculum, Scenarios
-    from scenarionet_sim.sensors import (
-        BirdView,
-        BoundaryDetector,
-        Camera,
-        EgoState,
-        LaneLineDetector,
-        Lidar,
-        LightAhead,
-        Mount,
-        Navigation,
-        PointCloud,
-        SceneLidar,
-        Sensor,
-        Surrounding,
-    )
-    from scenarionet_sim.sensors.camera_presets import camera_ring
-    from scenarionet_sim.simulation.simulation import Simulation
-    from scenarionet_sim.task.task import Reward, Termination
-    from scenarionet_sim.worlds.lane_routes import LaneRoute
-    from scenarionet_sim.worlds.world import World
+    from scenarionet_sim.backends.base import Drive as Drive
+    from scenarionet_sim.backends.bullet import Bullet as Bullet
+    from scenarionet_sim.backends.fleet import Fleet as Fleet
+    from scenarionet_sim.backends.kinematic import Kinematic as Kinematic
+    from scenarionet_sim.cameras.weather import Weather as Weather
+    from scenarionet_sim.environments.config import BOUNDARY as BOUNDARY
+    from scenarionet_sim.environments.config import PAPER_OBSERVATION as PAPER_OBSERVATION
+    from scenarionet_sim.environments.config import EnvConfig as EnvConfig
+    from scenarionet_sim.environments.config import MultiAgentConfig as MultiAgentConfig
+    from scenarionet_sim.environments.config import VectorConfig as VectorConfig
+    from scenarionet_sim.environments.flat import FlatEnv as FlatEnv
+    from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv as ScenarioNetParallelEnv
+    from scenarionet_sim.environments.single_agent import ScenarioNetEnv as ScenarioNetEnv
+    from scenarionet_sim.environments.vector import ScenarioNetVectorEnv as ScenarioNetVectorEnv
+    from scenarionet_sim.evaluation.comparison import compare_runs as compare_runs
+    from scenarionet_sim.evaluation.evaluation import evaluate as evaluate
+    from scenarionet_sim.evaluation.recording import record as record
+    from scenarionet_sim.planners.base import Planner as Planner
+    from scenarionet_sim.planners.base import Trajectory as Trajectory
+    from scenarionet_sim.planners.following import ConstantVelocityPlanner as ConstantVelocityPlanner
+    from scenarionet_sim.planners.following import IdmPlanner as IdmPlanner
+    from scenarionet_sim.planners.following import LogReplayPlanner as LogReplayPlanner
+    from scenarionet_sim.planners.following import PurePursuitPlanner as PurePursuitPlanner
+    from scenarionet_sim.planners.lane_graph import LaneGraphPlanner as LaneGraphPlanner
+    from scenarionet_sim.planners.policy import Planned as Planned
+    from scenarionet_sim.planners.tracking import Lqr as Lqr
+    from scenarionet_sim.planners.tracking import PerfectTracking as PerfectTracking
+    from scenarionet_sim.planners.view import View as View
+    from scenarionet_sim.policies.base import Policy as Policy
+    from scenarionet_sim.policies.constant_velocity import ConstantVelocity as ConstantVelocity
+    from scenarionet_sim.policies.external import External as External
+    from scenarionet_sim.policies.idm import Idm as Idm
+    from scenarionet_sim.policies.objects import ego as ego
+    from scenarionet_sim.policies.objects import other_vehicles as other_vehicles
+    from scenarionet_sim.policies.objects import vehicles as vehicles
+    from scenarionet_sim.policies.replay import Replay as Replay
+    from scenarionet_sim.policies.route_follower import RouteFollower as RouteFollower
+    from scenarionet_sim.policies.sampled import NoisyVelocity as NoisyVelocity
+    from scenarionet_sim.policies.sampled import SampledIdm as SampledIdm
+    from scenarionet_sim.policies.social_force import SocialForce as SocialForce
+    from scenarionet_sim.render.live import Live as Live
+    from scenarionet_sim.render.rollouts import rollout_moments as rollout_moments
+    from scenarionet_sim.scenarios.sampling import Curriculum as Curriculum
+    from scenarionet_sim.scenarios.selection import Scenarios as Scenarios
+    from scenarionet_sim.sensors.base import Sensor as Sensor
+    from scenarionet_sim.sensors.bird_view import BirdView as BirdView
+    from scenarionet_sim.sensors.boundary import BoundaryDetector as BoundaryDetector
+    from scenarionet_sim.sensors.camera import Camera as Camera
+    from scenarionet_sim.sensors.camera import Mount as Mount
+    from scenarionet_sim.sensors.camera_presets import camera_ring as camera_ring
+    from scenarionet_sim.sensors.lane_line import LaneLineDetector as LaneLineDetector
+    from scenarionet_sim.sensors.lidar import Lidar as Lidar
+    from scenarionet_sim.sensors.light_ahead import LightAhead as LightAhead
+    from scenarionet_sim.sensors.navigation import Navigation as Navigation
+    from scenarionet_sim.sensors.point_cloud import PointCloud as PointCloud
+    from scenarionet_sim.sensors.scene_lidar import SceneLidar as SceneLidar
+    from scenarionet_sim.sensors.state import EgoState as EgoState
+    from scenarionet_sim.sensors.surrounding import Surrounding as Surrounding
+    from scenarionet_sim.simulation.simulation import Simulation as Simulation
+    from scenarionet_sim.task.task import Reward as Reward
+    from scenarionet_sim.task.task import Termination as Termination
+    from scenarionet_sim.worlds.lane_routes import LaneRoute as LaneRoute
+    from scenarionet_sim.worlds.world import World as World
 
-_MODULE_OF = {
-    "BOUNDARY": "environments.config",
-    "BirdView": "sensors",
-    "BoundaryDetector": "sensors",
-    "Bullet": "backends.bullet",
-    "Camera": "sensors",
-    "ConstantVelocity": "policies",
-    "ConstantVelocityPlanner": "planners.following",
-    "Curriculum": "scenarios",
-    "Drive": "backends.base",
-    "EgoState": "sensors",
-    "EnvConfig": "environments.config",
-    "External": "policies",
-    "FlatEnv": "environments.flat",
-    "Fleet": "backends.fleet",
-    "Idm": "policies",
-    "IdmPlanner": "planners.following",
-    "Kinematic": "backends.kinematic",
-    "LaneGraphPlanner": "planners.lane_graph",
-    "LaneLineDetector": "sensors",
-    "LaneRoute": "worlds.lane_routes",
-    "Lidar": "sensors",
-    "LightAhead": "sensors",
-    "Live": "render",
-    "LogReplayPlanner": "planners.following",
-    "Lqr": "planners",
-    "Mount": "sensors",
-    "MultiAgentConfig": "environments.config",
-    "Navigation": "sensors",
-    "NoisyVelocity": "policies",
-    "PAPER_OBSERVATION": "environments.config",
-    "PerfectTracking": "planners",
-    "Planned": "planners",
-    "Planner": "planners",
-    "PointCloud": "sensors",
-    "SceneLidar": "sensors",
-    "Policy": "policies",
-    "PurePursuitPlanner": "planners.following",
-    "Replay": "policies",
-    "Reward": "task.task",
-    "RouteFollower": "policies",
-    "SampledIdm": "policies",
-    "ScenarioNetEnv": "environments.single_agent",
-    "ScenarioNetParallelEnv": "environments.multi_agent",
-    "ScenarioNetVectorEnv": "environments.vector",
-    "Scenarios": "scenarios",
-    "Sensor": "sensors",
-    "Simulation": "simulation.simulation",
-    "SocialForce": "policies",
-    "Surrounding": "sensors",
-    "Termination": "task.task",
-    "Trajectory": "planners",
-    "VectorConfig": "environments.config",
-    "View": "planners",
-    "Weather": "cameras.weather",
-    "World": "worlds.world",
-    "camera_ring": "sensors.camera_presets",
-    "compare_runs": "evaluation.comparison",
-    "ego": "policies",
-    "evaluate": "evaluation.evaluation",
-    "other_vehicles": "policies",
-    "record": "evaluation.recording",
-    "rollout_moments": "render",
-    "vehicles": "policies",
-}
-"""Module of each public name; a test compares it with the imports above and with ``__all__``."""
-
-__all__ = [
-    "BOUNDARY",
-    "PAPER_OBSERVATION",
-    "BirdView",
-    "BoundaryDetector",
-    "Bullet",
-    "Camera",
-    "ConstantVelocity",
-    "ConstantVelocityPlanner",
-    "Curriculum",
-    "Drive",
-    "EgoState",
-    "EnvConfig",
-    "External",
-    "FlatEnv",
-    "Fleet",
-    "Idm",
-    "IdmPlanner",
-    "Kinematic",
-    "LaneGraphPlanner",
-    "LaneLineDetector",
-    "LaneRoute",
-    "Lidar",
-    "LightAhead",
-    "Live",
-    "LogReplayPlanner",
-    "Lqr",
-    "Mount",
-    "MultiAgentConfig",
-    "Navigation",
-    "NoisyVelocity",
-    "PerfectTracking",
-    "Planned",
-    "Planner",
-    "PointCloud",
-    "Policy",
-    "PurePursuitPlanner",
-    "Replay",
-    "Reward",
-    "RouteFollower",
-    "SampledIdm",
-    "ScenarioNetEnv",
-    "ScenarioNetParallelEnv",
-    "ScenarioNetVectorEnv",
-    "Scenarios",
-    "SceneLidar",
-    "Sensor",
-    "Simulation",
-    "SocialForce",
-    "Surrounding",
-    "Termination",
-    "Trajectory",
-    "VectorConfig",
-    "View",
-    "Weather",
-    "World",
-    "camera_ring",
-    "compare_runs",
-    "ego",
-    "evaluate",
-    "other_vehicles",
-    "record",
-    "rollout_moments",
-    "vehicles",
-]
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use: registering the environments needs neither numba nor DuckDB."""
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
-
+__getattr__, __dir__, __all__ = import_on_first_use(__name__, __file__)
 
 if find_spec("gymnasium"):
     import gymnasium

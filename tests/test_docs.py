@@ -10,6 +10,7 @@ from pathlib import Path
 
 from gymnasium import registry
 
+import scenarionet_sim
 from scenarionet_data import converters
 from scenarionet_data.quality import rules
 from scenarionet_data.schema import dictionary, tables
@@ -18,7 +19,6 @@ from scenarionet_pipelines.cli.deprecated import MOVED
 from scenarionet_pipelines.cli.group import find_verb
 from scenarionet_pipelines.cli.tree import GROUPS, full_name
 from scenarionet_pipelines.cluster import profile as profiles
-from scenarionet_sim import sensors
 from tests.fixtures.examples import ROOT, blocks
 
 PAGES = (*ROOT.glob("*.md"), *(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "notebooks"))
@@ -169,8 +169,9 @@ def exists(dotted: str) -> bool:
 
 def test_sensors_page_lists_every_sensor():
     page = (ROOT / "docs" / "guides" / "sensors.md").read_text("utf-8")
-    public = {name: getattr(sensors, name) for name in sensors.__all__}
-    kinds = [name for name, kind in public.items() if isinstance(kind, type) and issubclass(kind, sensors.Sensor)]
+    public = {name: getattr(scenarionet_sim, name) for name in scenarionet_sim.__all__}
+    sensor = scenarionet_sim.Sensor
+    kinds = [name for name, kind in public.items() if isinstance(kind, type) and issubclass(kind, sensor)]
     kinds.remove("Sensor")
     assert [name for name in kinds if f"| `{name}` |" not in page] == []
 

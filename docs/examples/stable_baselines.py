@@ -16,8 +16,10 @@ import numpy as np
 
 from scenarionet_sim.environments.config import VectorConfig
 from scenarionet_sim.environments.stable_baselines import StableBaselinesEnv
-from scenarionet_sim.policies import External, Idm, Replay
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.selection import Scenarios
 
 WORLDS = 64
 

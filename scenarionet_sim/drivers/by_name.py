@@ -20,22 +20,21 @@ from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.drivers.trained import PREFIX, load_driver
-from scenarionet_sim.planners import Lqr, PerfectTracking, Planned, Planner, Tracker
+from scenarionet_sim.planners.base import Planner
 from scenarionet_sim.planners.following import ConstantVelocityPlanner, IdmPlanner, LogReplayPlanner, PurePursuitPlanner
 from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
 from scenarionet_sim.planners.manual import GamePadPlanner, KeyboardPlanner
-from scenarionet_sim.policies import (
-    ConstantVelocity,
-    External,
-    Idm,
-    NoisyVelocity,
-    Policy,
-    Replay,
-    SampledIdm,
-    SocialForce,
-    ego,
-)
-from scenarionet_sim.sensors import EgoState
+from scenarionet_sim.planners.policy import Planned
+from scenarionet_sim.planners.tracking import Lqr, PerfectTracking, Tracker
+from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.constant_velocity import ConstantVelocity
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.objects import ego
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.policies.sampled import NoisyVelocity, SampledIdm
+from scenarionet_sim.policies.social_force import SocialForce
+from scenarionet_sim.sensors.state import EgoState
 from scenarionet_sim.worlds.lane_routes import LaneRoute
 
 BACKENDS: dict[str, Backend] = {"kinematic": Kinematic(), "bullet": Bullet()}

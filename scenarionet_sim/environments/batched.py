@@ -14,7 +14,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.environments.outputs import ENDS, RESULTS, StepOutput, StepOutputs
-from scenarionet_sim.policies import External
+from scenarionet_sim.policies.external import External
 from scenarionet_sim.simulation.agents import DrivenAgents
 from scenarionet_sim.simulation.observer import Observer
 from scenarionet_sim.simulation.seats import Seats

@@ -10,9 +10,16 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.policies import External, Policy, Replay, vehicles
-from scenarionet_sim.scenarios import Scenarios
-from scenarionet_sim.sensors import BoundaryDetector, EgoState, Lidar, Navigation, Sensor
+from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.objects import vehicles
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.selection import Scenarios
+from scenarionet_sim.sensors.base import Sensor
+from scenarionet_sim.sensors.boundary import BoundaryDetector
+from scenarionet_sim.sensors.lidar import Lidar
+from scenarionet_sim.sensors.navigation import Navigation
+from scenarionet_sim.sensors.state import EgoState
 from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Reward, Termination
 from scenarionet_sim.worlds.world import STEP, World
 

@@ -17,7 +17,7 @@ from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import MultiAgentConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
-from scenarionet_sim.policies import External
+from scenarionet_sim.policies.external import External
 from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
 from scenarionet_sim.worlds.world import World
 

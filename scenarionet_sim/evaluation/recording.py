@@ -28,10 +28,11 @@ from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.evaluation.evaluation import describe_database
-from scenarionet_sim.policies import Replay, ego, vehicles
+from scenarionet_sim.policies.objects import ego, vehicles
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.rollouts.parts import Part, parts_of, run_parts
 from scenarionet_sim.scenarios.selection import database_reference
-from scenarionet_sim.sensors import Camera
+from scenarionet_sim.sensors.camera import Camera
 from scenarionet_sim.simulation.simulation import LOOK_AHEAD, LOOK_BACK, Simulation
 from scenarionet_sim.worlds.path_kernels import follow_paths
 from scenarionet_sim.worlds.world import World

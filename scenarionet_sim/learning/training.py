@@ -30,10 +30,12 @@ from scenarionet_sim.learning.config import LearnerConfig, describe_config, make
 from scenarionet_sim.learning.experts import Experts
 from scenarionet_sim.learning.learners import Algorithm, make_learner
 from scenarionet_sim.learning.testing import drive_each
-from scenarionet_sim.policies import External, Idm, Replay
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.policies.objects import other_vehicles
-from scenarionet_sim.scenarios import Curriculum, Scenarios
-from scenarionet_sim.scenarios.selection import database_reference
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.sampling import Curriculum
+from scenarionet_sim.scenarios.selection import Scenarios, database_reference
 
 _KEPT_WORLDS = 256
 """Largest number of scenarios to keep in memory."""

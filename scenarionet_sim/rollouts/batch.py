@@ -20,7 +20,7 @@ from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.rollouts.rollout import Rollout, RolloutRecorder
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.worlds.world import World
 
 SLOTS = 32

@@ -15,8 +15,8 @@ from scenarionet_sim.arrays.structures import Series
 from scenarionet_sim.backends.base import Backend, checked_actions
 from scenarionet_sim.backends.bicycle_kernels import NUM_COLUMNS
 from scenarionet_sim.backends.kinematic import Kinematic, KinematicSession
-from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.policies.slots import SlotPolicies, prepared
 from scenarionet_sim.policies.strip_kernels import SightMemory

@@ -14,8 +14,9 @@ import numpy as np
 
 from scenarionet_data import converters
 from scenarionet_data.arrays.dtypes import Int32
-from scenarionet_sim.policies import Replay
-from scenarionet_sim.sensors import BirdView, Camera
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.sensors.bird_view import BirdView
+from scenarionet_sim.sensors.camera import Camera
 from scenarionet_sim.sensors.lidar_presets import HDL_32E, PANDAR_64
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World

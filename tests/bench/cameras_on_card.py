@@ -11,7 +11,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Int32
 from scenarionet_sim.cameras.cuda.availability import require_cuda
-from scenarionet_sim.sensors import Camera
+from scenarionet_sim.sensors.camera import Camera
 from scenarionet_sim.simulation.simulation import Simulation
 from tests.bench.cameras import scenes
 from tests.bench.measure import Figure

@@ -19,7 +19,7 @@ from scenarionet_data.conversion import convert
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, MultiAgentConfig, VectorConfig
 from scenarionet_sim.environments.flat import FlatEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.selection import Scenarios
 from tests.bench.measure import Figure, in_fresh_process
 
 _WORLDS = (1, 64, 256, 1024)
@@ -31,7 +31,7 @@ from pathlib import Path
 import numpy as np
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.selection import Scenarios
 envs = ScenarioNetVectorEnv(
     256, scenarios=Scenarios(sys.argv[1], json.loads(sys.argv[2])), sensors=PAPER_OBSERVATION + BOUNDARY, cache_size=64,
     prefetch=0,

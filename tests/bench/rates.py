@@ -23,8 +23,10 @@ from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, Vec
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-from scenarionet_sim.policies import External, Idm, Replay
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.selection import Scenarios
 
 _WORLDS, _STEPS, _WINDOW = 64, 240, 8
 _WARM_UP, _WARM_UP_OF_ONE = 90, 1_500  # until episodes end at different times, and until every world was loaded

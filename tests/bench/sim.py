@@ -25,9 +25,16 @@ from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-from scenarionet_sim.policies import External, Idm, Policy, Replay
-from scenarionet_sim.scenarios import Scenarios
-from scenarionet_sim.sensors import BirdView, BoundaryDetector, EgoState, Lidar, Navigation
+from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.selection import Scenarios
+from scenarionet_sim.sensors.bird_view import BirdView
+from scenarionet_sim.sensors.boundary import BoundaryDetector
+from scenarionet_sim.sensors.lidar import Lidar
+from scenarionet_sim.sensors.navigation import Navigation
+from scenarionet_sim.sensors.state import EgoState
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.task.task import Termination
 from scenarionet_sim.worlds.world import World
@@ -52,8 +59,11 @@ import numpy
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.policies import External, Idm, Policy, Replay
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION
 started = time.process_time()
 env = ScenarioNetEnv(
@@ -71,8 +81,8 @@ from pathlib import Path
 import numpy as np
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
-from scenarionet_sim.scenarios import Scenarios
-from scenarionet_sim.sensors import EgoState
+from scenarionet_sim.scenarios.selection import Scenarios
+from scenarionet_sim.sensors.state import EgoState
 scenarios = Scenarios(sys.argv[1], order="random")
 env = ScenarioNetEnv(scenarios=scenarios, backend=Kinematic(), sensors=(EgoState(),), cache_size=4)
 sizes = []

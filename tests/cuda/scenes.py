@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_sim.sensors import Mount
+from scenarionet_sim.sensors.camera import Mount
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import generated, simulate
 

@@ -13,7 +13,7 @@ from numba import typeof, types
 from numba.core import config
 
 from scenarionet_sim.cameras.cuda.rounding import support_rounding
-from scenarionet_sim.sensors import Camera
+from scenarionet_sim.sensors.camera import Camera
 from tests.cuda.played_card import PlayedCard
 from tests.cuda.scenes import ALL, street
 

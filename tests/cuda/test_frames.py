@@ -11,7 +11,7 @@ from numba.core import config
 
 from scenarionet_data.compiled.decorators import DeviceFunction
 from scenarionet_sim.cameras.weather import DAY, RAIN
-from scenarionet_sim.sensors import Camera
+from scenarionet_sim.sensors.camera import Camera
 from tests.cuda.scenes import ALL, MOUNT, share_alike, street
 
 IS_SIMULATED = bool(config.ENABLE_CUDASIM)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.selection import Scenarios
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import scenarionet_sim
 from scenarionet_data.conversion import convert
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.selection import Scenarios
 
 pytestmark = pytest.mark.integration
 

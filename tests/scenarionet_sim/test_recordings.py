@@ -14,8 +14,8 @@ from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
-from scenarionet_sim.policies import Replay
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.selection import Scenarios
 
 SOURCES = [
     ("scenarionet", "scenarionet", None),

@@ -14,7 +14,7 @@ from scenarionet_pipelines.report.changes import change_text, mean_text
 from scenarionet_pipelines.report.markup import Markup, joined, tag
 from scenarionet_pipelines.report.page import page_head
 from scenarionet_sim.evaluation.comparison import ComparedMetric, RunComparison
-from scenarionet_sim.render import rollout_moments
+from scenarionet_sim.render.rollouts import rollout_moments
 
 _MAX_PICTURES = 12
 _PANEL = (4.0, 2.8)  # inches

@@ -15,7 +15,7 @@ from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_sim.cameras.cuda import availability
 from scenarionet_sim.cameras.cuda.dlpack import CPU, capsule_of
 from scenarionet_sim.cameras.weather import DAY, DUSK, RAIN
-from scenarionet_sim.sensors import Camera
+from scenarionet_sim.sensors.camera import Camera
 from scenarionet_sim.worlds.world import World
 from tests.cuda.scenes import ALL, MOUNT, share_alike, street_and_junction
 from tests.fixtures.simulations import generated

@@ -13,7 +13,7 @@ from scenarionet_sim.cameras import drawing
 from scenarionet_sim.cameras.classes import SemanticClass
 from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.weather import DAY, DUSK, RAIN
-from scenarionet_sim.sensors import Camera
+from scenarionet_sim.sensors.camera import Camera
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import generated, simulate
 

@@ -13,9 +13,16 @@ from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.policies import External, Idm, Replay, vehicles
-from scenarionet_sim.scenarios import Scenarios
-from scenarionet_sim.sensors import BirdView, Lidar, LightAhead, Navigation, Surrounding
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.objects import vehicles
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.selection import Scenarios
+from scenarionet_sim.sensors.bird_view import BirdView
+from scenarionet_sim.sensors.lidar import Lidar
+from scenarionet_sim.sensors.light_ahead import LightAhead
+from scenarionet_sim.sensors.navigation import Navigation
+from scenarionet_sim.sensors.surrounding import Surrounding
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario

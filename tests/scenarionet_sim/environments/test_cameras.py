@@ -10,8 +10,8 @@ from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
 from scenarionet_sim.evaluation.evaluation import evaluate
-from scenarionet_sim.scenarios import Scenarios
-from scenarionet_sim.sensors import Camera
+from scenarionet_sim.scenarios.selection import Scenarios
+from scenarionet_sim.sensors.camera import Camera
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 

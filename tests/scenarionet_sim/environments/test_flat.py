@@ -12,7 +12,9 @@ from scenarionet_sim.environments.config import EnvConfig, MultiAgentConfig, Vec
 from scenarionet_sim.environments.flat import FlatEnv
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-from scenarionet_sim.policies import External, Replay, TrackIds
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.objects import TrackIds
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.worlds.world import World
 
 NAMES = ("wall", "crowd", "empty", "walker")

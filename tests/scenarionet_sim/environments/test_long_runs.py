@@ -10,7 +10,9 @@ import pytest
 
 from scenarionet_sim.environments.config import VectorConfig
 from scenarionet_sim.environments.flat import FlatEnv
-from scenarionet_sim.policies import External, Idm, Replay
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.replay import Replay
 
 NAMES = ("wall", "crowd", "empty", "walker")
 STEPS, SLOTS = 1_000_000, 16

@@ -14,7 +14,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.task.scoring_kernels import TERMS
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake

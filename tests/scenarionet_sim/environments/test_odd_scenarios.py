@@ -18,8 +18,8 @@ from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-from scenarionet_sim.policies import Replay
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.selection import Scenarios
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 

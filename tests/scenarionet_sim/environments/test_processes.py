@@ -23,7 +23,7 @@ from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.selection import Scenarios
 
 if __name__ == "__main__":
     lake, context, backend = sys.argv[1:]
@@ -64,7 +64,7 @@ def test_environment_imports_no_fork_unsafe_library(drives):
     program = f"""
 import sys
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.selection import Scenarios
 env = ScenarioNetEnv(scenarios=Scenarios({str(drives)!r}, where="num_objects > 0", order="weighted"))
 env.reset(seed=0)
 env.step((0.0, 0.5))

@@ -18,8 +18,11 @@ from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, Env
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.environments.outputs import ENDS
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
-from scenarionet_sim.policies import External, Idm, Replay, ego
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.objects import ego
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.sensors.lidar import Lidar
 from scenarionet_sim.task.scoring_kernels import NUMBERS, TERMS
 from scenarionet_sim.task.task import Termination

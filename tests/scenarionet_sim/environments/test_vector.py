@@ -18,9 +18,12 @@ from scenarionet_sim.environments.config import PAPER_OBSERVATION, VectorConfig
 from scenarionet_sim.environments.outputs import ENDS
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.environments.vector import ScenarioNetVectorEnv
-from scenarionet_sim.policies import External, Idm, Replay
-from scenarionet_sim.scenarios import Curriculum, Scenarios
-from scenarionet_sim.sensors import BirdView
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.sampling import Curriculum
+from scenarionet_sim.scenarios.selection import Scenarios
+from scenarionet_sim.sensors.bird_view import BirdView
 from scenarionet_sim.task.scoring_kernels import NUMBERS
 from scenarionet_sim.worlds.world import World
 

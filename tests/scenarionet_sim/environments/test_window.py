@@ -18,7 +18,7 @@ from pathlib import Path
 from matplotlib import pyplot
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.{module} import {kind}
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.selection import Scenarios
 
 env = {kind}(scenarios=Scenarios(sys.argv[1], ["made/v1/crowd"]), backend=Kinematic(), render_mode="human")
 screens = []
@@ -40,7 +40,7 @@ import sys, warnings
 import gymnasium
 from gymnasium.utils.env_checker import check_env
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.scenarios import Scenarios
+from scenarionet_sim.scenarios.selection import Scenarios
 
 warnings.simplefilter("error")
 made = gymnasium.make("scenarionet_sim:ScenarioNet-v0", scenarios=Scenarios(sys.argv[1]), backend=Kinematic())

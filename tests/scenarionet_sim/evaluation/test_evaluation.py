@@ -16,8 +16,8 @@ from scenarionet_sim.evaluation import evaluation as evaluations
 from scenarionet_sim.evaluation.evaluation import EvaluationReport, evaluate, find_broken, plan_evaluation
 from scenarionet_sim.evaluation.recording import record
 from scenarionet_sim.evaluation.references import run_references
-from scenarionet_sim.policies import ConstantVelocity
-from scenarionet_sim.sensors import EgoState
+from scenarionet_sim.policies.constant_velocity import ConstantVelocity
+from scenarionet_sim.sensors.state import EgoState
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.made import NAME, write_raw

@@ -11,7 +11,7 @@ import pytest
 
 from scenarionet_sim.evaluation import evaluation as evaluations
 from scenarionet_sim.evaluation.evaluation import evaluate
-from scenarionet_sim.sensors import EgoState
+from scenarionet_sim.sensors.state import EgoState
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 

@@ -11,9 +11,9 @@ from scenarionet_sim.environments.config import PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.single_agent import ScenarioNetEnv
 from scenarionet_sim.evaluation import recording as recordings_module
 from scenarionet_sim.evaluation.recording import record
-from scenarionet_sim.policies import Replay
-from scenarionet_sim.scenarios import Scenarios
-from scenarionet_sim.sensors import Camera
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.scenarios.selection import Scenarios
+from scenarionet_sim.sensors.camera import Camera
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

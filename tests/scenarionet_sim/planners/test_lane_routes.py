@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.planners import Planned
 from scenarionet_sim.planners.following import IdmPlanner
-from scenarionet_sim.policies import External, Idm, Replay, ego
+from scenarionet_sim.planners.policy import Planned
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.objects import ego
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.lane_routes import LaneRoute, route_between
 from scenarionet_sim.worlds.world import World

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.planners import Planned, manual
+from scenarionet_sim.planners import manual
 from scenarionet_sim.planners.manual import GamePad, Keyboard, KeyboardPlanner
-from scenarionet_sim.policies import Replay
+from scenarionet_sim.planners.policy import Planned
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import make_drive

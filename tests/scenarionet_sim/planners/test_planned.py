@@ -10,10 +10,14 @@ import pytest
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.drivers.by_name import MANUAL, PLANNERS, resolve_drivers
-from scenarionet_sim.planners import PerfectTracking, Planned, Planner, Trajectory, View
+from scenarionet_sim.planners.base import Planner, Trajectory
 from scenarionet_sim.planners.following import ConstantVelocityPlanner, IdmPlanner, LogReplayPlanner, PurePursuitPlanner
 from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
-from scenarionet_sim.policies import Replay, other_vehicles
+from scenarionet_sim.planners.policy import Planned
+from scenarionet_sim.planners.tracking import PerfectTracking
+from scenarionet_sim.planners.view import View
+from scenarionet_sim.policies.objects import other_vehicles
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.lane_routes import LaneRoute
 from scenarionet_sim.worlds.world import World

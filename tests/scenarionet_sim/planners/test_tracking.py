@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.planners import Lqr, PerfectTracking, TrackedVehicle, Trajectory
+from scenarionet_sim.planners.base import Trajectory
+from scenarionet_sim.planners.tracking import Lqr, PerfectTracking, TrackedVehicle
 
 # x, y, heading, speed, steering and yaw rate after some steps: LQRTracker and KinematicBicycleModel of nuplan-devkit
 # e924167 with a vehicle of 5 m, axles 1.5 m from its centre, along the trajectory of ``winding``.

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from scenarionet_data.scenario.vocabulary import LightColor, ObjectType
-from scenarionet_sim.planners import Planned, Planner, Trajectory, View
-from scenarionet_sim.policies import Replay
+from scenarionet_sim.planners.base import Planner, Trajectory
+from scenarionet_sim.planners.policy import Planned
+from scenarionet_sim.planners.view import View
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

@@ -6,7 +6,10 @@ from functools import cache
 
 import numpy as np
 
-from scenarionet_sim.policies import ConstantVelocity, External, Replay, vehicles
+from scenarionet_sim.policies.constant_velocity import ConstantVelocity
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.objects import vehicles
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

@@ -12,8 +12,11 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, ObjectType
 from scenarionet_sim.metrics.comfort import body_acceleration, measure_comfort
-from scenarionet_sim.policies import External, Idm, Replay, ego, vehicles
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.policies.idm_kernels import speed_before_stop
+from scenarionet_sim.policies.objects import ego, vehicles
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

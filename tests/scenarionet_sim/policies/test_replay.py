@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenarionet_sim.policies import Replay
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.scenarios import make_scenario

@@ -7,7 +7,10 @@ import pytest
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_sim.policies import Idm, Replay, RouteFollower, ego
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.objects import ego
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.policies.route_follower import RouteFollower
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.routes import continued

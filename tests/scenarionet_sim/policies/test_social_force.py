@@ -7,7 +7,10 @@ import pytest
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.policies import ConstantVelocity, Replay, SocialForce, all_objects
+from scenarionet_sim.policies.constant_velocity import ConstantVelocity
+from scenarionet_sim.policies.objects import all_objects
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.policies.social_force import SocialForce
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

@@ -9,7 +9,8 @@ import pytest
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import Scene
-from scenarionet_sim.render import Live, scene_of
+from scenarionet_sim.render.live import Live
+from scenarionet_sim.render.scenes import scene_of
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import make_drive

@@ -19,7 +19,7 @@ from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.road import is_off_road
 from scenarionet_sim.roads.roads import Roads
-from scenarionet_sim.sensors import BirdView
+from scenarionet_sim.sensors.bird_view import BirdView
 from tests.fixtures.simulations import generated, simulate
 
 SIDE = 60.0

@@ -15,7 +15,8 @@ from scenarionet_sim.evaluation import evaluation as evaluations
 from scenarionet_sim.evaluation.evaluation import evaluate
 from scenarionet_sim.rollouts.batch import RolloutBatch, RolloutJob
 from scenarionet_sim.rollouts.rollout import Rollout
-from scenarionet_sim.sensors import EgoState, Lidar
+from scenarionet_sim.sensors.lidar import Lidar
+from scenarionet_sim.sensors.state import EgoState
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake

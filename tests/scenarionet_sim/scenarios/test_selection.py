@@ -18,8 +18,8 @@ from scenarionet_data.errors import (
     ScenarioNotFound,
     UnsafeSql,
 )
-from scenarionet_sim.scenarios import Scenarios
 from scenarionet_sim.scenarios.sampling import Curriculum, CurriculumSampler, Sequential
+from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.scenarios.stream import ScenarioStream
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario

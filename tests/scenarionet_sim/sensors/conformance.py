@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from scenarionet_sim.sensors import Sensor
+from scenarionet_sim.sensors.base import Sensor
 from scenarionet_sim.simulation.simulation import Simulation
 from tests.fixtures.simulations import alone, crowd, simulate
 

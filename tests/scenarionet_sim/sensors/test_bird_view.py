@@ -8,8 +8,7 @@ import shapely
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
-from scenarionet_sim.sensors import BirdView, Channel
-from scenarionet_sim.sensors.bird_view import LIGHT_VALUES, LightColor
+from scenarionet_sim.sensors.bird_view import LIGHT_VALUES, BirdView, Channel, LightColor
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate
 from tests.scenarionet_sim.sensors import oracle

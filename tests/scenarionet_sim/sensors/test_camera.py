@@ -16,7 +16,7 @@ from scenarionet_sim.cameras.formats import from_nv12, to_nv12
 from scenarionet_sim.cameras.lenses import lens_of, rays_of
 from scenarionet_sim.cameras.terrain import Terrain
 from scenarionet_sim.roads.heights import Heights
-from scenarionet_sim.sensors import Camera, Mount
+from scenarionet_sim.sensors.camera import Camera, Mount
 from scenarionet_sim.sensors.camera_presets import camera_ring
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate

@@ -10,9 +10,9 @@ import shapely
 
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.sensors import Lidar
 from scenarionet_sim.sensors.base import directions, table
 from scenarionet_sim.sensors.box_ray_kernels import cast_at_boxes
+from scenarionet_sim.sensors.lidar import Lidar
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate
 from tests.scenarionet_sim.sensors import oracle

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.sensors import PointCloud
 from scenarionet_sim.sensors.base import directions
+from scenarionet_sim.sensors.point_cloud import PointCloud
 from scenarionet_sim.sensors.point_cloud_kernels import spin
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate

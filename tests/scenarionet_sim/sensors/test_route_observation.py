@@ -9,8 +9,11 @@ import shapely
 from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.policies import Replay
-from scenarionet_sim.sensors import EgoState, LightAhead, Navigation, Surrounding
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.sensors.light_ahead import LightAhead
+from scenarionet_sim.sensors.navigation import Navigation
+from scenarionet_sim.sensors.state import EgoState
+from scenarionet_sim.sensors.surrounding import Surrounding
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

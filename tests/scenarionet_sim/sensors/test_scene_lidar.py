@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.sensors import Mount, PointCloud
+from scenarionet_sim.sensors.camera import Mount
 from scenarionet_sim.sensors.lidar_presets import HDL_32E, PANDAR_64
+from scenarionet_sim.sensors.point_cloud import PointCloud
 from scenarionet_sim.sensors.scene_lidar import SceneLidar
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.simulations import simulate

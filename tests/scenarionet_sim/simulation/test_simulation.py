@@ -15,19 +15,13 @@ from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.arrays.structures import Series
 from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.policies import (
-    ConstantVelocity,
-    External,
-    Idm,
-    OfType,
-    Policy,
-    Replay,
-    RouteFollower,
-    TrackIds,
-    ego,
-    other_vehicles,
-    vehicles,
-)
+from scenarionet_sim.policies.base import Policy
+from scenarionet_sim.policies.constant_velocity import ConstantVelocity
+from scenarionet_sim.policies.external import External
+from scenarionet_sim.policies.idm import Idm
+from scenarionet_sim.policies.objects import OfType, TrackIds, ego, other_vehicles, vehicles
+from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.policies.route_follower import RouteFollower
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.episode_kernels import UNDRIVEN
 from scenarionet_sim.worlds.world import World

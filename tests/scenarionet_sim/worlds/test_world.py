@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.converters.argoverse1 import Argoverse1
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
-from scenarionet_sim.policies import Replay
+from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.paths import SPACING
 from scenarionet_sim.worlds.world import World

@@ -138,7 +138,8 @@ def command(
 
 
 def _recording(scenario: ScenarioDescription) -> tuple[Scene, list[Moment]]:
-    from scenarionet_sim.render import recorded_moments, scene_of
+    from scenarionet_sim.render.scenes import scene_of
+    from scenarionet_sim.render.space import recorded_moments
     from scenarionet_sim.worlds.world import World
 
     world = World.from_scenario(scenario)
@@ -163,7 +164,7 @@ def _film(
 
     from scenarionet_data.plots.files import VIDEOS, write_video
     from scenarionet_sim.cameras.weather import WEATHERS
-    from scenarionet_sim.render import Film
+    from scenarionet_sim.render.space import Film
     from scenarionet_sim.worlds.world import World
 
     world = World.from_scenario(scenario)

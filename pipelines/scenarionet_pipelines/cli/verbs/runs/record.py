@@ -72,7 +72,7 @@ def command(
     from scenarionet_data import Lake
     from scenarionet_pipelines.machine import default_workers
     from scenarionet_sim import record
-    from scenarionet_sim.sensors import Camera
+    from scenarionet_sim.sensors.camera import Camera
 
     run = name or f"{database or 'all'}-{agents}-observed".replace("@", ".")
     started = time.monotonic()
