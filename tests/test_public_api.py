@@ -31,7 +31,9 @@ FORWARDED = {
     "scenarionet_sim.environments.vector.ScenarioNetVectorEnv.__init__": "to the dataclass EnvConfig",
     "scenarionet_sim.environments.vector.ScenarioNetVectorEnv.close_extras": "signature of Gymnasium",
     "scenarionet_sim.environments.stable_baselines.StableBaselinesEnv.env_method": "signature of Stable-Baselines3",
-    "scenarionet_pipelines.cli.group.Verb.__init__": "to click",
+    "scenarionet_pipelines.cli.verb.VerbCommand.run": "parsed values",
+    "scenarionet_pipelines.cli.verb.argument": "to click",
+    "scenarionet_pipelines.cli.verb.option": "to click",
     "scenarionet_pipelines.cli.group.Verbs.__init__": "to click",
     "scenarionet_pipelines.report.markup.tag": "attributes of an HTML element",
 }

@@ -32,7 +32,7 @@ def test_mine(lake, ok, as_json):
 
 def test_mine_without_an_event_lists_them(lake, ok, as_json):
     text = ok("mine", lake)
-    assert "cut_in:max_gap=30.0,min_speed=2.0,within=4.0" in text
+    assert "cut_in:max_gap=30,min_speed=2,within=4" in text
     assert "Source: Hayward 1972" in " ".join(text.split())
     listed = as_json("mine", lake)["events"]
     assert [event["name"] for event in listed] == EVENTS.names()

@@ -80,7 +80,7 @@ def test_errors_after_a_signal_are_its_consequence(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "moment", ["os.kill(os.getpid(), signal.SIGTERM); cli.main()", "cli.Verbs.make_context = end; cli.main()"]
+    "moment", ["os.kill(os.getpid(), signal.SIGTERM); cli.main()", "cli.CommandLine.make_context = end; cli.main()"]
 )
 def test_sigterm_before_a_verb_runs_ends_the_process(moment):
     code = (
@@ -88,7 +88,7 @@ def test_sigterm_before_a_verb_runs_ends_the_process(moment):
         "from scenarionet_pipelines import cli\n"
         "from scenarionet_pipelines.cli import interrupt\n"
         "def end(*_, **__): os.kill(os.getpid(), signal.SIGTERM)\n"
-        f"sys.argv[1:] = ['filters']\ninterrupt.handle_signals()\n{moment}"
+        f"sys.argv[1:] = ['info', 'filters']\ninterrupt.handle_signals()\n{moment}"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (143, "", "terminated: stopped before the end\n")

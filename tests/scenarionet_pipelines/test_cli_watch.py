@@ -63,7 +63,7 @@ def test_reconvert_stale_lists_the_shards_first(raw, lake):
 
 @pytest.mark.parametrize(("answer", "replaced"), [("y", True), ("n", False)])
 def test_reconvert_stale_asks_for_confirmation(raw, lake, monkeypatch, answer, replaced):
-    monkeypatch.setattr("scenarionet_pipelines.cli.verbs.convert._is_interactive", lambda: True)
+    monkeypatch.setattr("scenarionet_pipelines.cli.verbs.convert.is_interactive", lambda: True)
     before = Lake(lake).snapshot.number
     asked = CliRunner().invoke(
         cli, ["convert", NEWER, str(raw), str(lake), "--workers", "1", "--reconvert-stale"], input=f"{answer}\n"

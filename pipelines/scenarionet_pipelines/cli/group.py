@@ -1,4 +1,4 @@
-"""Classes of the verbs and of their group: lazy loading, help with examples, errors as one line."""
+"""Groups of verbs: lazy loading, help, errors as one line."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import difflib
 import errno
 import importlib
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import click
@@ -19,48 +20,21 @@ from scenarionet_data.errors import (
     UserColumnNotFound,
 )
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.deprecated import MOVED, current_options, current_verb
+from scenarionet_pipelines.cli.deprecated import MOVED, current_verb
 from scenarionet_pipelines.cli.interrupt import Interrupted, interruptible, received
 from scenarionet_pipelines.cli.tree import GROUPS
+from scenarionet_pipelines.cli.verb import VerbCommand
 
 _USAGE_ERRORS = (QueryError, SourceNotFound, DatabaseNotFound, UserColumnNotFound)
 """Usage errors (exit code 2); all other errors concern data (exit code 1)."""
 
 
-class Verb(click.Command):
-    """A command whose help ends with examples; a test parses each of them."""
-
-    def __init__(self, *args: Any, examples: tuple[str, ...] = (), **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self.examples = examples
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the arguments; renamed options are accepted with a note."""
-        return super().parse_args(ctx, current_options(self.name or "", args))
-
-    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        """Write the examples."""
-        with formatter.section("Examples"):
-            for example in self.examples:
-                formatter.write(f"  {example}\n")
-
-
-def verb(name: str, *examples: str, cls: type[Verb] = Verb) -> Callable[[Callable[..., Any]], Verb]:
-    """Decorate a function as a verb.
-
-    Args:
-        name: Name of the verb on the command line.
-        examples: Complete command lines, shown by ``--help``.
-        cls: Class of the command.
-    """
-    return click.command(name, cls=cls, examples=examples, no_args_is_help=False)
-
-
-def find_verb(name: str) -> Verb:
-    """Import a verb by its name, with its group."""
-    place = ".".join(name.replace("-", "_").split())
-    found: Verb = importlib.import_module(f"scenarionet_pipelines.cli.verbs.{place}").command
-    return found
+@cache
+def find_verb(name: str) -> VerbCommand:
+    """Import a verb by its name, with its group: ``CopyVerb`` of ``verbs/db/copy.py`` is ``db copy``."""
+    *group, word = name.split()
+    module = importlib.import_module(".".join(("scenarionet_pipelines.cli.verbs", *group, word)))
+    return VerbCommand(word, getattr(module, f"{word.title()}Verb"))
 
 
 class Verbs(click.Group):
@@ -79,7 +53,7 @@ class Verbs(click.Group):
         """Import the verb of that name."""
         if name not in self.list_commands(ctx):
             return None
-        return find_verb(f"{self._folder} {name}")
+        return find_verb(f"{self._folder} {name}".strip())
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Resolve a verb; an unknown one is an error that names similar verbs."""

@@ -17,7 +17,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -78,6 +78,22 @@ def interruptible() -> Iterator[None]:
         yield
     finally:
         _Received.is_explained = False
+
+
+@contextmanager
+def keeping(kept: Callable[[], str]) -> Iterator[None]:
+    """Tell what is kept if the block is interrupted, and how to continue.
+
+    Args:
+        kept: Returns the work that is kept.
+
+    Raises:
+        Interrupted: The block was interrupted.
+    """
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise Interrupted(f"{kept()}; run the same command again to continue") from error
 
 
 def stop(message: str) -> None:

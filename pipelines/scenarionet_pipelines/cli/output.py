@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -34,16 +35,19 @@ def print_table(rows: Iterable[Iterable[Any]], columns: Iterable[str] = (), max_
     Args:
         rows: Cells of each row.
         columns: Column headers; without them no header line is printed.
-        max_cell: Maximum length of a cell; longer cells are shortened.
+        max_cell: Maximum length of a cell on a terminal; longer texts are shortened. Files and pipes get the whole
+            value, and so does a single word, because it may be an id.
     """
     head = [*columns]
-    body = [[shorten(cell(value), max_cell) for value in row] for row in rows]
+    longest = max_cell if sys.stdout.isatty() else None
+    texts = [[cell(value) for value in row] for row in rows]
+    body = [[shorten(text, longest if " " in text else None) for text in row] for row in texts]
     lines = [head, *body] if head else body
     if not lines:
         return
-    texts = [*zip(*lines, strict=True)]
-    widths = [max(map(len, text)) for text in texts]
-    is_right = [all(map(_is_number, text[bool(head) :])) for text in texts]
+    words = [*zip(*lines, strict=True)]
+    widths = [max(map(len, column)) for column in words]
+    is_right = [all(map(is_number, column[bool(head) :])) for column in words]
     for line in lines:
         cells = [t.rjust(w) if r else t.ljust(w) for t, w, r in zip(line, widths, is_right, strict=True)]
         click.echo("  ".join(cells).rstrip())
@@ -65,7 +69,8 @@ def shorten(text: str, length: int | None) -> str:
     return text if length is None or len(text) <= length else text[: length - 1] + "…"
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a cell is a number, or none."""
     return text == "-" or text.replace(",", "").replace(".", "", 1).lstrip("-").isdecimal()
 
 

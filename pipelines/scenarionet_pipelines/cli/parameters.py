@@ -1,53 +1,31 @@
-"""Arguments and options shared by several verbs, and parsers of their values."""
+"""Parsers of values that several verbs take."""
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
-import click
-
 from scenarionet_data.errors import BadParameter
-
-lake_argument = click.argument("lake")
-database_argument = click.argument("database", metavar="DATABASE")
-optional_database_argument = click.argument("database", metavar="[DATABASE]", required=False)
-databases_argument = click.argument("databases", metavar="DATABASE...", nargs=-1, required=True)
-database_option = click.option("--database", metavar="DATABASE", help="Search this database instead of the whole lake.")
-name_option = click.option("--name", required=True, metavar="NAME", help="Name of the new database.")
-new_version_option = click.option(
-    "--replace", is_flag=True, help="Save a new version if a database of that name exists."
-)
-allow_empty_option = click.option("--allow-empty", is_flag=True, help="Save the database even if it has no scenarios.")
-parameter_option = click.option(
-    "-p", "--parameter", "parameters", multiple=True, metavar="NAME=VALUE", help="Value of a parameter; repeatable."
-)
-snapshot_option = click.option(
-    "--snapshot", type=click.IntRange(0), metavar="N", help="Read this snapshot instead of the newest."
-)
-workers_option = click.option(
-    "--workers",
-    type=click.IntRange(1),
-    metavar="N",
-    help="Number of processes. [default: one per core and 2 GB of memory]",
-)
-cluster_option = click.option(
-    "--cluster",
-    metavar="NAME",
-    help="Run on a Dask cluster: `local`, the name of a profile, a profile file, or a scheduler's tcp:// address.",
-)
-replace_option = click.option("--replace", is_flag=True, help="Overwrite existing output.")
-json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-quiet_option = click.option("--quiet", is_flag=True, help="Do not print progress.")
+from scenarionet_data.storage.files.places import local_path
 
 
-def combination_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the parameters of verbs that combine databases: ``LAKE DATABASE... --name NAME`` and how to save."""
-    for add in (json_option, allow_empty_option, new_version_option, name_option, databases_argument, lake_argument):
-        command = add(command)  # the last one added comes first in the help
-    return command
+def output_path(file: str, what: str, *, replace: bool) -> Path:
+    """Return the path of a file to write.
+
+    Args:
+        file: The path as typed.
+        what: What is written, for error messages: "a picture".
+        replace: Whether it may exist.
+
+    Raises:
+        BadParameter: It exists, or it is a URL.
+    """
+    path = local_path(file, what)
+    if path.exists() and not replace:
+        raise BadParameter(f"{file} exists; choose another name, or --replace")
+    return path
 
 
 def look_in_current_folder(name: str) -> None:

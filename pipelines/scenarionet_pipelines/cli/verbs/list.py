@@ -7,37 +7,42 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument, snapshot_option
+from scenarionet_pipelines.cli.verb import SNAPSHOT, LakeVerb
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
 
 
-@verb("list", "scenarionet list lake", "scenarionet list lake --json")
-@lake_argument
-@snapshot_option
-@json_option
-def command(lake: str, snapshot: int | None, as_json: bool) -> None:
+class ListVerb(LakeVerb):
     """List the datasets, databases and snapshots of a lake."""
-    from scenarionet_data import Lake
 
-    found = _describe(Lake(lake, snapshot))
-    if as_json:
-        print_json(found)
-    else:
-        _print(found)
+    examples = (
+        "scenarionet list lake",
+        "scenarionet list lake --json",
+    )
+    snapshot: int | None = SNAPSHOT
+
+    def run(self) -> None:
+        from scenarionet_data import Lake
+
+        found = describe(Lake(self.lake, self.snapshot))
+        if self.as_json:
+            print_json(found)
+        else:
+            print_content(found)
 
 
-def _describe(lake: Lake) -> dict[str, Any]:
+def describe(lake: Lake) -> dict[str, Any]:
+    """Return the content of a lake as it is printed by ``--json``."""
+    databases = [lake.database(name) for name in lake.databases]
     return {
         "lake": str(lake.root),
         "snapshot": lake.snapshot.number,
         "splits": lake.summary().to_dicts(),
         "quarantined": int(lake.named_query("quarantine_reasons")["scenarios"].sum()),
         "defects": int(lake.named_query("defect_reasons")["rows"].sum()),
-        "databases": [_database(lake, name) for name in lake.databases],
+        "databases": [{"name": db.name, "reference": db.reference} | asdict(db.lineage) for db in databases],
         "snapshots": [
             {"number": found.number, "created_at": found.created_at, "operation": found.operation}
             for found in lake.history()
@@ -45,12 +50,8 @@ def _describe(lake: Lake) -> dict[str, Any]:
     }
 
 
-def _database(lake: Lake, name: str) -> dict[str, Any]:
-    found = lake.database(name)
-    return {"name": name, "reference": found.reference} | asdict(found.lineage)
-
-
-def _print(found: dict[str, Any]) -> None:
+def print_content(found: dict[str, Any]) -> None:
+    """Print the content of a lake as tables."""
     click.echo(f"{found['lake']}, snapshot {found['snapshot']}")
     splits = found["splits"]
     if splits:
@@ -66,15 +67,16 @@ def _print(found: dict[str, Any]) -> None:
         click.echo(f"\n{number} or features dropped or assumed: scenarionet sql LAKE defect_reasons")
     if found["databases"]:
         click.echo()
-        databases = [(d["reference"], d["count"], _origin(d), d["created_at"]) for d in found["databases"]]
+        databases = [
+            (
+                db["reference"], db["count"],
+                f"{db['operation']} of {', '.join(db['parents']) or 'the lake'} at snapshot {db['snapshot']}",
+                db["created_at"],
+            )
+            for db in found["databases"]
+        ]  # fmt: skip
         print_table(databases, ("database", "scenarios", "made by", "at"))
     if found["snapshots"]:
         click.echo()
         snapshots = [(s["number"], s["operation"], s["created_at"]) for s in reversed(found["snapshots"])]
         print_table(snapshots, ("snapshot", "made by", "at"))
-
-
-def _origin(lineage: dict[str, Any]) -> str:
-    """Summary of how a database was made."""
-    parents = ", ".join(lineage["parents"]) or "the lake"
-    return f"{lineage['operation']} of {parents} at snapshot {lineage['snapshot']}"

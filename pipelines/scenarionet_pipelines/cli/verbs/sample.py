@@ -2,78 +2,49 @@
 
 from __future__ import annotations
 
-import click
-
 from scenarionet_pipelines.cli.databases import print_created
-from scenarionet_pipelines.cli.group import verb
-from scenarionet_pipelines.cli.parameters import (
-    json_option,
-    lake_argument,
-    name_option,
-    new_version_option,
-    optional_database_argument,
-)
+from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, LakeVerb, Saving, option
 
 
-@verb(
-    "sample",
-    "scenarionet sample lake busy -n 1000 --name few",
-    "scenarionet sample lake --fraction 0.01 --stratify dataset --name tiny",
-    "scenarionet sample lake busy -n 500 --balance city --weights difficulty --seed 3 --name hard",
-    "scenarionet sample lake busy -n 500 --levels 5 --name curriculum",
-)
-@lake_argument
-@optional_database_argument
-@click.option("-n", type=int, metavar="N", help="Number of scenarios.")
-@click.option("--fraction", type=float, help="Number of scenarios as a fraction of the database.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random numbers.")
-@click.option(
-    "--weights", default="1", metavar="EXPR", help="Sampling weight: SQL expression over the columns of metadata."
-)
-@click.option("--stratify", metavar="COLUMN", help="Keep the proportions of this column's values.")
-@click.option(
-    "--balance", metavar="COLUMN", help="Draw equally often from each value of this column, as far as possible."
-)
-@click.option(
-    "--levels",
-    type=int,
-    metavar="N",
-    help="Draw equally often from N levels of difficulty, sorted from easy to difficult.",
-)
-@name_option
-@new_version_option
-@json_option
-def command(
-    lake: str,
-    database: str | None,
-    n: int | None,
-    fraction: float | None,
-    seed: int,
-    weights: str,
-    stratify: str | None,
-    balance: str | None,
-    levels: int | None,
-    name: str,
-    replace: bool,
-    as_json: bool,
-) -> None:
+class SampleVerb(LakeVerb, Saving):
     """Save a random sample of a database, or of the whole lake, drawn without replacement.
 
     The same seed draws the same scenarios on every machine. They keep the order of the database; with --levels, a
     curriculum, they are sorted by difficulty.
     """
-    from scenarionet_data import Lake
 
-    created = Lake(lake).sample(
-        database,
-        name=name,
-        n=n,
-        fraction=fraction,
-        seed=seed,
-        weights=weights,
-        stratify=stratify,
-        balance=balance,
-        levels=levels,
-        replace=replace,
+    examples = (
+        "scenarionet sample lake busy -n 1000 --name few",
+        "scenarionet sample lake --fraction 0.01 --stratify dataset --name tiny",
+        "scenarionet sample lake busy -n 500 --balance city --weights difficulty --seed 3 --name hard",
+        "scenarionet sample lake busy -n 500 --levels 5 --name curriculum",
     )
-    print_created(created, as_json)
+    database: str | None = OPTIONAL_DATABASE
+    n: int | None = option("Number of scenarios.", "-n", metavar="N")
+    fraction: float | None = option("Number of scenarios as a fraction of the database.")
+    seed: int = option("Seed of the random numbers.", default=0)
+    weights: str = option("Sampling weight: SQL expression over the columns of metadata.", default="1", metavar="EXPR")
+    stratify: str | None = option("Keep the proportions of this column's values.", metavar="COLUMN")
+    balance: str | None = option(
+        "Draw equally often from each value of this column, as far as possible.", metavar="COLUMN"
+    )
+    levels: int | None = option(
+        "Draw equally often from N levels of difficulty, sorted from easy to difficult.", metavar="N"
+    )
+
+    def run(self) -> None:
+        from scenarionet_data import Lake
+
+        created = Lake(self.lake).sample(
+            self.database,
+            name=self.name,
+            n=self.n,
+            fraction=self.fraction,
+            seed=self.seed,
+            weights=self.weights,
+            stratify=self.stratify,
+            balance=self.balance,
+            levels=self.levels,
+            replace=self.replace,
+        )
+        print_created(created, self.as_json)

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import click
-
 from scenarionet_pipelines.cli.databases import print_created
-from scenarionet_pipelines.cli.group import verb
-from scenarionet_pipelines.cli.parameters import database_argument, json_option, lake_argument, new_version_option
+from scenarionet_pipelines.cli.verb import NEW_VERSION, DatabaseVerb, argument
 
 
-@verb("copy", "scenarionet db copy lake busy paper_train", "scenarionet db copy lake busy@1 busy_then --json")
-@lake_argument
-@database_argument
-@click.argument("name", metavar="NAME")
-@new_version_option
-@json_option
-def command(lake: str, database: str, name: str, replace: bool, as_json: bool) -> None:
+class CopyVerb(DatabaseVerb):
     """Copy a database, or one of its versions (DATABASE@VERSION), to a new name.
 
     Only the list of scenarios is copied. Later changes of DATABASE do not affect the copy.
     """
-    from scenarionet_data import Lake
 
-    print_created(Lake(lake).copy(database, name=name, replace=replace), as_json)
+    examples = (
+        "scenarionet db copy lake busy paper_train",
+        "scenarionet db copy lake busy@1 busy_then --json",
+    )
+    name: str = argument("NAME")
+    replace: bool = NEW_VERSION
+
+    def run(self) -> None:
+        from scenarionet_data import Lake
+
+        print_created(Lake(self.lake).copy(self.database, name=self.name, replace=self.replace), self.as_json)

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from scenarionet_pipelines.cli.databases import print_created
-from scenarionet_pipelines.cli.group import verb
-from scenarionet_pipelines.cli.parameters import combination_options
+from scenarionet_pipelines.cli.verb import CombinationVerb
 
 
-@verb(
-    "intersect",
-    "scenarionet db intersect lake busy far --name both",
-    "scenarionet db intersect lake busy@1 busy --name still_busy",
-)
-@combination_options
-def command(lake: str, databases: tuple[str, ...], name: str, replace: bool, allow_empty: bool, as_json: bool) -> None:
+class IntersectVerb(CombinationVerb):
     """Save the scenarios that are in every one of the databases, in the order of the first."""
-    from scenarionet_data import Lake
 
-    print_created(Lake(lake).intersect(*databases, name=name, replace=replace, allow_empty=allow_empty), as_json)
+    examples = (
+        "scenarionet db intersect lake busy far --name both",
+        "scenarionet db intersect lake busy@1 busy --name still_busy",
+    )
+
+    def run(self) -> None:
+        from scenarionet_data import Lake
+
+        print_created(
+            Lake(self.lake).intersect(
+                *self.databases, name=self.name, replace=self.replace, allow_empty=self.allow_empty
+            ),
+            self.as_json,
+        )

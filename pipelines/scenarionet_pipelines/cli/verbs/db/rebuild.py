@@ -5,28 +5,30 @@ from __future__ import annotations
 import click
 
 from scenarionet_pipelines.cli.databases import diff_as_json, print_diff
-from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json
-from scenarionet_pipelines.cli.parameters import database_argument, json_option, lake_argument
+from scenarionet_pipelines.cli.verb import DatabaseVerb
 
 
-@verb("rebuild", "scenarionet db rebuild lake busy", "scenarionet db rebuild lake busy@1 --json")
-@lake_argument
-@database_argument
-@json_option
-def command(lake: str, database: str, as_json: bool) -> None:
+class RebuildVerb(DatabaseVerb):
     """Run a database's query again on its snapshot and parents, and compare the result.
 
     Nothing is saved. The exit code is 1 if members, weights or order differ.
     """
-    from scenarionet_data import Lake
 
-    rebuilt = Lake(lake).rebuild(database)
-    if as_json:
-        print_json({"reference": rebuilt.reference, "is_same": rebuilt.is_same} | diff_as_json(rebuilt.diff))
-    elif rebuilt.is_same:
-        click.echo(f"{rebuilt.reference}: the same {count(rebuilt.diff.counts[0], 'scenario')} in the same order")
-    else:
-        click.echo(f"{rebuilt.reference}: NOT the same")
-        print_diff(rebuilt.diff)
-    click.get_current_context().exit(0 if rebuilt.is_same else 1)
+    examples = (
+        "scenarionet db rebuild lake busy",
+        "scenarionet db rebuild lake busy@1 --json",
+    )
+
+    def run(self) -> bool:
+        from scenarionet_data import Lake
+
+        rebuilt = Lake(self.lake).rebuild(self.database)
+        if self.as_json:
+            print_json({"reference": rebuilt.reference, "is_same": rebuilt.is_same} | diff_as_json(rebuilt.diff))
+        elif rebuilt.is_same:
+            click.echo(f"{rebuilt.reference}: the same {count(rebuilt.diff.counts[0], 'scenario')} in the same order")
+        else:
+            click.echo(f"{rebuilt.reference}: NOT the same")
+            print_diff(rebuilt.diff)
+        return rebuilt.is_same

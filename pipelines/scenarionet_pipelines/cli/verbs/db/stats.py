@@ -8,60 +8,58 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarionet_data.storage.files.places import local_path
-from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import cell, print_json, print_table
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument, snapshot_option
+from scenarionet_pipelines.cli.verb import SNAPSHOT, LakeVerb, argument, option
 
 if TYPE_CHECKING:
-    from scenarionet_data.operations.comparison import DatabaseStatistics, Measure
+    from scenarionet_data.operations.comparison import DatabaseStatistics
 
 
-@verb(
-    "stats",
-    "scenarionet db stats lake",
-    "scenarionet db stats lake busy_train busy_val",
-    "scenarionet db stats lake busy_train busy_val -o stats.svg",
-)
-@lake_argument
-@click.argument("databases", metavar="[DATABASE]...", nargs=-1)
-@click.option(
-    "-o", "--output", type=click.Path(dir_okay=False), metavar="FILE", help="Draw a chart to a .png, .svg or .pdf file."
-)
-@snapshot_option
-@json_option
-def command(lake: str, databases: tuple[str, ...], output: str | None, snapshot: int | None, as_json: bool) -> None:
+class StatsVerb(LakeVerb):
     """Compare statistics of databases: track length, vehicles, intersections, construction and more.
 
     Values are mean ± standard deviation over scenarios. Without DATABASE, the whole lake is described. Charts require
     the extra `plots`.
     """
-    from scenarionet_data import Lake
 
-    if output:
-        local_path(output, "a chart")
-    found = Lake(lake, snapshot).compare(*databases)
-    if output:
-        from scenarionet_data.plots import write_comparison
+    examples = (
+        "scenarionet db stats lake",
+        "scenarionet db stats lake busy_train busy_val",
+        "scenarionet db stats lake busy_train busy_val -o stats.svg",
+    )
+    databases: tuple[str, ...] = argument("[DATABASE]...", required=False)
+    output: str | None = option("Draw a chart to a .png, .svg or .pdf file.", "-o", "--output", metavar="FILE")
+    snapshot: int | None = SNAPSHOT
 
-        write_comparison(found, output)
-        click.echo(f"wrote {output}", err=True)
-    if as_json:
-        print_json({"databases": [asdict(each) for each in found]})
-    elif not output:
-        _print(found)
+    def run(self) -> None:
+        from scenarionet_data import Lake
+
+        if self.output:
+            local_path(self.output, "a chart")
+        found = Lake(self.lake, self.snapshot).compare(*self.databases)
+        if self.output:
+            from scenarionet_data.plots import write_comparison
+
+            write_comparison(found, self.output)
+            click.echo(f"wrote {self.output}", err=True)
+        if self.as_json:
+            print_json({"databases": [asdict(each) for each in found]})
+        elif not self.output:
+            print_statistics(found)
 
 
-def _print(found: list[DatabaseStatistics]) -> None:
+def print_statistics(found: list[DatabaseStatistics]) -> None:
+    """Print one column per database."""
     rows = [["scenarios", *(each.count for each in found)]]
     full = next((each.measures for each in found if each.measures), ())
     for place, measure in enumerate(full):
         unit = f" [{measure.unit}]" if measure.unit not in ("", "ratio") else ""
-        rows.append([measure.measure + unit, *(_cell(each.measures[place : place + 1]) for each in found)])
+        rows.append([measure.measure + unit])
+        for each in found:
+            (value,) = each.measures[place : place + 1] or (None,)
+            if value is None or value.mean is None:
+                rows[-1].append("-")
+            else:
+                spread = f"{value.mean:,.2f} ± {value.std:,.2f}" if value.std is not None else cell(value.mean)
+                rows[-1].append(spread)
     print_table(rows, ["", *(each.name for each in found)])
-
-
-def _cell(measures: tuple[Measure, ...]) -> str:
-    if not measures or measures[0].mean is None:
-        return "-"
-    (measure,) = measures
-    return cell(measure.mean) if measure.std is None else f"{measure.mean:,.2f} ± {measure.std:,.2f}"

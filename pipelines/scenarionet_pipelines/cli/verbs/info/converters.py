@@ -7,41 +7,62 @@ from typing import Any
 import click
 
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import print_json, print_table
-from scenarionet_pipelines.cli.parameters import json_option
+from scenarionet_pipelines.cli.verb import Verb, argument
 
 _PROPERTIES = ("raw", "release", "licence", "version")
 
 
-@verb(
-    "converters", "scenarionet info converters", "scenarionet info converters pg", "scenarionet info converters --json"
-)
-@click.argument("name", required=False)
-@json_option
-def command(name: str | None, as_json: bool) -> None:
+class ConvertersVerb(Verb):
     """List the converters, or describe one with its options."""
-    if name:
-        _explain(name, as_json)
-    else:
-        _list(as_json)
+
+    examples = (
+        "scenarionet info converters",
+        "scenarionet info converters pg",
+        "scenarionet info converters --json",
+    )
+    name: str | None = argument()
+
+    def run(self) -> None:
+        if self.name:
+            self.explain(self.name)
+            return
+        from scenarionet_data import converters
+
+        found = [describe(name) for name in converters.names()]
+        if self.as_json:
+            print_json({"converters": found})
+            return
+        for properties in found:
+            click.echo(click.style(properties["name"], bold=True))
+            print_table([("", key, properties[key]) for key in ("error", *_PROPERTIES) if key in properties])
+        click.echo("Options of a converter: scenarionet info converters NAME")
+
+    def explain(self, name: str) -> None:
+        """Print what a converter expects, and its options."""
+        from scenarionet_data.converters.splits import ACCEPTED
+        from scenarionet_pipelines.cli import converter
+
+        found = converter.find(name)
+        options = [
+            {"name": option.name, "type": option.type_text, "default": option.default, "doc": option.doc}
+            for option in converter.options(found)
+        ]
+        properties = {"name": name} | {key: getattr(found, key) for key in _PROPERTIES}
+        properties["split"] = ACCEPTED.get(name, ("any label",))
+        properties["where"] = ["file", "name", *found.properties]
+        if self.as_json:
+            print_json(properties | {"options": options})
+            return
+        print_table((properties | {key: ", ".join(properties[key]) for key in ("split", "where")}).items())
+        click.echo()
+        if options:
+            print_table([option.values() for option in options], ("option", "type", "default", ""))
+        click.echo(f"Use: scenarionet convert {name} RAW LAKE" + (" -p OPTION=VALUE" if options else ""))
 
 
-def _list(as_json: bool) -> None:
-    from scenarionet_data import converters
-
-    found = [_describe(name) for name in converters.names()]
-    if as_json:
-        print_json({"converters": found})
-        return
-    for properties in found:
-        click.echo(click.style(properties["name"], bold=True))
-        print_table([("", key, properties[key]) for key in ("error", *_PROPERTIES) if key in properties])
-    click.echo("Options of a converter: scenarionet info converters NAME")
-
-
-def _describe(name: str) -> dict[str, Any]:
-    """Properties of a converter, or the error that prevents loading it."""
+def describe(name: str) -> dict[str, Any]:
+    """Return the properties of a converter, or the error that prevents loading it."""
     from scenarionet_pipelines.cli import converter
 
     try:
@@ -49,25 +70,3 @@ def _describe(name: str) -> dict[str, Any]:
     except Exception as error:  # a third-party plug-in can fail in any way; list it with its error
         return {"name": name, "error": one_line(error)}
     return {"name": name} | {key: getattr(found, key) for key in _PROPERTIES}
-
-
-def _explain(name: str, as_json: bool) -> None:
-    from scenarionet_data.converters.splits import ACCEPTED
-    from scenarionet_pipelines.cli import converter
-
-    found = converter.find(name)
-    options = [
-        {"name": option.name, "type": option.type_text, "default": option.default, "doc": option.doc}
-        for option in converter.options(found)
-    ]
-    properties = {"name": name} | {key: getattr(found, key) for key in _PROPERTIES}
-    properties["split"] = ACCEPTED.get(name, ("any label",))
-    properties["where"] = ["file", "name", *found.properties]
-    if as_json:
-        print_json(properties | {"options": options})
-        return
-    print_table((properties | {key: ", ".join(properties[key]) for key in ("split", "where")}).items())
-    click.echo()
-    if options:
-        print_table([option.values() for option in options], ("option", "type", "default", ""))
-    click.echo(f"Use: scenarionet convert {name} RAW LAKE" + (" -p OPTION=VALUE" if options else ""))

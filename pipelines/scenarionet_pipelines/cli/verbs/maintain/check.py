@@ -9,80 +9,23 @@ import click
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.execution import executor_from_options, worker_facts, worker_rows
-from scenarionet_pipelines.cli.group import verb
+from scenarionet_pipelines.cli.execution import worker_facts, worker_rows
 from scenarionet_pipelines.cli.output import count, print_json, print_table
-from scenarionet_pipelines.cli.parameters import (
-    cluster_option,
-    json_option,
-    lake_argument,
-    new_version_option,
-    optional_database_argument,
-    quiet_option,
-    snapshot_option,
-    workers_option,
-)
-from scenarionet_pipelines.cli.progress import ProgressDisplay
 from scenarionet_pipelines.cli.table_file import check_suffix, write_table
+from scenarionet_pipelines.cli.verb import NEW_VERSION, OPTIONAL_DATABASE, SNAPSHOT, Distributed, LakeVerb, option
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from scenarionet_data import Lake
-    from scenarionet_data.databases.record import DatabaseRecord
     from scenarionet_data.execution.executors import Executor
-    from scenarionet_data.quality.report import CheckReport, CheckResult
-    from scenarionet_data.quality.scorecard import PartitionScore, Scorecard
+    from scenarionet_data.quality.report import CheckResult
+    from scenarionet_data.quality.scorecard import RuleScore, Scorecard
 
 _REPLAYS = "The ego of every recording reaches its destination when replayed."
 
 
-@verb(
-    "check",
-    "scenarionet maintain check lake",
-    "scenarionet maintain check lake busy --only ids_are_unique --only nobody_teleports",
-    "scenarionet maintain check lake --scorecard -o scorecard.csv",
-    "scenarionet maintain check lake busy --name good --broken broken.parquet",
-    "scenarionet maintain check lake --strict --json",
-    "scenarionet maintain check lake busy --simulate --workers 4",
-    "scenarionet maintain check lake --scorecard --cluster local",
-)
-@lake_argument
-@optional_database_argument
-@click.option("--only", multiple=True, metavar="NAME", help="Run only this check; repeatable.")
-@click.option("--strict", is_flag=True, help="Treat plausibility rules like structural ones.")
-@click.option(
-    "--scorecard",
-    is_flag=True,
-    help="Report by dataset, version and split, and compare with published scenario counts.",
-)
-@click.option("-o", "--output", metavar="FILE", help="Write the scorecard to a .parquet, .csv or .json file.")
-@click.option(
-    "--name", metavar="NAME", help="Save the scenarios that pass as a database (with --strict: pass every rule)."
-)
-@new_version_option
-@click.option("--broken", metavar="FILE", help="Write the violations to a .parquet, .csv or .json file.")
-@click.option("--simulate", is_flag=True, help="Also replay every scenario in the simulator.")
-@workers_option
-@cluster_option
-@snapshot_option
-@json_option
-@quiet_option
-def command(
-    lake: str,
-    database: str | None,
-    only: tuple[str, ...],
-    strict: bool,
-    scorecard: bool,
-    output: str | None,
-    name: str | None,
-    replace: bool,
-    broken: str | None,
-    simulate: bool,
-    workers: int | None,
-    cluster: str | None,
-    snapshot: int | None,
-    as_json: bool,
-    quiet: bool,
-) -> None:
+class CheckVerb(LakeVerb, Distributed):
     """Check the scenarios of a lake, or of a database, against the quality rules.
 
     The rules are SQL files in sql/checks. Hard rules are structural and also checked during conversion; scenarios
@@ -94,58 +37,84 @@ def command(
     fails. --scorecard reports the violations of each rule by split, and the share of the published scenarios that
     the lake contains. --name saves the scenarios that pass, --broken writes the violations with rule and reason.
     """
-    from scenarionet_data import Lake
-    from scenarionet_data.quality.checks import run_checks
-    from scenarionet_data.quality.passing import save_passing
-    from scenarionet_data.quality.scorecard import make_scorecard
 
-    _check_outputs(output, broken, scorecard)
-    opened = Lake(lake, snapshot)
-    with executor_from_options(cluster, workers, quiet=quiet) as execution:
-        with ProgressDisplay(f"check {lake}", "check", is_quiet=quiet) as progress:
-            findings = run_checks(
-                opened, database, only or None, on_progress=progress.update, executor=execution.measured
-            )
-        if simulate:
-            findings = findings.with_check(
-                "replays", _REPLAYS, _simulate(opened, database, workers, execution.measured, quiet)
-            )
-    card = make_scorecard(findings) if scorecard else None
-    made = save_passing(findings, name, strict=strict, replace=replace) if name else None
-    if broken:
-        _write(findings.rows, broken)
-    if card and output:
-        _write(card.rows, output)
-    has_failed = any(not result.is_met and (result.is_hard or strict) for result in findings.results)
-    if as_json:
-        print_json(_content(findings, card, made) | {"is_ok": not has_failed} | worker_facts(execution.stats))
-    else:
-        _print(findings, card, made)
+    examples = (
+        "scenarionet maintain check lake",
+        "scenarionet maintain check lake busy --only ids_are_unique --only nobody_teleports",
+        "scenarionet maintain check lake --scorecard -o scorecard.csv",
+        "scenarionet maintain check lake busy --name good --broken broken.parquet",
+        "scenarionet maintain check lake --strict --json",
+        "scenarionet maintain check lake busy --simulate --workers 4",
+        "scenarionet maintain check lake --scorecard --cluster local",
+    )
+    database: str | None = OPTIONAL_DATABASE
+    only: tuple[str, ...] = option("Run only this check; repeatable.", metavar="NAME")
+    strict: bool = option("Treat plausibility rules like structural ones.")
+    scorecard: bool = option("Report by dataset, version and split, and compare with published scenario counts.")
+    output: str | None = option(
+        "Write the scorecard to a .parquet, .csv or .json file.", "-o", "--output", metavar="FILE"
+    )
+    name: str | None = option(
+        "Save the scenarios that pass as a database (with --strict: pass every rule).", metavar="NAME"
+    )
+    replace: bool = NEW_VERSION
+    broken: str | None = option("Write the violations to a .parquet, .csv or .json file.", metavar="FILE")
+    simulate: bool = option("Also replay every scenario in the simulator.")
+    snapshot: int | None = SNAPSHOT
+
+    def run(self) -> bool:
+        from scenarionet_data import Lake
+        from scenarionet_data.quality.checks import run_checks
+        from scenarionet_data.quality.passing import save_passing
+        from scenarionet_data.quality.scorecard import make_scorecard
+
+        if self.output and not self.scorecard:
+            raise BadParameter("-o writes the scorecard: add --scorecard, or use --broken FILE to write the violations")
+        for path, spelling in ((self.output, "-o"), (self.broken, "--broken")):
+            if path:
+                check_suffix(path, spelling)
+        opened = Lake(self.lake, self.snapshot)
+        with self.execution() as execution:
+            with self.progress(f"check {self.lake}", "check") as progress:
+                findings = run_checks(
+                    opened, self.database, self.only or None, on_progress=progress.update, executor=execution.measured
+                )
+            if self.simulate:
+                findings = findings.with_check("replays", _REPLAYS, self.replay(opened, execution.measured))
+        card = make_scorecard(findings) if self.scorecard else None
+        made = save_passing(findings, self.name, strict=self.strict, replace=self.replace) if self.name else None
+        for rows, path in ((findings.rows, self.broken), (card.rows if card else [], self.output)):
+            if path:
+                write_rows(rows, path)
+        is_ok = all(result.is_met or not (result.is_hard or self.strict) for result in findings.results)
+        if self.as_json:
+            content: dict[str, Any] = {"checks": [asdict(result) for result in findings.results]}
+            content |= {"scorecard": card.to_dict()} if card else {}
+            content |= {"good": {"reference": made.reference} | asdict(made.lineage)} if made else {}
+            print_json(content | {"is_ok": is_ok} | worker_facts(execution.stats))
+            return is_ok
+        if card:
+            print_scorecard(card)
+        else:
+            print_results(findings.results)
+        if made:
+            total = sum(findings.totals["scenarios"].to_pylist())
+            click.echo(f"\n{made.reference}: {len(made):,} of {count(total, 'scenario')}")
         print_table(worker_rows(execution.stats, "part"))
-    click.get_current_context().exit(1 if has_failed else 0)
+        return is_ok
+
+    def replay(self, lake: Lake, executor: Executor | None) -> list[tuple[str, str]]:
+        """Return the scenarios whose ego does not reach its destination when it is replayed, with details."""
+        from scenarionet_sim.evaluation.evaluation import find_broken
+
+        with self.progress("simulate", "part") as progress:
+            return find_broken(
+                lake, self.database, workers=self.num_workers, executor=executor, on_progress=progress.update
+            )
 
 
-def _simulate(
-    lake: Lake, database: str | None, workers: int | None, executor: Executor | None, quiet: bool
-) -> list[tuple[str, str]]:
-    from scenarionet_pipelines.machine import default_workers
-    from scenarionet_sim.evaluation.evaluation import find_broken
-
-    with ProgressDisplay("simulate", "part", is_quiet=quiet) as progress:
-        processes = workers or default_workers()
-        return find_broken(lake, database, workers=processes, executor=executor, on_progress=progress.update)
-
-
-def _check_outputs(output: str | None, broken: str | None, scorecard: bool) -> None:
-    """Raise for output options that cannot be used, before anything is checked."""
-    if output and not scorecard:
-        raise BadParameter("-o writes the scorecard: add --scorecard, or use --broken FILE to write the violations")
-    for path, option in ((output, "-o"), (broken, "--broken")):
-        if path:
-            check_suffix(path, option)
-
-
-def _write(rows: Any, path: str) -> None:
+def write_rows(rows: Any, path: str) -> None:
+    """Write rows to a file, and say how many."""
     import polars
 
     table = polars.DataFrame(rows)
@@ -153,72 +122,41 @@ def _write(rows: Any, path: str) -> None:
     click.echo(f"{count(len(table), 'row')} in {path}", err=True)
 
 
-def _content(findings: CheckReport, card: Scorecard | None, made: DatabaseRecord | None) -> dict[str, Any]:
-    content: dict[str, Any] = {"checks": [asdict(result) for result in findings.results]}
-    if card:
-        content["scorecard"] = card.to_dict()
-    if made:
-        content["good"] = {"reference": made.reference} | asdict(made.lineage)
-    return content
-
-
-# --- tables -----------------------------------------------------------------------------------------------
-
-
-def _print(findings: CheckReport, card: Scorecard | None, made: DatabaseRecord | None) -> None:
-    if card:
-        _print_card(card)
-    else:
-        print_table((_mark(result), result.name, result.doc) for result in findings.results)
-        for result in findings.results:
-            _print_examples(result)
-    if made:
-        total = sum(findings.totals["scenarios"].to_pylist())
-        click.echo(f"\n{made.reference}: {len(made):,} of {count(total, 'scenario')}")
-
-
-def _print_examples(result: CheckResult) -> None:
-    if not result.examples:
-        return
-    broken = [count(result.num_scenarios, "scenario")] if result.num_scenarios else []
-    broken += [count(result.num_others, "map or shard").replace("shards", "shard")] if result.num_others else []
-    within = ", within the budget" if result.is_met else ""
-    click.echo(f"\n{result.name}: {' and '.join(broken)}{within}, for example")
-    print_table(("", scenario_id or "-", detail) for scenario_id, detail in result.examples)
-
-
-def _mark(result: CheckResult) -> str:
-    return _word(result.is_met, result.is_hard)
-
-
-def _word(is_met: bool, is_hard: bool) -> str:
-    if is_met:
+def verdict(mark: CheckResult | RuleScore) -> str:
+    """Return a word for the result of a check."""
+    if mark.is_met:
         return "ok"
-    return "FAILED" if is_hard else "doubtful"
+    return "FAILED" if mark.is_hard else "doubtful"
 
 
-def _print_card(card: Scorecard) -> None:
-    for number, partition in enumerate(card.partitions):
-        click.echo(("\n" if number else "") + "/".join((partition.dataset, partition.version, partition.split)))
-        print_table(_facts(partition))
+def print_results(results: Sequence[CheckResult]) -> None:
+    """Print the verdict of each check, then examples of what breaks it."""
+    print_table((verdict(result), result.name, result.doc) for result in results)
+    for result in results:
+        if not result.examples:
+            continue
+        broken = [count(result.num_scenarios, "scenario")] if result.num_scenarios else []
+        broken += [count(result.num_others, "map or shard").replace("shards", "shard")] if result.num_others else []
+        within = ", within the budget" if result.is_met else ""
+        click.echo(f"\n{result.name}: {' and '.join(broken)}{within}, for example")
+        print_table(("", scenario_id or "-", detail) for scenario_id, detail in result.examples)
+
+
+def print_scorecard(card: Scorecard) -> None:
+    """Print what each split holds, and how many of its scenarios break each rule."""
+    for number, split in enumerate(card.partitions):
+        click.echo(("\n" if number else "") + "/".join((split.dataset, split.version, split.split)))
+        coverage = split.coverage
+        published = f"{coverage.text} ({coverage.release.source})" if coverage else "no published counts for this split"
+        budgets = ", ".join(f"{name} {value:g}" for name, value in asdict(split.budgets).items())
+        holds = f"{count(split.scenarios, 'scenario')}, {split.quarantined:,} in quarantine"
+        print_table([("", "holds", holds), ("", "split", published), ("", "budgets", budgets)])
         print_table(
             (
-                "",
-                _word(mark.is_met, mark.is_hard),
-                mark.check,
-                mark.broken,
-                f"{mark.share:.2%}",
+                "", verdict(mark), mark.check, mark.broken, f"{mark.share:.2%}",
                 one_line(": ".join(mark.examples[0])) if mark.examples else "",
             )
-            for mark in partition.rules
-        )
+            for mark in split.rules
+        )  # fmt: skip
     for check, detail in card.others:
         click.echo(f"\n{check}: {detail}")
-
-
-def _facts(partition: PartitionScore) -> list[tuple[str, str, str]]:
-    found = f"{count(partition.scenarios, 'scenario')}, {partition.quarantined:,} in quarantine"
-    budgets = ", ".join(f"{name} {value:g}" for name, value in asdict(partition.budgets).items())
-    coverage = partition.coverage
-    published = f"{coverage.text} ({coverage.release.source})" if coverage else "no published counts for this split"
-    return [("", "holds", found), ("", "split", published), ("", "budgets", budgets)]

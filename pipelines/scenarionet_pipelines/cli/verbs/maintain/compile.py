@@ -4,29 +4,31 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import print_json, print_table
-from scenarionet_pipelines.cli.parameters import json_option, quiet_option
-from scenarionet_pipelines.cli.progress import ProgressDisplay
+from scenarionet_pipelines.cli.verb import Progressing
 
 
-@verb("compile", "scenarionet maintain compile", "scenarionet maintain compile --json")
-@json_option
-@quiet_option
-def command(as_json: bool, quiet: bool) -> None:
+class CompileVerb(Progressing):
     """Compile the kernels of loading, conversion and simulation, so that first uses are fast.
 
     Run it once after an installation, or while building a container image. Kernels that are already cached are not
     compiled again. The cache is in the folder NUMBA_CACHE_DIR if set, else next to the installed packages.
     """
-    from scenarionet_pipelines.compiling import compile_kernels
 
-    with ProgressDisplay("compile", "task", is_quiet=quiet) as progress:
-        report = compile_kernels(progress.update)
-    if as_json:
-        print_json(asdict(report))
-        return
-    rows = [(task.task, task.compiled, task.cached, round(task.seconds, 1)) for task in report.tasks]
-    print_table(rows, ("task", "compiled", "cached", "seconds"))
-    for folder in report.folders:
-        print_table([("cache", folder)])
+    examples = (
+        "scenarionet maintain compile",
+        "scenarionet maintain compile --json",
+    )
+
+    def run(self) -> None:
+        from scenarionet_pipelines.compiling import compile_kernels
+
+        with self.progress("compile", "task") as progress:
+            report = compile_kernels(progress.update)
+        if self.as_json:
+            print_json(asdict(report))
+            return
+        rows = [(task.task, task.compiled, task.cached, round(task.seconds, 1)) for task in report.tasks]
+        print_table(rows, ("task", "compiled", "cached", "seconds"))
+        for folder in report.folders:
+            print_table([("cache", folder)])

@@ -4,38 +4,36 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-import click
-
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import print_json, print_table
-from scenarionet_pipelines.cli.parameters import json_option
+from scenarionet_pipelines.cli.verb import Verb, argument
 
 _MARKS = {"ok": "ok", "missing": "--", "bad": "BAD"}
 
 
-@verb(
-    "doctor",
-    "scenarionet maintain doctor",
-    "scenarionet maintain doctor lake --json",
-    "scenarionet maintain doctor s3://bucket/lake",
-)
-@click.argument("lake", required=False)
-@json_option
-def command(lake: str | None, as_json: bool) -> None:
+class DoctorVerb(Verb):
     """Check the installation, the converters, this machine and, if given, a lake.
 
     `--` marks an optional part that is missing, `BAD` a problem to fix (exit code 1).
     """
-    from scenarionet_pipelines.doctor import examine
 
-    findings = examine(lake)
-    num_bad = sum(finding.state == "bad" for finding in findings)
-    if as_json:
-        print_json({"findings": [asdict(finding) for finding in findings], "is_healthy": not num_bad})
-    else:
-        print_table(
-            (_MARKS[f.state], f.topic, f.subject, one_line(f.found) + (f"; {f.remedy}" if f.remedy else ""))
-            for f in findings
-        )
-    click.get_current_context().exit(1 if num_bad else 0)
+    examples = (
+        "scenarionet maintain doctor",
+        "scenarionet maintain doctor lake --json",
+        "scenarionet maintain doctor s3://bucket/lake",
+    )
+    lake: str | None = argument()
+
+    def run(self) -> bool:
+        from scenarionet_pipelines.doctor import examine
+
+        findings = examine(self.lake)
+        num_bad = sum(finding.state == "bad" for finding in findings)
+        if self.as_json:
+            print_json({"findings": [asdict(finding) for finding in findings], "is_healthy": not num_bad})
+        else:
+            print_table(
+                (_MARKS[f.state], f.topic, f.subject, one_line(f.found) + (f"; {f.remedy}" if f.remedy else ""))
+                for f in findings
+            )
+        return not num_bad

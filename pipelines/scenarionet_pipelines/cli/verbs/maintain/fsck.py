@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.group import verb
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
-from scenarionet_pipelines.cli.parameters import json_option, lake_argument, quiet_option
-from scenarionet_pipelines.cli.progress import ProgressDisplay
+from scenarionet_pipelines.cli.verb import LakeVerb, Progressing, option
 
 if TYPE_CHECKING:
     from scenarionet_data.maintenance import Fsck
@@ -19,33 +17,7 @@ if TYPE_CHECKING:
 _SHOWN = 20
 
 
-@verb(
-    "fsck",
-    "scenarionet maintain fsck lake",
-    "scenarionet maintain fsck lake --deep --workers 8 --json",
-    "scenarionet maintain fsck lake --deep --repair",
-    "scenarionet maintain fsck lake --upgrade",
-)
-@lake_argument
-@click.option("--deep", is_flag=True, help="Read every byte and verify checksums and the scenario ids of all rows.")
-@click.option(
-    "--repair",
-    "is_repair",
-    is_flag=True,
-    help="Remove damaged shards from the lake, so that they can be converted again.",
-)
-@click.option(
-    "--upgrade",
-    "is_upgrade",
-    is_flag=True,
-    help="Check deeply, then seal the files of a lake of an older version, so that every byte of it can be verified.",
-)
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of threads. [default: one per core]")
-@json_option
-@quiet_option
-def command(
-    lake: str, deep: bool, is_repair: bool, is_upgrade: bool, workers: int | None, as_json: bool, quiet: bool
-) -> None:
+class FsckVerb(LakeVerb, Progressing):
     """Verify that every file of a lake exists and is intact.
 
     fsck examines files; `scenarionet maintain check` examines the content of scenarios. In every snapshot, each file
@@ -60,57 +32,71 @@ def command(
     this software wrote, unless the check finds problems. It can be interrupted and run again, and readers and writers
     can go on; the older version of this software cannot read the lake afterwards.
     """
-    if is_upgrade:
-        _upgrade(lake, is_repair=is_repair, workers=workers, as_json=as_json, quiet=quiet)
-        return
-    from scenarionet_data.maintenance import fsck, repair
 
-    with ProgressDisplay(f"fsck {lake}", "file", is_quiet=quiet) as progress:
-        found = fsck(lake, is_deep=deep, workers=workers, on_progress=progress.update)
-    again = repair(lake, found) if is_repair and not found.is_whole else []
-    if as_json:
-        print_json(asdict(found) | {"is_whole": found.is_whole, "convert_again": again})
-    else:
-        _print(found, lake)
+    examples = (
+        "scenarionet maintain fsck lake",
+        "scenarionet maintain fsck lake --deep --workers 8 --json",
+        "scenarionet maintain fsck lake --deep --repair",
+        "scenarionet maintain fsck lake --upgrade",
+    )
+    deep: bool = option("Read every byte and verify checksums and the scenario ids of all rows.")
+    is_repair: bool = option("Remove damaged shards from the lake, so that they can be converted again.", "--repair")
+    is_upgrade: bool = option(
+        "Check deeply, then seal the files of a lake of an older version, so that every byte of it can be verified.",
+        "--upgrade",
+    )
+    workers: int | None = option("Number of threads. [default: one per core]", type=click.IntRange(1), metavar="N")
+
+    def run(self) -> bool:
+        if self.is_upgrade:
+            return self.upgrade()
+        from scenarionet_data.maintenance import fsck, repair
+
+        with self.progress(f"fsck {self.lake}", "file") as progress:
+            found = fsck(self.lake, is_deep=self.deep, workers=self.workers, on_progress=progress.update)
+        again = repair(self.lake, found) if self.is_repair and not found.is_whole else []
+        if self.as_json:
+            print_json(asdict(found) | {"is_whole": found.is_whole, "convert_again": again})
+            return found.is_whole
+        self.show(found)
         if again:
             click.echo(f"convert again: {', '.join(again[:_SHOWN])}")
-    click.get_current_context().exit(0 if found.is_whole else 1)
+        return found.is_whole
 
+    def upgrade(self) -> bool:
+        """Check and upgrade a lake, and print the result; return whether everything is sealed."""
+        from scenarionet_data.maintenance import upgrade
 
-def _upgrade(lake: str, *, is_repair: bool, workers: int | None, as_json: bool, quiet: bool) -> None:
-    """Check and upgrade a lake, and print the result."""
-    from scenarionet_data.maintenance import upgrade
+        if self.is_repair:
+            raise click.UsageError("--upgrade does not repair: run --deep --repair first")
+        with self.progress(f"upgrade {self.lake}", "file") as progress:
+            done = upgrade(self.lake, workers=self.workers or 1, on_progress=progress.update)
+        if self.as_json:
+            print_json(asdict(done) | {"is_complete": done.is_complete})
+        elif not done.check.is_whole:
+            self.show(done.check)
+            click.echo("nothing was upgraded: repair these problems first")
+        else:
+            rows = [("rewritten", count(done.shards, "shard")), ("sealed", count(done.sealed, "other file"))]
+            rows += [("failed", f"{name}: {one_line(reason)}") for name, reason in done.failed[:_SHOWN]]
+            if done.left:
+                kept = f"{count(done.left, 'shard')} that other jobs kept changing: run the same command again"
+                rows.append(("left", kept))
+            print_table(rows)
+        return done.is_complete
 
-    if is_repair:
-        raise click.UsageError("--upgrade does not repair: run --deep --repair first")
-    with ProgressDisplay(f"upgrade {lake}", "file", is_quiet=quiet) as progress:
-        done = upgrade(lake, workers=workers or 1, on_progress=progress.update)
-    if as_json:
-        print_json(asdict(done) | {"is_complete": done.is_complete})
-    elif not done.check.is_whole:
-        _print(done.check, lake)
-        click.echo("nothing was upgraded: repair these problems first")
-    else:
-        rows = [("rewritten", count(done.shards, "shard")), ("sealed", count(done.sealed, "other file"))]
-        rows += [("failed", f"{name}: {one_line(reason)}") for name, reason in done.failed[:_SHOWN]]
-        if done.left:
-            rows.append(
-                ("left", f"{count(done.left, 'shard')} that other jobs kept changing: run the same command again")
-            )
+    def show(self, found: Fsck) -> None:
+        """Print the problems and what was checked."""
+        for problem in found.problems[:_SHOWN]:
+            click.echo(f"{problem.file}\n  {one_line(problem.reason)}\n  {problem.remedy.replace('LAKE', self.lake)}")
+        if len(found.problems) > _SHOWN:
+            click.echo(f"... and {len(found.problems) - _SHOWN:,} more; --json lists them all")
+        verdict = "intact" if found.is_whole else count(len(found.problems), "problem")
+        rows = [
+            ("checked", f"{count(found.num_files, 'file')} of {count(len(found.snapshots), 'snapshot')}: {verdict}")
+        ]
+        rows += [("left over", f"{count(n.num_files, 'file')}, {size(n.size)}, {n.text}") for n in found.notes]
+        if found.unsealed:
+            text = f"{count(len(found.unsealed), 'file')} of an older version, of which not every byte can be verified"
+            rows.append(("unsealed", f"{text}: `scenarionet maintain fsck {self.lake} --upgrade` seals them"))
         print_table(rows)
-    click.get_current_context().exit(0 if done.is_complete else 1)
-
-
-def _print(found: Fsck, lake: str) -> None:
-    for problem in found.problems[:_SHOWN]:
-        click.echo(f"{problem.file}\n  {one_line(problem.reason)}\n  {problem.remedy.replace('LAKE', lake)}")
-    if len(found.problems) > _SHOWN:
-        click.echo(f"... and {len(found.problems) - _SHOWN:,} more; --json lists them all")
-    verdict = "intact" if found.is_whole else count(len(found.problems), "problem")
-    checked = f"{count(found.num_files, 'file')} of {count(len(found.snapshots), 'snapshot')}: {verdict}"
-    rows = [("checked", checked)]
-    rows += [("left over", f"{count(n.num_files, 'file')}, {size(n.size)}, {n.text}") for n in found.notes]
-    if found.unsealed:
-        unsealed = f"{count(len(found.unsealed), 'file')} of an older version, of which not every byte can be verified"
-        rows.append(("unsealed", f"{unsealed}: `scenarionet maintain fsck {lake} --upgrade` seals them"))
-    print_table(rows)
