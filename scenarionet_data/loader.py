@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -16,10 +16,11 @@ from scenarionet_data import codec
 from scenarionet_data.cards import HasCard
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, LakeError, ScenarioNotFound
-from scenarionet_data.query.lake_view import LakeLike, open_view
+from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.storage.read.map_cache import MapCache
-from scenarionet_data.storage.read.older_lakes import check_ids, comparing
+from scenarionet_data.storage.read.metadata_rows import MetadataRows
+from scenarionet_data.storage.read.older_lakes import Comparison
 from scenarionet_data.storage.read.scenario_reader import TABLES, ScenarioReader
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
@@ -52,26 +53,26 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
     """
 
     def __init__(self, lake: LakeLike, database: DatabaseRecord | str | Iterable[str] | None = None) -> None:
-        view, self._rows = open_view(lake).find(database)
-        self._files = view.files
-        self._snapshot = view.snapshot
-        self._maps = MapCache(self._files, view.snapshot)
-        self._is_sealed = view.files.are_verified(view.snapshot.metadata)
+        self._open(*open_view(lake).find(database))
+
+    def _open(self, view: LakeView, rows: MetadataRows) -> None:
+        self._files, self._snapshot, self._rows = view.files, view.snapshot, rows
+        self._maps = MapCache(self._files, self._snapshot)
+        self._comparison = Comparison(self._files, self._snapshot)
         self._local = threading.local()
+
+    @classmethod
+    def of_rows(cls, view: LakeView, rows: MetadataRows) -> Self:
+        """A loader of scenarios that have been looked up already."""
+        loader = cls.__new__(cls)
+        loader._open(view, rows)
+        return loader
 
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            "files": self._files,
-            "snapshot": self._snapshot,
-            "rows": self._rows,
-            "maps": self._maps,
-            "is_sealed": self._is_sealed,
-        }
+        return {name: value for name, value in self.__dict__.items() if name != "_local"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self._files, self._snapshot = state["files"], state["snapshot"]
-        self._rows, self._maps, self._is_sealed = state["rows"], state["maps"], state["is_sealed"]
-        self._local = threading.local()
+        self.__dict__.update(state, _local=threading.local())
 
     def __repr__(self) -> str:
         return f"ScenarioLoader({str(self._files.root)!r}, snapshot={self._snapshot.number}, {len(self):,} scenarios)"
@@ -112,6 +113,14 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
     def batch_tracks(self, indices: Sequence[int]) -> list[Tracks]:
         """Tracks at ``indices``; see :meth:`batch`."""
         return self._in_disk_order(indices, ("tracks",), self._tracks)
+
+    def compare(self, indices: Sequence[int]) -> None:
+        """Compare scenarios of a lake that an older version wrote with what was converted; see :mod:`.older_lakes`.
+
+        Raises:
+            LakeError: A scenario is damaged.
+        """
+        self._comparison.compare(self._metadata(indices), self._decode)
 
     def _in_disk_order(self, indices: Sequence[int], tables: Sequence[str], decode: Decode) -> list[Any]:
         metadata = self._metadata(indices)
@@ -154,24 +163,18 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
         return ids.index(scenario_id)
 
     def _scenarios(self, metadata: Sequence[Metadata]) -> list[ScenarioDescription]:
-        if self._is_sealed:
-            return self._decode(metadata)
-        with comparing(self._files, metadata) as loaded:
-            loaded += self._decode(metadata)
-        return loaded
+        self._comparison.compare(metadata, self._decode)
+        return self._decode(metadata)
 
     def _decode(self, metadata: Sequence[Metadata]) -> list[ScenarioDescription]:
         rows = self._reader.read(metadata, TABLES)
         if rows["tracks"] is None:
             raise _without_tracks(metadata)
-        if not self._is_sealed:
-            check_ids(self._files, metadata, rows["tracks"])
         crops = [None if row["map_crop"] is None else self._crop(row) for row in metadata]
         return codec.decode_many(metadata, rows["tracks"], rows["lights"], rows["maps"], crops)
 
     def _tracks(self, metadata: Sequence[Metadata]) -> list[Tracks]:
-        if not self._is_sealed:  # tracks alone cannot be compared with what was converted
-            return [scenario.tracks for scenario in self._scenarios(metadata)]
+        self._comparison.compare(metadata, self._decode)
         rows = self._reader.read(metadata, ("tracks",))["tracks"]
         if rows is None:
             raise _without_tracks(metadata)
@@ -188,7 +191,7 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
         """This thread's reader."""
         reader: ScenarioReader | None = getattr(self._local, "reader", None)
         if reader is None:
-            reader = self._local.reader = ScenarioReader(self._files, self._snapshot, with_ids=not self._is_sealed)
+            reader = self._local.reader = ScenarioReader(self._files, self._snapshot)
         return reader
 
 

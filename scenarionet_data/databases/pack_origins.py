@@ -8,10 +8,10 @@ from pathlib import Path
 
 from scenarionet_data.databases.record import Lineage
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage import sealed_json
 from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.sealed_json import NewerFormat
+from scenarionet_data.storage.integrity import sealed_json
+from scenarionet_data.storage.integrity.sealed_json import NewerFormat
 
 FILE = "origins.json"
 
@@ -34,7 +34,7 @@ def write(files: LakeFiles, packed: str, lineages: Mapping[str, Lineage]) -> Pat
     content = {"packed": packed, "lineages": {reference: how.to_dict() for reference, how in lineages.items()}}
     temporary = files.temporary()
     with writing(temporary, temporary):
-        temporary.write_bytes(sealed_json.seal(content, FILE))
+        temporary.write_bytes(sealed_json.seal(content, files.place_to_write(FILE)))
     return temporary
 
 
@@ -52,10 +52,12 @@ def parse(files: LakeFiles) -> tuple[PackOrigins, bool]:
     path = files.path(FILE)
     try:
         with reading(path):
-            content, is_sealed = sealed_json.read(path.read_bytes(), FILE)
+            content, is_sealed = sealed_json.read(path.read_bytes(), files.place(FILE))
         lineages = {reference: Lineage.from_dict(how) for reference, how in content["lineages"].items()}
         return PackOrigins(content["packed"], lineages), is_sealed
     except NewerFormat as error:
         raise LakeError(f"{path}: {error}, by a newer version of this software; update it") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise LakeError(f"{path}: damaged, it holds no lineages; restore it from a copy of the pack") from error
+        raise LakeError(
+            f"{path}: damaged, it holds no lineages ({error}); restore it from a copy of the pack"
+        ) from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -14,9 +13,9 @@ import pyarrow as pa
 
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
 from scenarionet_data.schema import tables
-from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import damaged, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.write.relocation import copy_sealed
 
 _FOLDER = "databases"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
@@ -266,11 +265,9 @@ def rename(files: LakeFiles, name: str, new_name: str) -> None:
     with writing(draft):
         draft.mkdir()
     for number in numbers:
-        source, copy = files.path(path(name, number)), draft / f"{number}.parquet"
-        seals.verify(source, path(name, number))
-        with writing(copy):
-            shutil.copyfile(source, copy)
-            seals.seal(copy, path(new_name, number))
+        copy_sealed(
+            files, path(name, number), draft / f"{number}.parquet", files.place_to_write(path(new_name, number))
+        )
     if not files.publish_folder(draft, f"{_FOLDER}/{new_name}"):
         raise DatabaseExists(f"database {new_name!r} exists; choose another name, or drop it first")
     for number in numbers:  # a version that another job has added in the meantime is kept

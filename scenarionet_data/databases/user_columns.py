@@ -20,9 +20,9 @@ import pyarrow.parquet as pq
 from scenarionet_data.databases import record as records
 from scenarionet_data.errors import BadParameter, UserColumnNotFound
 from scenarionet_data.schema import tables
-from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import damaged, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.integrity import seals
 
 _FOLDER = "layers"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -171,10 +171,10 @@ def drop(files: LakeFiles, name: str, version: int | None = None) -> None:
 def _write(files: LakeFiles, values: pa.Table, column: UserColumn) -> Path:
     """Write a temporary file with the values of a user column."""
     temporary = files.temporary()
-    footer = {"scenarionet.layer": json.dumps(asdict(column))}
+    footer = {"scenarionet.layer": json.dumps(asdict(column)), **tables.SEALED}
     with writing(temporary, temporary):
         pq.write_table(values.replace_schema_metadata(footer), temporary, compression="zstd", write_page_checksum=True)
-        seals.seal(temporary, _path(column.name, column.version))
+        seals.seal(temporary, files.place_to_write(_path(column.name, column.version)))
     return temporary
 
 

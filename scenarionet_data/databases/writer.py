@@ -16,9 +16,9 @@ from scenarionet_data.databases import record as records
 from scenarionet_data.databases.record import DatabaseRecord, Lineage
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
-from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.integrity import seals
 
 _ROWS_PER_GROUP = 65_536  # one row group per DuckDB thread
 
@@ -81,7 +81,7 @@ class DatabaseWriter:
             records.check_free(self._files, name, replace=replace)
             file = records.path(name, version)
             with writing(self._path):
-                seals.seal(self._path, file)
+                seals.seal(self._path, self._files.place_to_write(file))
             if self._files.publish_new(file, self._path):
                 return DatabaseRecord(name, version, self._lineage, self._files)
 

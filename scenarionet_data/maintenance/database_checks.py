@@ -16,9 +16,8 @@ from scenarionet_data.databases.record import Lineage
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.schema import tables
-from scenarionet_data.storage import seals
-from scenarionet_data.storage.file_checks import Damage, Written, check_file
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.integrity.file_checks import Damage, Written, check_file
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 _MEMBER = ["scenario_id", "content_hash"]
@@ -60,7 +59,7 @@ def read_all(
             column = json.loads(intact.footer[b"scenarionet.layer"])
             if f"layers/{column['name']}/{column['version']}.parquet" != file:
                 raise LakeError(f"holds the column {column['name']}@{column['version']}")
-            found.saw(file, is_sealed=intact.is_sealed)
+            found.saw(file, is_older=intact.is_older)
     stored: dict[str, StoredDatabase] = {}
     newest = _Scenarios(files, readable, max(readable, default=0), found)
     batch = _Batch(newest)
@@ -73,7 +72,7 @@ def read_all(
             tables.load("members").check_version(footer, file)
             lineage = Lineage.from_dict(json.loads(footer[b"scenarionet.lineage"]))
             stored[file] = StoredDatabase(file, lineage, members.num_rows)
-            found.saw(file, is_sealed=seals.MARK in footer)
+            found.saw(file, is_older=not files.end(file).digest)
             batch.add(file, members)
     for file, count in batch.lost().items():
         stored[file].num_changed = count
@@ -115,7 +114,7 @@ def check(
         )
     with found.of(pack_origins.FILE):
         if files.has(pack_origins.FILE):
-            found.saw(pack_origins.FILE, is_sealed=pack_origins.parse(files)[1])
+            found.saw(pack_origins.FILE, is_older=not pack_origins.parse(files)[1])
 
 
 class _Scenarios:

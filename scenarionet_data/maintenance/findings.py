@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from scenarionet_data.storage.file_checks import Damage, finding
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.integrity.file_checks import Damage, finding
 
 
 @dataclass
@@ -16,11 +16,11 @@ class Findings:
 
     Attributes:
         damages: Damaged files, with reasons.
-        unsealed: Files of older versions, which have no seal.
+        older: Files of older versions, which have no seal of the present one.
     """
 
     damages: list[Damage] = field(default_factory=list)
-    unsealed: set[str] = field(default_factory=set)
+    older: set[str] = field(default_factory=set)
 
     @property
     def broken(self) -> set[str]:
@@ -33,10 +33,10 @@ class Findings:
         with finding(name, self.damages):
             yield
 
-    def saw(self, name: str, *, is_sealed: bool) -> None:
-        """Note whether a file is sealed."""
-        if not is_sealed:
-            self.unsealed.add(name)
+    def saw(self, name: str, *, is_older: bool) -> None:
+        """Note whether a file is of an older version."""
+        if is_older:
+            self.older.add(name)
 
     def refuse_folders(self, files: LakeFiles, place: str) -> None:
         """Add every folder in a folder that holds only files."""

@@ -17,14 +17,14 @@ from scenarionet_data.maintenance import content_checks, database_checks, run_ch
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
-from scenarionet_data.storage.file_checks import Damage, Written
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
+from scenarionet_data.storage.integrity.file_checks import Damage, Written
+from scenarionet_data.storage.integrity.snapshot_checks import Verifier, listed
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
-from scenarionet_data.storage.verifying import Verifier, listed
 from scenarionet_data.storage.write.rewriting import TABLES
 
 
@@ -109,7 +109,7 @@ def fsck(
     merged = dict.fromkeys((name for snapshot in readable.values() for name in snapshot.metadata), Written())
     verifier = Verifier(files, is_deep=is_deep, workers=workers or os.cpu_count() or 1)
     found.damages += verifier.files(merged | written, on_progress and (lambda done, total: on_progress(done, total, 0)))
-    found.unsealed.update(name for name, intact in verifier.intact.items() if not intact.is_sealed)
+    found.older.update(name for name, intact in verifier.intact.items() if intact.is_older)
     stored = database_checks.read_all(files, readable, found, is_deep=is_deep)
     _check_references(files, readable, {each.lineage.snapshot for each in stored}, verifier, found)
     database_checks.check(files, stored, readable, found)
@@ -121,7 +121,7 @@ def fsck(
     inputs = Inputs(manifests.read(files, name) for name in (newest if found.damages else ()))
     problems = dict.fromkeys(Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in found.damages)
     named = set(merged).union(written, lists) if len(lists) == len(_manifest_names(readable)) else None
-    notes, unsealed = _notes(files, named), _unverified(found.unsealed, written, listed(_together(lists, newest)))
+    notes, unsealed = _notes(files, named), _unverified(found.older, written, listed(_together(lists, newest)))
     return Fsck(tuple(readable), len(merged | written), tuple(problems), notes, unsealed)
 
 
@@ -158,7 +158,7 @@ def _read_snapshots(files: LakeFiles, found: Findings) -> dict[int, Snapshot]:
         name = snapshots.file_name(number)
         with found.of(name):
             readable[number], is_sealed = snapshots.parse(files, number)
-            found.saw(name, is_sealed=is_sealed)
+            found.saw(name, is_older=not is_sealed)
     return readable
 
 
@@ -171,8 +171,8 @@ def _read_manifests(
         with found.of(name):
             if is_deep:
                 files.verify(name)
-            lists[name], is_sealed = manifests.read_files(files, name)
-            found.saw(name, is_sealed=is_sealed)
+            lists[name] = manifests.read_files(files, name)
+            found.saw(name, is_older=not files.end(name).digest)
     return lists
 
 
@@ -209,10 +209,10 @@ def _reason(damage: Damage) -> str:
     return damage.reason.partition("; ")[0]
 
 
-def _unverified(unsealed: set[str], written: Mapping[str, Written], newest: Iterable[str]) -> tuple[str, ...]:
+def _unverified(older: set[str], written: Mapping[str, Written], newest: Iterable[str]) -> tuple[str, ...]:
     """Unsealed files without a recorded checksum, and data files of the newest snapshot, which are read in parts."""
     current = {name for name in newest if name.split("/")[0] in TABLES}
-    return tuple(sorted(name for name in unsealed if name in current or not written.get(name, Written()).checksum))
+    return tuple(sorted(name for name in older if name in current or not written.get(name, Written()).checksum))
 
 
 def _notes(files: LakeFiles, named: set[str] | None) -> tuple[Note, ...]:

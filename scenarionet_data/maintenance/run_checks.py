@@ -5,8 +5,8 @@ from __future__ import annotations
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.file_checks import Damage, Written, check_file
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.integrity.file_checks import Damage, Written, check_file
 
 
 def check(files: LakeFiles, found: Findings, *, is_deep: bool) -> None:
@@ -14,8 +14,7 @@ def check(files: LakeFiles, found: Findings, *, is_deep: bool) -> None:
     for run in evaluation_runs.names(files):
         description = evaluation_runs.file_name(run)
         with found.of(description):
-            _, is_sealed = evaluation_runs.parse(files, run)
-            found.saw(description, is_sealed=is_sealed)
+            found.saw(description, is_older=not evaluation_runs.parse(files, run)[1])
         for table in files.folders(f"results/{run}"):
             if table in evaluation_runs.RUN_TABLES:
                 _check_parts(files, f"results/{run}/{table}", table, found, is_deep=is_deep)
@@ -28,7 +27,7 @@ def _check_parts(files: LakeFiles, folder: str, table: str, found: Findings, *, 
     for name in files.names(folder, ".parquet"):
         with found.of(name):
             intact = check_file(files, name, Written(), table=table, is_deep=is_deep)
-            found.saw(name, is_sealed=intact.is_sealed)
+            found.saw(name, is_older=intact.is_older)
 
 
 def _check_complete(files: LakeFiles, run: str, found: Findings) -> None:

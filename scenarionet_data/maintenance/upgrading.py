@@ -23,16 +23,17 @@ from scenarionet_data.maintenance.bin_packing import Bin
 from scenarionet_data.maintenance.compaction import COMMIT_EVERY, ROUNDS, BinResult, lost_bin
 from scenarionet_data.maintenance.fsck import Fsck, fsck
 from scenarionet_data.packs.contents import SUMS, renew_sums
-from scenarionet_data.storage import sealed_json, seals
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
+from scenarionet_data.storage.integrity import sealed_json
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.commit import Rewritten
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 from scenarionet_data.storage.write import layouts, rewriting
+from scenarionet_data.storage.write.relocation import copy_sealed
 
 
 @dataclass
@@ -135,7 +136,7 @@ def _unsealed_bins(files: LakeFiles) -> Iterable[Bin]:
         units[record.dataset, record.version, record.split, layouts.unit_of(record)].append(record)
     for records in units.values():
         names = {name for record in records for name in record.files if name.split("/")[0] in rewriting.TABLES}
-        if any(seals.MARK not in (files.footer(name).metadata or {}) for name in sorted(names)):
+        if any(not files.end(name).digest for name in sorted(names)):
             yield Bin(str(files.root), layouts.layout_of(records[0]).name, tuple(records))
 
 
@@ -168,11 +169,10 @@ def _seal(files: LakeFiles, name: str) -> None:
     source, temporary = files.path(name), files.temporary()
     with writing(temporary, temporary):
         if name.endswith(".json"):
-            content, _ = sealed_json.read(source.read_bytes(), name)
-            temporary.write_bytes(sealed_json.seal(content, name))
+            content, _ = sealed_json.read(source.read_bytes(), files.place(name))
+            temporary.write_bytes(sealed_json.seal(content, files.place_to_write(name)))
         else:
-            shutil.copyfile(source, temporary)
-            seals.seal(temporary, name)
+            copy_sealed(files, name, temporary, files.place_to_write(name))
         shutil.copystat(source, temporary)  # the age of a snapshot is the time of its publication
     files.publish(temporary, name)
     snapshots.remove_expired(files, name)

@@ -23,7 +23,7 @@ from scenarionet_data.packs.card import CARD, make_card
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.lake_files import LakeFiles, sha256
+from scenarionet_data.storage.files.lake_files import IDENTITY, LakeFiles, sha256
 from scenarionet_data.storage.read.scenario_rows import ScenarioRows
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -34,6 +34,7 @@ from scenarionet_data.storage.write.relocation import (
     addresses,
     copy_groups,
     copy_rows,
+    copy_sealed,
     provenance,
     with_addresses,
 )
@@ -249,8 +250,8 @@ class PackWriter:
     def _write_lists(self, records: list[ShardRecord]) -> None:
         """Write the database, the manifest, and the snapshot, with its number in the lake for the lineage."""
         temporary = self._target.temporary()
-        with writing(temporary, temporary):
-            shutil.copyfile(self._view.files.verified(self._database.file), temporary)
+        file = self._database.file
+        copy_sealed(self._view.files, file, temporary, self._target.place_to_write(file))
         self._publish(temporary, self._database.file)
         following = Snapshot(
             number=self._view.snapshot.number,
@@ -260,7 +261,7 @@ class PackWriter:
             manifests=manifests.write(self._target, snapshots.EMPTY, records, frozenset()),
         )
         snapshots.publish(self._target, following)
-        for name in self._target.names("snapshots"):
+        for name in (IDENTITY, *self._target.names("snapshots")):
             self.sums[name] = sha256(self._target.path(name))
 
 

@@ -26,11 +26,23 @@ from scenarionet_data.packs.contents import SUMS, PackWriter
 from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.storage.files.errors import writing
+from scenarionet_data.storage.files.lake_files import IDENTITY
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.files.places import is_url, local_path
 from scenarionet_data.storage.files.uploading import RemoteFolder
 
-_UPLOADED_FIRST = ("tracks/", "lights/", "maps/", "metadata/", "layers/", "databases/", pack_origins.FILE, CARD, SUMS)
+_UPLOADED_FIRST = (
+    IDENTITY,
+    "tracks/",
+    "lights/",
+    "maps/",
+    "metadata/",
+    "layers/",
+    "databases/",
+    pack_origins.FILE,
+    CARD,
+    SUMS,
+)
 """Without a snapshot, these files at a URL are left from an interrupted upload."""
 
 

@@ -133,9 +133,7 @@ class Samples(Sequence[Sample]):
         self._rows = rows if self.layout.columns is None else rows.select(_METADATA)
         self._files, self._snapshot = view.files, view.snapshot
         self._selection = select(view, self._rows, self.choices)
-        # Of lakes without seals, only whole scenarios can be verified.
-        is_sealed = view.files.are_verified(view.snapshot.metadata)
-        self._verifying = None if is_sealed else ScenarioLoader(view, self._rows.scenario_ids)
+        self._loader = ScenarioLoader.of_rows(view, rows)
         self._has_warned = False
         self._local = threading.local()
 
@@ -188,8 +186,7 @@ class Samples(Sequence[Sample]):
             raise BadParameter(f"epoch: expected a whole number of 0 or more, found {epoch!r}")
         selection = self._selection
         scenes, scene = np.unique(selection.scene[numbers], return_inverse=True)
-        if self._verifying is not None:
-            self._verifying.batch(scenes.tolist())
+        self._loader.compare(scenes.tolist())
         requests = Requests(
             scene.astype(np.int32),
             selection.moment[numbers],

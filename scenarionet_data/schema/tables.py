@@ -70,6 +70,9 @@ _BULKY = 4096  # bytes
 _LOADED = ("tracks", "lights", "maps")
 """Tables that scenarios are loaded from, one row group at a time."""
 
+SEALED = {"scenarionet.sealed": "2"}
+"""Entry in the footer of every file that gets a seal, see ``storage/integrity``."""
+
 _REMEDY = "convert the recordings again with replace=True, or use the version of this software that wrote the lake"
 
 _SCALARS = {
@@ -193,8 +196,7 @@ class Table:
             "version": "2.6",
             # One page per column chunk: the kernels of the loader require it, and queries are as fast.
             "data_page_size": 2**26,
-            # Compared when scenarios are loaded.
-            "write_page_checksum": True,
+            "write_page_checksum": True,  # for other readers
             # Arrow's copy of the schema is half of a small file's footer and redundant.
             "store_schema": False,
         }
@@ -210,7 +212,7 @@ class Table:
             sample: The first rows that will be written, see :meth:`writer_options`.
         """
         writer = pq.ParquetWriter(path, self.schema, **self.writer_options(sample))
-        writer.add_key_value_metadata({"scenarionet.schema": self.tag, **footer})
+        writer.add_key_value_metadata({"scenarionet.schema": self.tag, **footer, **SEALED})
         return writer
 
     def reads(self, tag: str) -> bool:

@@ -16,10 +16,10 @@ import pyarrow as pa
 
 from scenarionet_data.errors import BadParameter, LakeError, SchemaMismatch
 from scenarionet_data.schema import tables
-from scenarionet_data.storage import sealed_json
 from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.sealed_json import NewerFormat
+from scenarionet_data.storage.integrity import sealed_json
+from scenarionet_data.storage.integrity.sealed_json import NewerFormat
 from scenarionet_data.storage.write.table_file import publish_table
 
 RUN_TABLES = ("results", "rollouts", "observations", "frames", "training")
@@ -87,7 +87,7 @@ def claim(files: LakeFiles, name: str, run_tables: tuple[str, ...], description:
     if not _NAME.fullmatch(name):
         raise BadParameter(f"{name!r} is not a valid name of a run; use letters, digits, '.', '_' and '-'")
     wanted = dict(description) | {"tables": [tables.load(table).tag for table in run_tables]}
-    if not files.publish_new(file_name(name), sealed_json.seal(wanted, file_name(name))):
+    if not files.publish_new(file_name(name), sealed_json.seal(wanted, files.place_to_write(file_name(name)))):
         found = describe(files, name)
         differing = sorted(key for key in {*found, *wanted} if found.get(key) != wanted.get(key))
         if differing:
@@ -122,7 +122,7 @@ def parse(files: LakeFiles, name: str) -> tuple[dict[str, Any], bool]:
     path = files.path(file_name(name))
     try:
         with reading(path):
-            content, is_sealed = sealed_json.read(path.read_bytes(), file_name(name))
+            content, is_sealed = sealed_json.read(path.read_bytes(), files.place(file_name(name)))
         if not all(isinstance(tag, str) for tag in content["tables"]):
             raise ValueError("its tables are no texts")
         return content, is_sealed
@@ -130,8 +130,8 @@ def parse(files: LakeFiles, name: str) -> tuple[dict[str, Any], bool]:
         raise LakeError(f"{path}: {error}, by a newer version of this software; update it") from error
     except (ValueError, KeyError, TypeError) as error:
         raise LakeError(
-            f"{path}: damaged, it is no description of a run; restore it from a copy of the lake, or remove the folder "
-            "of the run and simulate again"
+            f"{path}: damaged, it is no description of a run ({error}); restore it from a copy of the lake, or "
+            "remove the folder of the run and simulate again"
         ) from error
 
 

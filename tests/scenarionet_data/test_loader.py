@@ -24,13 +24,12 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.lake_files import sha256
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.read import row_groups
 from scenarionet_data.storage.read.parquet import column_reader, footer
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import partition
-from scenarionet_data.storage.write.table_file import publish_table
+from scenarionet_data.storage.write.table_file import publish_data, publish_table
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
@@ -197,8 +196,7 @@ def compacted(root: Path, scenarios, groups) -> Lake:
                         addresses[k][f"{table}_row_group"] = number
                         addresses[k][f"{table}_first_row"] = int(first)
                 number += bool(kept)
-        name = f"{partition(table, 'made', 'v1', 'train')}/compacted-{sha256(path)[:16]}.parquet"
-        files.publish(path, name)
+        name = publish_data(files, path, f"{partition(table, 'made', 'v1', 'train')}/compacted").name
         for address in addresses:
             address[f"{table}_file"] = name if address[f"{table}_num_rows"] else None
     rows = [{**e.metadata, **address} for e, address in zip(encoded, addresses, strict=True)]

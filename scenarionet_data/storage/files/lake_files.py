@@ -7,6 +7,8 @@ relative to the lake and use forward slashes.
 from __future__ import annotations
 
 import hashlib
+import re
+import uuid
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable, Sequence
@@ -18,12 +20,19 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.storage import seals, verified_files
+from scenarionet_data.errors import LakeError
 from scenarionet_data.storage.files.errors import reading
-from scenarionet_data.storage.seals import FileEnd
+from scenarionet_data.storage.integrity import sealed_json, verifying
+from scenarionet_data.storage.integrity.seals import FileEnd, Place
 
 READ_IN_PLACE = ("tracks/", "lights/", "maps/")
 """Large tables, of which readers need a few row groups."""
+
+IDENTITY = "lake.json"
+"""File with the id of a lake, which is published before the first file that is bound to it."""
+
+_BOUND = re.compile(r"databases/.*|layers/.*|results/.*|snapshots/[0-9]+\.json|origins\.json")
+"""Files that no snapshot lists: a valid one of another lake could have the same name."""
 
 _ONE_THREAD = 2**18
 """Bytes of a file up to which starting threads takes longer than reading it."""
@@ -52,6 +61,34 @@ class LakeFiles(ABC):
     """
 
     root: Path | str
+    _identity: tuple[str, bool] | None = None
+
+    # --- identity ---------------------------------------------------------------------------------------
+
+    def place(self, name: str) -> Place:
+        """What the seal of a file covers besides its bytes.
+
+        Raises:
+            LakeError: The lake's id is damaged.
+        """
+        if not _BOUND.fullmatch(name):
+            return Place(name)
+        if self._identity is None and self.has(IDENTITY):
+            path = self.path(IDENTITY)
+            try:
+                with reading(path):
+                    content, _ = sealed_json.read(path.read_bytes(), Place(IDENTITY))
+                self._identity = str(content["id"]), bool(content["has_older_files"])
+            except (ValueError, KeyError, sealed_json.NewerFormat) as error:
+                raise LakeError(f"{path}: damaged, it holds no id of a lake; restore it from a copy of it") from error
+        return Place(name, *(self._identity or ("", True)))
+
+    def place_to_write(self, name: str) -> Place:
+        """The same for a file that is about to be written; a lake without an id gets one."""
+        if self._identity is None and _BOUND.fullmatch(name) and not self.has(IDENTITY):
+            content = {"id": uuid.uuid4().hex, "has_older_files": bool(self.names("snapshots", ".json"))}
+            self.publish_new(IDENTITY, sealed_json.seal(content, Place(IDENTITY)))
+        return self.place(name)
 
     # --- listing ----------------------------------------------------------------------------------------
 
@@ -99,12 +136,12 @@ class LakeFiles(ABC):
         """SHA-256 of a file, hexadecimal."""
 
     def verify(self, name: str) -> bool:
-        """Verify every byte of a Parquet file, and its name, by its seal; returns whether it is sealed.
+        """Verify every byte of a Parquet file, also if it was verified before; returns whether that was possible.
 
         Raises:
             LakeError: It is missing or damaged, or not the file that was published under this name.
         """
-        return seals.verify(self.path(name), name)
+        return verifying.verify_again(self.path(name), self.place(name))
 
     def verified(self, name: str) -> Path:
         """Local path of a file of which every byte that can be is verified, once a process.
@@ -113,17 +150,19 @@ class LakeFiles(ABC):
             LakeError: It is missing or damaged.
         """
         path = self.path(name)
-        verified_files.verify(path, name)
+        verifying.verify(path, self.place(name))
         return path
 
     def are_verified(self, names: Iterable[str]) -> bool:
-        """Whether every byte of some small files is verified; False if one of them is of an older lake.
+        """Whether every byte of some small files is verified; False for some files of older versions.
 
         Raises:
             LakeError: A file is missing or damaged.
         """
         listed = list(names)
-        return all(verified_files.verify(path, name) for path, name in zip(self.paths(listed), listed, strict=True))
+        pairs = zip(self.paths(listed), listed, strict=True)
+        verified = [verifying.verify(path, self.place(name)) for path, name in pairs]
+        return all(verified)
 
     def check_bytes(self, name: str) -> None:
         """Verify as much of a file as can be without downloading a large one: every byte, once a process.
@@ -139,7 +178,7 @@ class LakeFiles(ABC):
         Raises:
             LakeError: It is missing or damaged.
         """
-        return verified_files.open_end(self.path(name), name)
+        return verifying.open_end(self.path(name), self.place(name))
 
     def footer(self, name: str) -> pq.FileMetaData:
         """Footer of a Parquet file, verified.
@@ -147,7 +186,7 @@ class LakeFiles(ABC):
         Raises:
             LakeError: The file is missing or damaged.
         """
-        return verified_files.parsed(self.end(name), self.url(name))
+        return verifying.parsed(self.end(name), self.url(name))
 
     def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """Rows of a Parquet file."""
@@ -155,19 +194,19 @@ class LakeFiles(ABC):
 
     def read_all(self, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
         """Rows of each of several Parquet files."""
-        return [_read(path, name, columns) for path, name in zip(self.paths(names), names, strict=True)]
+        return [_read(path, self.place(name), columns) for path, name in zip(self.paths(names), names, strict=True)]
 
     def scans(self, names: Sequence[str]) -> list[str]:
         """Paths or URLs under which SQL scans files; all are below :attr:`scanned_folders`.
 
-        Every byte of small files is verified, and the footers of the large tables.
+        Every byte is verified, once a process.
 
         Raises:
             LakeError: A file is missing or damaged.
         """
         paths = self.paths(names)
         with ThreadPoolExecutor() as pool:  # digests are computed without the interpreter lock
-            deque(pool.map(_verify_scanned, paths, names), maxlen=0)
+            deque(pool.map(verifying.verify, paths, map(self.place, names)), maxlen=0)
         return [str(path) for path in paths]
 
     @property
@@ -228,20 +267,13 @@ class LakeFiles(ABC):
         """Remove temporary files that a killed job left more than a day ago."""
 
 
-def _read(path: Path, name: str, columns: list[str] | None) -> pa.Table:
-    is_whole = verified_files.verify(path, name)
+def _read(path: Path, place: Place, columns: list[str] | None) -> pa.Table:
+    is_whole = verifying.verify(path, place)
     with reading(path):
         rows = pq.ParquetFile(path).read(columns, use_threads=path.stat().st_size > _ONE_THREAD)
         if not is_whole:
-            rows.validate(full=True)  # texts of older lakes may be damaged
+            rows.validate(full=True)  # texts may be damaged
     return rows
-
-
-def _verify_scanned(path: Path, name: str) -> None:
-    if name.startswith(READ_IN_PLACE):
-        verified_files.open_end(path, name)
-    else:
-        verified_files.verify(path, name)
 
 
 def sha256(path: Path) -> str:

@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from scenarionet_data.errors import FileGone, LakeError
-from scenarionet_data.storage import seals, verified_files
 from scenarionet_data.storage.files import store_client
 from scenarionet_data.storage.files.cache import LocalCopies, folder_of
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import READ_IN_PLACE, LakeFiles, Listed
 from scenarionet_data.storage.files.object_store import ObjectStore, Stored
 from scenarionet_data.storage.files.temporary import TemporaryFolder, delete
-from scenarionet_data.storage.seals import FileEnd
+from scenarionet_data.storage.integrity import seals, verifying
+from scenarionet_data.storage.integrity.seals import FileEnd
 
 FOOTER = 2**17
 """Bytes requested from the end of a file for its footer; one with 64 row groups is 60-100 kB."""
@@ -153,7 +153,7 @@ class RemoteLakeFiles(LakeFiles):
         temporary = self.temporary()
         self._store.download(name, temporary)
         try:
-            return seals.verify(temporary, name, self.url(name))
+            return verifying.verify_again(temporary, self.place(name), self.url(name))
         finally:
             temporary.unlink()
 
@@ -180,11 +180,10 @@ class RemoteLakeFiles(LakeFiles):
     def last(self, name: str) -> tuple[int, bytes, FileEnd]:
         """Size and last bytes of a Parquet file of one of the large tables, with its verified footer."""
         size, end = self._last(name, FOOTER)
-        needed = min(seals.needed(end), size)
-        if needed > len(end):
+        while len(end) < (needed := min(seals.needed(end), size)):
             size, end = self._last(name, needed)
         try:
-            return size, end, verified_files.check_end(end, size, name, self.url(name))
+            return size, end, verifying.check_end(end, size, self.place(name), self.url(name))
         except LakeError:  # not kept, so that a file that has been restored is read
             self._copies.discard(f"{name}.end", str(FOOTER))
             self._copies.discard(f"{name}.end", str(needed))

@@ -1,4 +1,4 @@
-"""Comparison of loaded scenarios with their metadata, in lakes whose metadata files have no seals.
+"""Comparison of loaded scenarios with their metadata, in lakes whose metadata files cannot be verified.
 
 A changed byte in such a file can lead to rows of another scenario. The content hash covers a scenario but for its id,
 split, licence and source file; of these, all but the source file are compared with the files of its tracks.
@@ -6,18 +6,18 @@ split, licence and source file; of these, all but the source file are compared w
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
-from scenarionet_data.codec import ScenarioColumns
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.storage.files.errors import damaged
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.read.scenario_rows import RowAddress, ScenarioRows
 from scenarionet_data.storage.snapshots.shard_record import partition
+from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 _MAX_TIMESTEPS = 100_000
 """Timesteps of a scenario in an older lake; arrays of as many are allocated for each object."""
@@ -26,40 +26,51 @@ _ERRORS = (ValueError, TypeError, KeyError, IndexError, AttributeError, Overflow
 """Errors of decoding inconsistent rows."""
 
 
-@contextmanager
-def comparing(files: LakeFiles, metadata: Sequence[Mapping[str, Any]]) -> Iterator[list[ScenarioDescription]]:
-    """Compare the scenarios that the block puts into the list with their metadata rows.
+Decode = Callable[[Sequence[Mapping[str, Any]]], Sequence[ScenarioDescription]]
 
-    Raises:
-        LakeError: A scenario is not as it was converted.
+
+class Comparison:
+    """Compares scenarios with their metadata, each once; does nothing where the metadata files verify themselves.
+
+    Args:
+        files: The lake's files.
+        snapshot: The snapshot of the scenarios.
     """
-    for row in metadata:
-        if not 0 < row["num_timesteps"] <= _MAX_TIMESTEPS:
-            raise _damage(files, row, f"{row['num_timesteps']:,} timesteps")
-    loaded: list[ScenarioDescription] = []
-    try:
-        yield loaded
-        for row, scenario in zip(metadata, loaded, strict=True):
-            _compare(files, row, scenario)
-    except LakeError:
-        raise
-    except _ERRORS as error:
-        raise _damage(files, metadata[0], f"it cannot be decoded ({error})") from error
 
+    def __init__(self, files: LakeFiles, snapshot: Snapshot) -> None:
+        self._files = files
+        self._is_needed = not files.are_verified(snapshot.metadata)
+        self._compared: set[str] = set()
 
-def check_ids(files: LakeFiles, metadata: Sequence[Mapping[str, Any]], tracks: ScenarioColumns) -> None:
-    """Compare the ids of scenarios with those of their tracks.
+    def compare(self, metadata: Sequence[Mapping[str, Any]], decode: Decode) -> None:
+        """Compare scenarios.
 
-    Raises:
-        LakeError: They differ.
-    """
-    stored = tracks.columns.strings("scenario_id")
-    for row, start, end in zip(metadata, tracks.bounds, tracks.bounds[1:], strict=False):
-        if set(stored[start:end].tolist()) != {row["scenario_id"]}:
-            raise _damage(files, row, "its tracks are those of another scenario")
+        Args:
+            metadata: Their rows of the metadata table.
+            decode: Reads and decodes some of them.
+
+        Raises:
+            LakeError: A scenario is not as it was converted.
+        """
+        if not self._is_needed:
+            return
+        for row in metadata:
+            if row["scenario_id"] in self._compared:
+                continue
+            if not 0 < row["num_timesteps"] <= _MAX_TIMESTEPS:
+                raise _damage(self._files, row, f"{row['num_timesteps']:,} timesteps")
+            try:
+                (scenario,) = decode([row])
+                _compare(self._files, row, scenario)
+            except _ERRORS as error:
+                raise _damage(self._files, row, f"it cannot be decoded ({error})") from error
+            self._compared.add(row["scenario_id"])
 
 
 def _compare(files: LakeFiles, row: Mapping[str, Any], scenario: ScenarioDescription) -> None:
+    address = RowAddress(*(row[f"tracks_{part}"] for part in RowAddress._fields))
+    if set(ScenarioRows(files, "tracks").read(address)["scenario_id"].to_pylist()) != {row["scenario_id"]}:
+        raise _damage(files, row, "its tracks are those of another scenario")
     if content_hash(scenario) != row["content_hash"]:
         raise _damage(files, row, "its content differs from what was converted")
     if not row["tracks_file"].startswith(f"{partition('tracks', row['dataset'], row['version'], row['split'])}/"):

@@ -13,12 +13,12 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, UInt8
 from scenarionet_data.schema import tables
-from scenarionet_data.storage import verified_files
 from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.remote import RemoteLakeFiles
+from scenarionet_data.storage.integrity import verifying
+from scenarionet_data.storage.integrity.seals import FileEnd
 from scenarionet_data.storage.read.parquet import ColumnReader, Footer, RowGroup
-from scenarionet_data.storage.seals import FileEnd
 
 _MAX_OPEN_FILES = 32
 _MAX_FOOTERS = 512
@@ -131,7 +131,7 @@ class RemoteRowGroups:
 
     def _span(self, address: RowGroupAddress) -> tuple[int, int]:
         with reading(self._files.url(address.file)):
-            return self._footers[address.file].span(address.number)
+            return self._footers[address.file].stored(address.number).span
 
     def _range(self, name: str, start: int, end: int) -> Array:
         return np.frombuffer(self._files.range(name, start, end), np.uint8)
@@ -149,10 +149,10 @@ class RemoteRowGroups:
 
 
 def _footer(readers: Mapping[str, ColumnReader], table: str, end: FileEnd, url: str) -> Footer:
-    metadata = verified_files.parsed(end, url)
+    metadata = verifying.parsed(end, url)
     tables.load(table).check_version(metadata.metadata, url)
     with reading(url):
-        return readers[table].footer(url, metadata, has_checksums=end.is_sealed)
+        return readers[table].footer(url, metadata, end.digests, end.body)
 
 
 def _runs(

@@ -34,7 +34,6 @@ class ScenarioReader:
     Args:
         files: The lake's files.
         snapshot: The snapshot of the scenarios.
-        with_ids: Whether to read scenario_id as well.
         columns: Columns of each table to read; by default those that a scenario is decoded from.
 
     Attributes:
@@ -46,15 +45,12 @@ class ScenarioReader:
         files: LakeFiles,
         snapshot: Snapshot,
         *,
-        with_ids: bool = False,
         columns: Mapping[str, Collection[str]] | None = None,
     ) -> None:
         self._files = files
         self._snapshot = snapshot
         self.memory, self._decoded = Memory(), Memory()
-        self._readers = {
-            table: ColumnReader(_layout(table, with_ids, columns), self.memory) for table in columns or TABLES
-        }
+        self._readers = {table: ColumnReader(_layout(table, columns), self.memory) for table in columns or TABLES}
         self._remote = RemoteRowGroups(files, self._readers) if isinstance(files, RemoteLakeFiles) else None
         self._row_groups: RowGroups = self._remote or LocalRowGroups(files, self._readers)
         self._cached: dict[str, tuple[dict[RowGroupAddress, int], Columns]] = {}
@@ -154,7 +150,7 @@ class ScenarioReader:
         return starts, columns
 
 
-def _layout(table: str, with_ids: bool, columns: Mapping[str, Collection[str]] | None) -> ColumnLayout:
-    wanted = {column.name for column in LAYOUTS[table].columns} if columns is None else columns[table]
-    ids = {"scenario_id"} if with_ids else set()
-    return ColumnLayout(column for column in tables.load(table).columns if column.name in {*wanted, *ids})
+def _layout(table: str, columns: Mapping[str, Collection[str]] | None) -> ColumnLayout:
+    if columns is None:
+        return LAYOUTS[table]
+    return ColumnLayout(column for column in tables.load(table).columns if column.name in columns[table])

@@ -12,7 +12,6 @@ import pyarrow.compute as pc
 
 from scenarionet_data.errors import SchemaMismatch
 from scenarionet_data.schema import tables
-from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
@@ -63,16 +62,15 @@ def read(files: LakeFiles, name: str, columns: list[str] | None = None) -> pa.Ta
     return _read_all(files, [name], columns)[0]
 
 
-def read_files(files: LakeFiles, name: str) -> tuple[pa.Table, bool]:
-    """Files of the shards listed in a manifest, as rows of NO_FILES, and whether the manifest is sealed.
+def read_files(files: LakeFiles, name: str) -> pa.Table:
+    """Files of the shards listed in a manifest, as rows of NO_FILES.
 
     Raises:
         LakeError: The manifest is missing or damaged, or has a schema version that cannot be read.
     """
     rows = files.read(name, NO_FILES.column_names)
-    footer = rows.schema.metadata
-    tables.load("shards").check_version(footer, name)
-    return rows.cast(NO_FILES.schema), seals.MARK in footer
+    tables.load("shards").check_version(rows.schema.metadata, name)
+    return rows.cast(NO_FILES.schema)
 
 
 def _read_all(files: LakeFiles, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:

@@ -10,10 +10,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from scenarionet_data.errors import LakeError, NoSuchSnapshot
-from scenarionet_data.storage import sealed_json
 from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.sealed_json import NewerFormat
+from scenarionet_data.storage.integrity import sealed_json
+from scenarionet_data.storage.integrity.sealed_json import NewerFormat
 
 FOLDER = "snapshots"
 
@@ -35,10 +35,6 @@ class Snapshot:
     operation: str
     metadata: tuple[str, ...]
     manifests: tuple[str, ...]
-
-    def to_bytes(self) -> bytes:
-        """Serialise as sealed JSON."""
-        return sealed_json.seal(asdict(self), file_name(self.number))
 
 
 EMPTY = Snapshot(0, "", "empty", (), ())
@@ -120,14 +116,14 @@ def parse(files: LakeFiles, number: int) -> tuple[Snapshot, bool]:
     path = files.path(name)
     try:
         with reading(path):
-            content, is_sealed = sealed_json.read(path.read_bytes(), name)
+            content, is_sealed = sealed_json.read(path.read_bytes(), files.place(name))
         return _of_content(content, number), is_sealed
     except NewerFormat as error:
         raise NoSuchSnapshot(f"{path}: {error}, by a newer version of this software; update it") from error
     except (ValueError, TypeError, KeyError) as error:
         raise LakeError(
-            f"{path}: damaged, it is no snapshot; restore it from a copy of the lake, or remove it to go back to the "
-            "snapshot before (shards committed since are adopted when their recordings are converted again)"
+            f"{path}: damaged, it is no snapshot ({error}); restore it from a copy of the lake, or remove it to go "
+            "back to the snapshot before (shards committed since are adopted when their recordings are converted again)"
         ) from error
 
 
@@ -149,7 +145,7 @@ def _of_content(content: dict[str, Any], number: int) -> Snapshot:
 
 def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
     """Publish a snapshot unless its number is taken; returns whether it was published."""
-    if not files.publish_new(file_name(snapshot.number), snapshot.to_bytes()):
+    if not _write(files, snapshot):
         return False
     if files.has(_mark(snapshot.number)):  # the number was used by a snapshot that has expired
         files.remove(file_name(snapshot.number))
@@ -165,8 +161,14 @@ def expire(files: LakeFiles, number: int) -> None:
 
 def restore(files: LakeFiles, snapshot: Snapshot) -> None:
     """Undo :func:`expire`."""
-    files.publish_new(file_name(snapshot.number), snapshot.to_bytes())
+    _write(files, snapshot)
     files.remove(_mark(snapshot.number))
+
+
+def _write(files: LakeFiles, snapshot: Snapshot) -> bool:
+    """Publish the file of a snapshot unless it exists; returns whether it was published."""
+    name = file_name(snapshot.number)
+    return files.publish_new(name, sealed_json.seal(asdict(snapshot), files.place_to_write(name)))
 
 
 def remove_expired(files: LakeFiles, name: str) -> None:

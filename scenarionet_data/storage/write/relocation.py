@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,6 +13,8 @@ import pyarrow.parquet as pq
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.integrity import seals
+from scenarionet_data.storage.integrity.seals import Place
 from scenarionet_data.storage.read.scenario_rows import RowAddress, ScenarioRows
 
 MAP_FOOTER = ("scenarionet.map", "scenarionet.licence")
@@ -84,6 +87,35 @@ def copy_groups(
             for number in numbers:
                 rows = declared.conform(file.read_row_group(number, use_threads=False))
                 writer.write_table(rows, row_group_size=max(rows.num_rows, 1))
+
+
+def copy_sealed(files: LakeFiles, name: str, path: Path, place: Place) -> None:
+    """Copy a file that belongs to another place, or has no seal of the present version, and seal it there.
+
+    Args:
+        files: Files of the source.
+        name: The file.
+        path: Path of the copy.
+        place: Where it will be published.
+
+    Raises:
+        LakeError: The file is missing or damaged, or the copy cannot be written.
+    """
+    source = files.verified(name)
+    with reading(source), pq.ParquetFile(source) as file, writing(path, path):
+        words = {key.decode(): value.decode() for key, value in (file.metadata.metadata or {}).items()}
+        if seals.MARK.decode() in words:
+            shutil.copyfile(source, path)
+        else:  # of version 0.1, whose footers have no entry for a seal
+            tag, rows = words.pop("scenarionet.schema", ""), file.read()
+            words.pop("ARROW:schema", None)
+            if tag:
+                declared, size = tables.load(tag.partition("/")[0]), -(-rows.num_rows // max(file.num_row_groups, 1))
+                with declared.writer(path, words) as writer:
+                    writer.write_table(declared.conform(rows), row_group_size=max(size, 1))
+            else:
+                pq.write_table(rows.replace_schema_metadata({**words, **tables.SEALED}), path, compression="zstd")
+        seals.seal(path, place)
 
 
 def with_addresses(metadata: pa.Table, table: str, file: str, copied: Mapping[int, RowAddress]) -> pa.Table:

@@ -23,7 +23,7 @@ from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.seals import Sealed
+from scenarionet_data.storage.integrity.seals import Sealed
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, metadata_name, partition, shard_key
 from scenarionet_data.storage.write.table_file import defect_rows, publish_data, publish_table, write_table
 

@@ -12,10 +12,10 @@ import pyarrow as pa
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.schema import tables
-from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.seals import Sealed
+from scenarionet_data.storage.integrity import seals
+from scenarionet_data.storage.integrity.seals import Sealed
 
 
 def publish_table(
@@ -29,7 +29,7 @@ def publish_table(
     """Write rows of a table to a file of this name, sealed; nullable columns that they lack become null."""
     temporary = write_table(files, table, rows, footer, row_group_size)
     with writing(temporary, temporary):
-        seals.seal(temporary, name)
+        seals.seal(temporary, files.place_to_write(name))
     files.publish(temporary, name)
 
 

@@ -13,8 +13,9 @@ from click.testing import CliRunner
 from scenarionet_data import Lake
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNetError
 from scenarionet_data.maintenance import compact, fsck, repair, vacuum
-from scenarionet_data.storage import evaluation_runs, seals
+from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.local import LocalLakeFiles
+from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -117,7 +118,7 @@ def rewritten(root, change):
     with pq.ParquetWriter(path, changed.schema, store_schema=False) as writer:
         writer.add_key_value_metadata(table.schema.metadata)
         writer.write_table(changed)
-    seals.seal(path, name)
+    seals.seal(path, seals.Place(name))
     return found(root)
 
 

@@ -19,7 +19,6 @@ from scenarionet_data.errors import (
     ScenarioNotFound,
 )
 from scenarionet_data.query.lake_view import StaleDatabaseWarning
-from scenarionet_data.storage import seals
 
 
 def ids(numbers):
@@ -118,7 +117,7 @@ def test_renaming_moves_all_versions(logs):
     with pytest.raises(DatabaseNotFound):
         logs.rename("x", name="y")
     logs.rename("a", name="b")
-    assert seals.verify(logs.files.path("databases/b/1.parquet"), "databases/b/1.parquet")
+    assert logs.files.verify("databases/b/1.parquet")
     assert logs.databases == ["b", "c"]
     assert logs.database("b@1").scenario_ids == ids([1])
     assert logs.database("b").scenario_ids == ids([2])

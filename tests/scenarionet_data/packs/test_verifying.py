@@ -10,8 +10,8 @@ import pytest
 from scenarionet_data import Lake, convert
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.packs.verifying import verify_pack
+from scenarionet_data.storage.integrity.snapshot_checks import verify
 from scenarionet_data.storage.snapshots import snapshot as snapshots
-from scenarionet_data.storage.verifying import verify
 from scenarionet_data.storage.write.table_file import publish_table
 from tests.fixtures import made_city
 from tests.fixtures.made import write_raw

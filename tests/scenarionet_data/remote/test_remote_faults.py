@@ -141,8 +141,8 @@ def test_two_clients_commit_at_once(url, store):
 
 def test_overwritten_upload_is_found(url, store):
     """A file overwritten after its upload fails the checks."""
+    from scenarionet_data.storage.integrity.snapshot_checks import verify
     from scenarionet_data.storage.snapshots import commit as commits
-    from scenarionet_data.storage.verifying import verify
 
     files = open_files(url)
     record = write_shard(url, [make_scenario(1)])

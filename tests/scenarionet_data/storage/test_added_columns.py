@@ -16,8 +16,8 @@ from scenarionet_data.maintenance.compaction import compact
 from scenarionet_data.maintenance.fsck import fsck
 from scenarionet_data.packs.verifying import verify_pack
 from scenarionet_data.schema import tables
-from scenarionet_data.storage import seals
 from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import metadata_files
 from scenarionet_data.testing import differences
@@ -51,12 +51,12 @@ def drop(lake, table, column):
     """Rewrite the files of a table without one column, row group by row group."""
     for name in lake.paths(table):
         old = pq.ParquetFile(name)
-        footer = {k: v for k, v in old.metadata.metadata.items() if k not in (b"ARROW:schema", seals.MARK)}
+        footer = {k: v for k, v in old.metadata.metadata.items() if k != b"ARROW:schema"}
         groups = [old.read_row_group(k).drop_columns([column]) for k in range(old.num_row_groups)]
         with pq.ParquetWriter(name, groups[0].schema.with_metadata(footer), write_page_checksum=True) as writer:
             for group in groups:
                 writer.write_table(group)
-        seals.seal(Path(name), Path(name).relative_to(lake.root).as_posix())
+        seals.seal(Path(name), seals.Place(Path(name).relative_to(lake.root).as_posix()))
 
 
 def rows(root, table, without):

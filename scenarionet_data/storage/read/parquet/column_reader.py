@@ -55,18 +55,19 @@ class ColumnReader:
         self._levels = np.empty((4, 0), np.uint8)
         self._pages = np.zeros((len(layout.columns), pages.NUM_PAGE_FIELDS), np.int64)
 
-    def footer(self, url: str, metadata: pq.FileMetaData, *, has_checksums: bool = False) -> Footer:
+    def footer(self, url: str, metadata: pq.FileMetaData, digests: Sequence[bytes] = (), end: int = 0) -> Footer:
         """Locate the columns in a file.
 
         Args:
             url: The file, for errors.
             metadata: Its footer.
-            has_checksums: Whether every page has a checksum; it is verified.
+            digests: XXH3-128 of each row group, which are compared when they are read; empty if there are none.
+            end: Where the last row group ends.
 
         Raises:
             UnreadableFile: A required column is missing.
         """
-        return Footer(url, metadata, self._layout, has_checksums)
+        return Footer(url, metadata, self._layout, digests, end)
 
     def read(self, groups: Sequence[RowGroup]) -> Columns:
         """Rows of some row groups, concatenated.
@@ -74,6 +75,8 @@ class ColumnReader:
         Raises:
             UnreadableFile: A page is damaged.
         """
+        for group in groups:
+            group.verify()
         if self._left_to_arrow > 0:
             if not is_compiled():
                 self._left_to_arrow -= len(groups)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from xxhash import xxh3_128_digest
 
 from scenarionet_data.arrays.columns import ColumnLayout, ColumnType
 from scenarionet_data.arrays.dtypes import Array, Int64
@@ -72,6 +74,7 @@ class StoredGroup(NamedTuple):
         can_decode: Whether the kernels can decode all columns.
         largest: Bytes of the largest page at most.
         scratch: Bytes that its pages need while they are decoded: one at a time, but all of those in zstd together.
+        span: Start and end of its bytes in the file, of which the digest is, or of its columns if there is none.
     """
 
     chunks: Int64
@@ -79,15 +82,17 @@ class StoredGroup(NamedTuple):
     can_decode: bool
     largest: int
     scratch: int
+    span: tuple[int, int]
 
     @classmethod
-    def of(cls, chunks: Int64, num_rows: int) -> StoredGroup:
+    def of(cls, chunks: Int64, num_rows: int, span: tuple[int, int]) -> StoredGroup:
         """Those of some chunks."""
         present = chunks[chunks[:, kernels.CHUNK_END] > 0]
         sizes, is_zstd = present[:, kernels.CHUNK_SIZE], present[:, kernels.CODEC] == kernels.ZSTD
         largest = int(sizes.max(initial=0))
         can_decode = bool(present[:, kernels.CAN_DECODE].all())
-        return cls(chunks, num_rows, can_decode, largest, largest + int(sizes[is_zstd].sum()) + kernels.SPARE)
+        scratch = largest + int(sizes[is_zstd].sum()) + kernels.SPARE
+        return cls(chunks, num_rows, can_decode, largest, scratch, span)
 
 
 class Footer:
@@ -97,17 +102,21 @@ class Footer:
         url: The file, for errors.
         metadata: Its footer.
         layout: The columns to read; nullable ones may be missing.
-        has_checksums: Whether every page has a checksum.
+        digests: XXH3-128 of each row group; empty if there are none.
+        end: Where the last row group ends.
 
     Raises:
         UnreadableFile: A required column is missing.
     """
 
-    def __init__(self, url: str, metadata: pq.FileMetaData, layout: ColumnLayout, has_checksums: bool = False) -> None:
+    def __init__(
+        self, url: str, metadata: pq.FileMetaData, layout: ColumnLayout, digests: Sequence[bytes] = (), end: int = 0
+    ) -> None:
         columns = layout.columns
         self.url = url
         self.metadata = metadata
-        self.has_checksums = has_checksums
+        self.digests = digests
+        self._end = end
         positions = {metadata.schema.column(index).path: index for index in range(metadata.num_columns)}
         missing = [column.name for column in columns if column.path not in positions]
         self.missing = frozenset(missing)
@@ -132,11 +141,17 @@ class Footer:
         listed = [group.column(index).encodings if group and index is not None else () for index, *_ in self._columns]
         return [next((_ENCODINGS[name] for name in names if name in _ENCODINGS), kernels.PLAIN) for names in listed]
 
-    def span(self, number: int) -> tuple[int, int]:
-        """Start and end of the bytes of a row group's columns."""
-        chunks = self.stored(number).chunks
-        present = chunks[:, kernels.CHUNK_END] > 0
-        return int(chunks[present, kernels.CHUNK_START].min()), int(chunks[:, kernels.CHUNK_END].max())
+    def _span(self, number: int, chunks: Int64) -> tuple[int, int]:
+        """Start and end of the bytes of a row group, or of its columns in a file without digests."""
+        if not self.digests:
+            present = chunks[:, kernels.CHUNK_END] > 0
+            return int(chunks[present, kernels.CHUNK_START].min()), int(chunks[:, kernels.CHUNK_END].max())
+        bounds = []
+        for group in (number, number + 1):
+            column = self.metadata.row_group(group).column(0) if 0 < group < len(self.digests) else None
+            first = column and min(column.data_page_offset, column.dictionary_page_offset or column.data_page_offset)
+            bounds.append(first or (self._end if group else 0))
+        return bounds[0], bounds[1]
 
     def stored(self, number: int) -> StoredGroup:
         """How a row group is stored.
@@ -150,12 +165,12 @@ class Footer:
             group = self.metadata.row_group(number)
             chunks = np.array(
                 [
-                    _chunk(group, *column, encoding, self.has_checksums)
+                    _chunk(group, *column, encoding)
                     for column, encoding in zip(self._columns, self._encodings, strict=True)
                 ],
                 np.int64,
             )
-            self._stored[number] = StoredGroup.of(chunks, group.num_rows)
+            self._stored[number] = StoredGroup.of(chunks, group.num_rows, self._span(number, chunks))
         return self._stored[number]
 
     def reserve(self, number: int) -> Reservation:
@@ -182,7 +197,7 @@ def _known_encodings(column: ColumnType) -> int:
 
 
 def _chunk(
-    group: pq.RowGroupMetaData, index: int | None, known: int, is_packed: bool, encoding: int, has_checksums: bool
+    group: pq.RowGroupMetaData, index: int | None, known: int, is_packed: bool, encoding: int
 ) -> tuple[int, ...]:
     if index is None:
         return (0,) * kernels.NUM_CHUNK_FIELDS
@@ -194,7 +209,7 @@ def _chunk(
     can_decode = known >> encoding & 1 if codec != kernels.OTHER_CODEC else 0
     # Not what an unverified number of values says: other values take four bytes or more.
     room = max(chunk.num_values if is_packed else min(chunk.num_values, size // 4), 0) * can_decode
-    return start, data, end, chunk.num_values, codec, size, encoding, can_decode, has_checksums, room
+    return start, data, end, chunk.num_values, codec, size, encoding, can_decode, room
 
 
 class RowGroup(NamedTuple):
@@ -217,6 +232,18 @@ class RowGroup(NamedTuple):
         """Number of rows."""
         return self.footer.stored(self.number).num_rows
 
+    def verify(self) -> None:
+        """Compare the bytes with their digest, if there is one.
+
+        Raises:
+            UnreadableFile: They differ.
+        """
+        footer = self.footer
+        if footer.digests:
+            start, end = footer.stored(self.number).span
+            if xxh3_128_digest(self.content.data[start - self.base : end - self.base]) != footer.digests[self.number]:
+                raise UnreadableFile(footer.url, "its bytes differ from those that were written")
+
     def open(self) -> pq.ParquetFile:
         """Open the bytes with Arrow; other row groups that they contain can be read, too."""
         source = pa.PythonFile(_Window(self.content, self.base), "r") if self.base else pa.BufferReader(self.content)
@@ -224,7 +251,6 @@ class RowGroup(NamedTuple):
             source,
             metadata=self.footer.metadata,
             pre_buffer=False,
-            page_checksum_verification=self.footer.has_checksums,
         )
 
 

@@ -1,7 +1,7 @@
 """Compiled loops that locate and decompress pages.
 
 Format: https://parquet.apache.org/docs/file-format/ (data pages of version 1; levels and dictionary indices in the
-RLE/bit-packed hybrid; values PLAIN or in BYTE_STREAM_SPLIT). Pages of sealed files are compared with their CRC-32.
+RLE/bit-packed hybrid; values PLAIN or in BYTE_STREAM_SPLIT).
 Damaged bytes result in ``UNKNOWN`` or ``DAMAGED``; nothing is read or written out of bounds.
 
 The kernels release the interpreter lock, so that threads decode in parallel.
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.compiled.decorators import device_function
-from scenarionet_data.storage.read.parquet.crc_kernels import crc32
 from scenarionet_data.storage.read.parquet.lz4_kernels import decompress
 from scenarionet_data.storage.read.parquet.thrift_kernels import (
     DATA_PAGE,
@@ -26,11 +25,11 @@ from scenarionet_data.storage.read.parquet.thrift_kernels import (
 DAMAGED = -2
 
 # Columns of an array of chunks: position of the chunk and of its data page in the file, end, number of values with
-# nulls and empty lists, codec, uncompressed size, encoding of the data page, whether the kernels can decode it,
-# whether pages must have a checksum, and the largest number of values that it can hold.
-NUM_CHUNK_FIELDS = 10
+# nulls and empty lists, codec, uncompressed size, encoding of the data page, whether the kernels can decode it, and the
+# largest number of values that it can hold.
+NUM_CHUNK_FIELDS = 9
 CHUNK_START, DATA_START, CHUNK_END, NUM_VALUES, CODEC = range(5)
-CHUNK_SIZE, EXPECTED, CAN_DECODE, IS_CHECKED, CHUNK_ROOM = range(5, NUM_CHUNK_FIELDS)
+CHUNK_SIZE, EXPECTED, CAN_DECODE, CHUNK_ROOM = range(5, NUM_CHUNK_FIELDS)
 OTHER_CODEC, LZ4, ZSTD = 0, 1, 2
 
 # Columns of an array of pages: start (or UNKNOWN, DAMAGED) and end of the uncompressed page, number of levels,
@@ -57,20 +56,16 @@ def load_page(data: Array, base: int, chunk: Array, page: Array, scratch: Array,
     if not 0 <= first <= middle <= end <= len(data) or codec == OTHER_CODEC:
         return UNKNOWN
     if first < middle:  # a dictionary before the data page
-        kind, size, stored_size, checksum, _, _ = read_header(data, first)
+        kind, size, stored_size, _, _ = read_header(data, first)
         if kind != DICTIONARY_PAGE or codec != LZ4 or stored_size > middle - first or size > len(words):
             return UNKNOWN
-        if chunk[IS_CHECKED] and checksum != crc32(data, middle - stored_size, middle):
-            return DAMAGED
         if not decompress(data, middle - stored_size, middle, words, 0, size):
             return DAMAGED
         page[WORDS_SIZE] = size
-    kind, size, stored_size, checksum, count, encoding = read_header(data, middle)
+    kind, size, stored_size, count, encoding = read_header(data, middle)
     is_known = kind == DATA_PAGE and count == chunk[NUM_VALUES] and encoding == chunk[EXPECTED] and chunk[CAN_DECODE]
     if not is_known or stored_size > end - middle or size > limit - at:  # one of several pages does not hold all levels
         return UNKNOWN
-    if chunk[IS_CHECKED] and checksum != crc32(data, end - stored_size, end):
-        return DAMAGED
     page[END], page[LEVELS], page[ENCODING] = at + size, count, encoding
     if codec == ZSTD:
         page[STORED], page[STORED_END] = end - stored_size, end

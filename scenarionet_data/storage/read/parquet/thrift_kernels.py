@@ -14,7 +14,6 @@ UNKNOWN = -1
 DATA_PAGE, DICTIONARY_PAGE = 0, 2
 
 _BEYOND = 1 << 40
-_WORD = 0xFFFFFFFF
 _NEXT_NUMBER, _DATA_HEADER, _DICTIONARY_HEADER = 0x15, 0x2C, 0x4C
 """Field headers: a number in the next field; after the third field a struct in the fifth or seventh."""
 _ONE_FIELD = 0x10
@@ -22,31 +21,29 @@ _ONE_FIELD = 0x10
 
 
 @device_function
-def read_header(data: Array, at: int) -> tuple[int, int, int, int, int, int]:
-    """Read the first fields of a page header: type, both sizes, checksum, number of values, encoding.
+def read_header(data: Array, at: int) -> tuple[int, int, int, int, int]:
+    """Read the first fields of a page header: type, both sizes, number of values, encoding.
 
     Args:
         data: (n,) uint8 bytes of the file.
         at: Start of the header.
 
     Returns:
-        UNKNOWN in all fields unless it is the header of a dictionary or a data page of version 1. The checksum is
-        UNKNOWN if there is none.
+        UNKNOWN in all fields unless it is the header of a dictionary or a data page of version 1.
     """
     kind, at = _number(data, at)
     size, at = _number(data, at)
     stored_size, at = _number(data, at)
-    inner, checksum = _DATA_HEADER if kind == DATA_PAGE else _DICTIONARY_HEADER, UNKNOWN
-    if at < len(data) and data[at] == _NEXT_NUMBER:
-        value, at = _varint(data, at + 1)
-        checksum = (value >> 1 ^ -(value & 1)) & _WORD
+    inner = _DATA_HEADER if kind == DATA_PAGE else _DICTIONARY_HEADER
+    if at < len(data) and data[at] == _NEXT_NUMBER:  # a checksum
+        _, at = _varint(data, at + 1)
         inner -= _ONE_FIELD
     if at < len(data) and data[at] == inner and kind in (DATA_PAGE, DICTIONARY_PAGE):
         num_values, at = _number(data, at + 1)
         encoding, at = _number(data, at)
         if at < len(data):
-            return kind, size, stored_size, checksum, num_values, encoding
-    return UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN
+            return kind, size, stored_size, num_values, encoding
+    return UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN
 
 
 @device_function

@@ -11,7 +11,7 @@ import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import LakeError, NoSuchSnapshot
-from scenarionet_data.storage import sealed_json
+from scenarionet_data.storage.integrity import sealed_json
 from tests.fixtures.lakes import write_lake
 
 

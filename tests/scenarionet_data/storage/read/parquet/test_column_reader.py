@@ -8,10 +8,12 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from xxhash import xxh3_128_digest
 
 from scenarionet_data.arrays.columns import TEXTS, ColumnLayout
 from scenarionet_data.arrays.packed_columns import from_arrow, pick
 from scenarionet_data.schema import tables
+from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
 
@@ -68,10 +70,13 @@ def reader_of(table):
     return ColumnReader(layout_of(table), compile_after=0)
 
 
-def row_groups(path, table, content=None, has_checksums=False):
-    """Row groups of a file, optionally with its bytes replaced."""
+def row_groups(path, table, content=None, *, is_sealed=False):
+    """Row groups of a file, optionally with its bytes replaced after it was sealed."""
     metadata = pq.read_metadata(path)
-    footer = reader_of(table).footer(str(path), metadata, has_checksums=has_checksums)
+    with path.open("rb") as file:
+        end = seals.split(*seals.last(file), path)
+        digests = [xxh3_128_digest(group) for group in seals.row_groups(file, end)] if is_sealed else []
+    footer = reader_of(table).footer(str(path), metadata, digests, end.body)
     if content is None:
         with path.open("rb") as file:
             content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -183,7 +188,7 @@ def test_other_encodings_are_read_by_arrow(tmp_path, table, options):
 def test_damaged_pages_raise_error_and_never_crash(tmp_path_factory, table, data):
     path = written(tmp_path_factory.mktemp("t") / "f.parquet", table, [rows_of(table, 20, 4), rows_of(table, 9, 5)])
     whole, content = row_groups(path, table), bytearray(path.read_bytes())
-    start, end = whole[0].footer.span(0)
+    start, end = whole[0].footer.stored(0).span
     for _ in range(data.draw(st.integers(1, 8))):
         content[data.draw(st.integers(start, end - 1))] = data.draw(st.integers(0, 255))
     try:
@@ -199,47 +204,31 @@ def test_damaged_pages_raise_error_and_never_crash(tmp_path_factory, table, data
 
 
 @pytest.mark.parametrize("table", READ)
-def test_pages_with_checksums_are_read(tmp_path, table):
-    batches = [rows_of(table, 20, 4), rows_of(table, 9, 5)]
-    path = written(tmp_path / "f.parquet", table, batches, write_page_checksum=True)
-    groups = row_groups(path, table, has_checksums=True)
+def test_sealed_row_groups_are_read(tmp_path, table):
+    path = written(tmp_path / "f.parquet", table, [rows_of(table, 20, 4), rows_of(table, 9, 5)])
+    groups = row_groups(path, table, is_sealed=True)
     expected = by_arrow(table, [path])
     assert_same(table, read(table, groups), expected)
     assert_same(table, read_by_arrow(groups, layout_of(table)), expected)
 
 
 @pytest.mark.parametrize("table", READ)
-@pytest.mark.parametrize("by", ["kernels", "arrow"])
-@settings(max_examples=settings.default.max_examples // 2)
-@given(data=st.data())
-def test_damaged_pages_with_checksums_never_yield_wrong_values(tmp_path_factory, table, by, data):
-    batches = [rows_of(table, 20, 4), rows_of(table, 9, 5)]
-    path = written(tmp_path_factory.mktemp("t") / "f.parquet", table, batches, write_page_checksum=True)
-    expected, content = by_arrow(table, [path]), bytearray(path.read_bytes())
-    start, end = row_groups(path, table)[0].footer.span(0)
-    for _ in range(data.draw(st.integers(1, 4))):
-        content[data.draw(st.integers(start, end - 1))] ^= 1 << data.draw(st.integers(0, 7))
-    groups = row_groups(path, table, content, has_checksums=True)
-    try:
-        found = read(table, groups) if by == "kernels" else read_by_arrow(groups, layout_of(table))
-    except UnreadableFile:
-        return
-    assert_same(table, found, expected)  # only bytes that no value depends on were changed
-
-
-def test_pages_without_checksums_are_damaged_where_they_must_have_some(tmp_path):
-    path = written(tmp_path / "f.parquet", "tracks", [rows_of("tracks", 20, 4)], write_page_checksum=False)
-    groups = row_groups(path, "tracks", has_checksums=True)
-    with pytest.raises(UnreadableFile, match=r"without a checksum|is damaged"):
-        read("tracks", groups)
-    with pytest.raises(UnreadableFile, match="without a checksum"):
-        read_by_arrow(groups, layout_of("tracks"))
+def test_every_changed_byte_of_a_sealed_row_group_is_found(tmp_path, table):
+    path = written(tmp_path / "f.parquet", table, [rows_of(table, 20, 4), rows_of(table, 9, 5)])
+    content = path.read_bytes()
+    groups = row_groups(path, table, is_sealed=True)
+    start, end = groups[1].footer.stored(1).span
+    for place in range(start, end, max((end - start) // 200, 1)):
+        changed = bytearray(content)
+        changed[place] ^= 4
+        with pytest.raises(UnreadableFile, match="its bytes differ from those that were written"):
+            read(table, [RowGroup(groups[1].footer, 1, np.frombuffer(changed, np.uint8))])
 
 
 def test_error_names_the_damaged_file(tmp_path):
     paths = [written(tmp_path / f"{k}.parquet", "tracks", [rows_of("tracks", 20, k)]) for k in range(3)]
     content = bytearray(paths[1].read_bytes())
-    start, end = row_groups(paths[1], "tracks")[0].footer.span(0)
+    start, end = row_groups(paths[1], "tracks")[0].footer.stored(0).span
     content[start:end] = bytes(end - start)
     groups = [
         *row_groups(paths[0], "tracks"),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenarionet_data.storage.footers.thrift import (
+from scenarionet_data.storage.integrity.footers.thrift import (
     ANY_INT,
     BINARY,
     BYTE,

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-from scenarionet_data.storage.footers import structs
-from scenarionet_data.storage.footers.thrift import Malformed
+from scenarionet_data.storage.integrity.footers import structs
+from scenarionet_data.storage.integrity.footers.thrift import Malformed
 
 _MAGIC = b"PAR1"
 _MAX_DEPTH = 8

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.footers import structs
-from scenarionet_data.storage.footers.checks import check_footer
-from scenarionet_data.storage.footers.thrift import Malformed
+from scenarionet_data.storage.integrity.footers import structs
+from scenarionet_data.storage.integrity.footers.checks import check_footer
+from scenarionet_data.storage.integrity.footers.thrift import Malformed
 from tests.scenarionet_data.storage.read.parquet.test_column_reader import rows_of
 
 

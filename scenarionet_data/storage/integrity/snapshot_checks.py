@@ -11,8 +11,8 @@ import pyarrow.compute as pc
 
 from scenarionet_data.arrays.dtypes import Int64, Object
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.file_checks import Damage, Intact, Written, check_file, finding
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.integrity.file_checks import Damage, Intact, Written, check_file, finding
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 

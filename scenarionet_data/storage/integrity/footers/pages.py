@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenarionet_data.storage.footers import structs
-from scenarionet_data.storage.footers.thrift import Decoder, Malformed
+from scenarionet_data.storage.integrity.footers import structs
+from scenarionet_data.storage.integrity.footers.thrift import Decoder, Malformed
 
 _KINDS = {structs.DATA_PAGE: "data", structs.DATA_PAGE_V2: "data_v2"}
 
 
-def check_headers(
-    content: memoryview, start: int, end: int, num_values: int, size: int, *, has_checksums: bool = False
-) -> list[int]:
+def check_headers(content: memoryview, start: int, end: int, num_values: int, size: int) -> None:
     """Check the headers of a column chunk's pages: places, sizes and number of values.
 
     Args:
@@ -20,32 +18,23 @@ def check_headers(
         start, end: Position of the column chunk in them.
         num_values: Its number of values, with nulls and empty lists, in the footer.
         size: Its uncompressed size in the footer.
-        has_checksums: Whether each page must have a checksum.
-
-    Returns:
-        Encoding of each data page.
 
     Raises:
         Malformed: A header differs from what the footer says.
     """
     if not 0 <= start <= end <= len(content):
         raise Malformed("its pages are not in the file")
-    decoder, found, total, encodings = Decoder(content, start, end), 0, 0, []
+    decoder, found, total = Decoder(content, start, end), 0, 0
     while decoder.left:
         begin, header = decoder.at, structs.read_page_header(decoder)
         if header["stored_size"] > decoder.left:
             raise Malformed(f"a page of {header['stored_size']:,} bytes where {decoder.left:,} are left")
-        if has_checksums and "crc" not in header:
-            raise Malformed("a page without a checksum")
         total += decoder.at - begin + header["size"]
         decoder.at += header["stored_size"]
         if header["page"] != structs.DICTIONARY_PAGE or "dictionary" not in header:
-            page = _data_header(header)
-            found += page["num_values"]
-            encodings.append(page["encoding"])
+            found += _data_header(header)["num_values"]
     if found != num_values or total > size:
         raise Malformed(f"pages of {found:,} values and {total:,} bytes, other than in the footer")
-    return encodings
 
 
 def check_chunk(content: memoryview, column: dict[str, Any]) -> None:

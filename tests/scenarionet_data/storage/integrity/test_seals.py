@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import random
+from itertools import pairwise
 from pathlib import Path
 
 import duckdb
@@ -13,17 +14,21 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from xxhash import xxh3_128_digest, xxh3_128_hexdigest
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage import sealed_json, seals
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.integrity import sealed_json, seals, verifying
+from scenarionet_data.storage.integrity.seals import Place
 
-NAME = "databases/near/1.parquet"
+NAME = Place("databases/near/1.parquet", "a", may_be_older=False)
+FAR = NAME._replace(name="databases/far/1.parquet")
 ROWS = pa.table({"scenario_id": [f"made/{k}" for k in range(50)], "weight": [k / 7 for k in range(50)]})
 
 
 def write(path: Path, footer: dict[str, str] | None = None) -> bytes:
-    """Write an unsealed Parquet file with several row groups; returns its bytes."""
-    rows = ROWS.replace_schema_metadata(footer or {"scenarionet.schema": "members/1"})
+    """Write a Parquet file with several row groups that is not sealed yet; returns its bytes."""
+    rows = ROWS.replace_schema_metadata((footer or {"scenarionet.schema": "members/1"}) | tables.SEALED)
     pq.write_table(rows, path, row_group_size=20, write_page_checksum=True)
     return path.read_bytes()
 
@@ -44,24 +49,33 @@ def test_arrow_duckdb_and_polars_read_sealed_files(sealed):
     assert pl.scan_parquet(sealed).select("weight").collect().to_dicts() == ROWS.select(["weight"]).to_pylist()
 
 
-@pytest.mark.parametrize("num_entries", [1, 12, 13, 14, 40])
-def test_seal_keeps_footer_and_adds_one_entry(tmp_path, num_entries):
-    path = tmp_path / "1.parquet"
-    footer = {f"key {k}": "value" * k for k in range(num_entries)}
-    write(path, footer)
-    before = pq.read_metadata(path)
-    seals.seal(path, NAME)
-    after = pq.read_metadata(path)
-    assert after.metadata == {**before.metadata, seals.MARK: b"1"}
-    groups = [before.row_group(k).to_dict() for k in range(before.num_row_groups)]
-    assert [after.row_group(k).to_dict() for k in range(after.num_row_groups)] == groups
+def test_seal_changes_neither_rows_nor_footer(sealed, tmp_path):
+    content, found = write(tmp_path / "1.parquet"), sealed.read_bytes()
+    size = int.from_bytes(content[-8:-4], "little") + 8
+    assert found[-size:] == content[-size:]
+    assert found.startswith(content[:-size])
+
+
+def test_file_without_the_entry_of_sealed_files_is_not_sealed(tmp_path):
+    pq.write_table(ROWS, tmp_path / "1.parquet")
+    with pytest.raises(LakeError, match=r"no entry scenarionet\.sealed"):
+        seals.seal(tmp_path / "1.parquet", NAME)
+
+
+def test_a_row_group_is_verified_by_itself(sealed):
+    content, end = sealed.read_bytes(), verifying.open_end(sealed, NAME)
+    metadata = pq.read_metadata(sealed)
+    starts = [0, *(metadata.row_group(k).column(0).data_page_offset for k in (1, 2)), end.body]
+    starts[1:3] = [metadata.row_group(k).column(0).dictionary_page_offset for k in (1, 2)]
+    groups = [content[start:stop] for start, stop in pairwise(starts)]
+    assert [xxh3_128_digest(group) for group in groups] == list(end.digests)
 
 
 def test_seal_of_other_name_replaces_seal(sealed, tmp_path):
     path = tmp_path / "2.parquet"
     path.write_bytes(sealed.read_bytes())
-    seals.seal(path, "databases/far/1.parquet")
-    assert seals.verify(path, "databases/far/1.parquet")
+    seals.seal(path, FAR)
+    assert verifying.verify_again(path, FAR)
     assert path.stat().st_size == sealed.stat().st_size
     seals.seal(path, NAME)
     assert path.read_bytes() == sealed.read_bytes()
@@ -74,28 +88,29 @@ def test_data_is_named_by_its_content_before_sealing(tmp_path):
     assert found.name == f"tracks/a-000-{hashlib.sha256(content).hexdigest()[:16]}.parquet"
     assert found.checksum == hashlib.sha256(path.read_bytes()).hexdigest()
     assert found.size == path.stat().st_size
-    assert seals.verify(path, found.name)
+    assert verifying.verify_again(path, Place(found.name))
 
 
-def test_sealed_file_under_another_name_is_damaged(sealed):
+@pytest.mark.parametrize("place", [FAR, NAME._replace(lake="b")])
+def test_sealed_file_at_another_place_is_damaged(sealed, place):
     with pytest.raises(LakeError, match="its footer differs from the one that was written under this name"):
-        seals.read_end(sealed, "databases/far/1.parquet")
+        verifying.open_end(sealed, place)
 
 
-def test_unsealed_file_is_told_apart(tmp_path):
+def test_unsealed_file_is_older_or_damaged(tmp_path):
     path = tmp_path / "1.parquet"
-    content = write(path)
-    end = seals.read_end(path, NAME)
-    assert not end.is_sealed
-    assert content.endswith(end.footer)
-    assert end.body + len(end.footer) == len(content)
-    assert not seals.verify(path, NAME)
+    pq.write_table(ROWS, path, store_schema=False)
+    place = NAME._replace(may_be_older=True)
+    assert not verifying.open_end(path, place).digest
+    assert not verifying.verify_again(path, place)
+    with pytest.raises(LakeError, match="it is of another lake"):
+        verifying.verify_again(path, NAME)
 
 
 def test_every_flipped_bit_of_a_sealed_file_is_found(sealed, tmp_path):
     """All bits of the seal and of the last bytes, and a sample of the others."""
     content, path = sealed.read_bytes(), tmp_path / "1.parquet"
-    end, num_bits = seals.read_end(sealed, NAME), len(content) * 8
+    end, num_bits = verifying.open_end(sealed, NAME), len(content) * 8
     seal = range(end.body * 8, (len(content) - len(end.footer)) * 8)
     chosen = [*seal, *range(num_bits - 64, num_bits), *random.Random(0).sample(range(num_bits), 200)]
     for bit in chosen:
@@ -103,7 +118,7 @@ def test_every_flipped_bit_of_a_sealed_file_is_found(sealed, tmp_path):
         damaged[bit // 8] ^= 1 << bit % 8
         path.write_bytes(damaged)
         with pytest.raises(LakeError):
-            seals.verify(path, NAME)
+            verifying.verify_again(path, NAME)
 
 
 @given(length=st.integers(0), junk=st.binary(max_size=60))
@@ -112,7 +127,7 @@ def test_truncated_and_extended_files_are_found(sealed, tmp_path_factory, length
     path = tmp_path_factory.getbasetemp() / "cut.parquet"
     path.write_bytes(content[: length % len(content)] + junk)
     with pytest.raises(LakeError):
-        seals.verify(path, NAME)
+        verifying.verify_again(path, NAME)
 
 
 def test_footer_is_verified_from_last_bytes_alone(sealed):
@@ -126,45 +141,51 @@ def test_long_footer_is_read_whole(tmp_path):
     path = tmp_path / "1.parquet"
     write(path, {"scenarionet.lineage": "x" * 3 * seals.WINDOW})
     seals.seal(path, NAME)
-    assert seals.verify(path, NAME)
+    assert verifying.verify_again(path, NAME)
     damaged = bytearray(path.read_bytes())
     damaged[-2 * seals.WINDOW] ^= 1
     path.write_bytes(damaged)
     with pytest.raises(LakeError, match="its footer differs"):
-        seals.read_end(path, NAME)
+        verifying.open_end(path, NAME)
 
 
 # --- JSON -------------------------------------------------------------------------------------------------
 
 
-def test_json_is_verified_with_its_name():
-    content = {"number": 3, "files": ["a", "b"], "text": "0" * 32}
-    data = sealed_json.seal(content, "snapshots/3.json")
-    assert sealed_json.read(data, "snapshots/3.json") == (content, True)
+@pytest.mark.parametrize("other", [Place("snapshots/4.json", "a"), Place("snapshots/3.json", "b")])
+def test_json_is_verified_with_its_place(other):
+    content, place = {"number": 3, "files": ["a", "b"], "text": "0" * 32}, Place("snapshots/3.json", "a")
+    data = sealed_json.seal(content, place)
+    assert sealed_json.read(data, place) == (content, True)
     with pytest.raises(ValueError, match="written under this name"):
-        sealed_json.read(data, "snapshots/4.json")
+        sealed_json.read(data, other)
 
 
 def test_every_other_byte_in_json_is_found():
     """A single byte can become any other one, also one that means the same in JSON."""
-    data = sealed_json.seal({"a": 1}, "run.json")
+    data = sealed_json.seal({"a": 1}, Place("run.json"))
     for place in range(len(data)):
         for byte in set(range(256)) - {data[place]}:
             with pytest.raises((ValueError, sealed_json.NewerFormat)):
-                sealed_json.read(data[:place] + bytes([byte]) + data[place + 1 :], "run.json")
+                sealed_json.read(data[:place] + bytes([byte]) + data[place + 1 :], Place("run.json"))
 
 
 def test_json_of_older_lakes_is_read():
-    assert sealed_json.read(b'{"format": 1, "number": 3}', "a") == ({"number": 3}, False)
-    assert sealed_json.read(b'{"policy": "idm"}', "a") == ({"policy": "idm"}, False)
+    blank = b'{"format": 2, "number": 3, "digest": "%s"}'
+    digest = xxh3_128_hexdigest(blank % (b"0" * 32) + b"a").encode()  # as version 0.2 wrote it
+    assert sealed_json.read(blank % digest, Place("a", "lake")) == ({"number": 3}, False)
+    assert sealed_json.read(b'{"format": 1, "number": 3}', Place("a")) == ({"number": 3}, False)
+    assert sealed_json.read(b'{"policy": "idm"}', Place("a")) == ({"policy": "idm"}, False)
+    with pytest.raises(ValueError, match="of another lake"):
+        sealed_json.read(b'{"policy": "idm"}', Place("a", "lake", may_be_older=False))
 
 
 def test_json_of_newer_lakes_is_refused():
-    with pytest.raises(sealed_json.NewerFormat, match="written in format 3, not 2"):
-        sealed_json.read(b'{"format": 3}', "a")
+    with pytest.raises(sealed_json.NewerFormat, match="written in format 4, not 3"):
+        sealed_json.read(b'{"format": 4}', Place("a"))
 
 
 @pytest.mark.parametrize("data", [b"", b"[]", b"\xff", b"[" * 100_000, b'{"format": 2}', b'"x"'])
 def test_hostile_json_is_damaged(data):
     with pytest.raises(ValueError, match=r"\S"):
-        sealed_json.read(data, "a")
+        sealed_json.read(data, Place("a"))

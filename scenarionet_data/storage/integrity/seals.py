@@ -1,0 +1,235 @@
+"""Seals of Parquet files: a sealed file verifies its own bytes, its place, and the lake that it belongs to.
+
+The seal is between the last row group and the footer. Parquet readers find everything by absolute offsets and ignore
+it::
+
+    PAR1 | row groups | digest of each (16) | magic (8), their number (8), digest (16) | footer | length | PAR1
+
+Digests are XXH3-128. A row group extends to the next one, or to the seal; the first one begins with the file. The last
+digest covers the others, the footer with its length, and the :class:`Place`, so that files that were exchanged are
+found as well. A row group is verified by itself, so that a scenario can be read without the rest of its file. The
+footer's key-value metadata has the entry ``scenarionet.sealed``: a file whose seal is destroyed is not mistaken for a
+file of an older version.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from xxhash import xxh3_128_digest
+
+from scenarionet_data.errors import LakeError
+from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.errors import damaged
+
+MARK = next(iter(tables.SEALED)).encode()
+"""Key in the footer of sealed files."""
+
+WINDOW = 2**16
+"""Bytes at the end of a file that show whether it is sealed, even if the length of its footer is damaged."""
+
+TAIL = 8
+"""Bytes behind the footer: its length, and the magic bytes."""
+
+_PARQUET = b"PAR1"
+_MAGIC = b"SNSEAL\x00\x02"
+_DIGEST = 16
+_SEAL = len(_MAGIC) + 8 + _DIGEST
+
+
+class Place(NamedTuple):
+    """What a seal covers besides bytes.
+
+    Attributes:
+        name: The file, relative to the lake.
+        lake: Id of the lake; empty for files that snapshots list, whose names depend on their content, and which are
+            equal in all lakes.
+        may_be_older: Whether the lake may have a file here that a version without these seals has written.
+    """
+
+    name: str
+    lake: str = ""
+    may_be_older: bool = True
+
+    @property
+    def text(self) -> bytes:
+        """Bytes that the digest covers."""
+        return f"{self.lake}/{self.name}".encode()
+
+
+class FileEnd(NamedTuple):
+    """The end of a Parquet file.
+
+    Attributes:
+        footer: The footer, with its length and the magic bytes at the end.
+        body: Number of bytes before the seal, or before the footer of a file without a seal of this version.
+        digests: Digest of each row group; empty without a seal.
+        digest: Digest of the seal, which identifies the file's content; empty without a seal.
+    """
+
+    footer: bytes
+    body: int
+    digests: tuple[bytes, ...] = ()
+    digest: bytes = b""
+
+
+class Sealed(NamedTuple):
+    """A sealed file that is ready to be published.
+
+    Attributes:
+        name: Its name, relative to the lake.
+        size: Bytes.
+        checksum: SHA-256, hexadecimal.
+    """
+
+    name: str
+    size: int
+    checksum: str
+
+
+def seal(path: Path, place: Place) -> None:
+    """Seal a local file that is not published yet, in place; an existing seal is replaced.
+
+    Raises:
+        LakeError: It is not a Parquet file, or its footer lacks the entry of sealed files.
+    """
+    with path.open("r+b") as file:
+        end = _open_to_seal(file, path)
+        digests = [xxh3_128_digest(group) for group in row_groups(file, end)]
+        _write(file, end.body, _seal(digests, end.footer, place) + end.footer)
+
+
+def seal_data(path: Path, stem: str) -> Sealed:
+    """Seal a local file of a table, in place, and name it by its content.
+
+    Args:
+        path: The file.
+        stem: Its name up to the digest: ``<stem>-<first 16 digits of the SHA-256 before sealing>.parquet``.
+    """
+    with path.open("r+b") as file:
+        end = _open_to_seal(file, path)
+        digests, checksum = [], hashlib.sha256()
+        for group in row_groups(file, end):
+            digests.append(xxh3_128_digest(group))
+            checksum.update(group)
+        unsealed = checksum.copy()
+        unsealed.update(end.footer)
+        name = f"{stem}-{unsealed.hexdigest()[:16]}.parquet"
+        written = _seal(digests, end.footer, Place(name)) + end.footer
+        checksum.update(written)
+        _write(file, end.body, written)
+    return Sealed(name, end.body + len(written), checksum.hexdigest())
+
+
+def _open_to_seal(file: BinaryIO, path: Path) -> FileEnd:
+    end = split(*last(file), path)
+    if MARK not in (pq.read_metadata(pa.BufferReader(end.footer)).metadata or {}):
+        raise LakeError(f"{path}: its footer has no entry {MARK.decode()}; please report it")
+    return end
+
+
+def _seal(digests: list[bytes], footer: bytes, place: Place) -> bytes:
+    listed = b"".join(digests)
+    return listed + _MAGIC + len(digests).to_bytes(8, "little") + _digest(listed, footer, place)
+
+
+def _digest(listed: bytes, footer: bytes, place: Place) -> bytes:
+    return xxh3_128_digest(listed + footer + place.text)
+
+
+def _write(file: BinaryIO, position: int, content: bytes) -> None:
+    file.seek(position)
+    file.write(content)
+    file.truncate()
+
+
+def check_end(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd:
+    """The end of a file of which the last bytes have been read; if the file is sealed, its footer is verified.
+
+    Args:
+        end: Its last bytes: at least :func:`needed`, or the whole file.
+        size: Bytes of the file.
+        place: Where it belongs.
+        url: Its path or URL, for errors.
+
+    Raises:
+        LakeError: It is damaged, or not the file that was published at this place.
+    """
+    found = split(end, size, url)
+    if found.digest and found.digest != _digest(b"".join(found.digests), found.footer, place):
+        raise damaged(url, "its footer differs from the one that was written under this name in this lake")
+    return found
+
+
+def needed(tail: bytes) -> int:
+    """Bytes at the end of a file that :func:`check_end` needs, unless it has thousands of row groups.
+
+    Args:
+        tail: At least the last 8 bytes of the file; with more of them, the number of row groups counts as well.
+    """
+    length = int.from_bytes(tail[-TAIL:-4], "little") + TAIL
+    before = tail[-length - _SEAL : -length]
+    count = int.from_bytes(before[8:16], "little") if before[:8] == _MAGIC else 0
+    return max(length + _SEAL + _DIGEST * count, WINDOW)
+
+
+def verify_groups(file: BinaryIO, end: FileEnd, url: Path | str) -> None:
+    """Compare all row groups of a sealed file with their digests.
+
+    Raises:
+        LakeError: They differ.
+    """
+    groups = row_groups(file, end)
+    if any(xxh3_128_digest(group) != digest for group, digest in zip(groups, end.digests, strict=True)):
+        raise damaged(url, "its bytes differ from those that were written")
+
+
+def row_groups(file: BinaryIO, end: FileEnd) -> list[bytes] | map[bytes]:
+    """Bytes of each row group; a file without any is one piece."""
+    metadata = pq.read_metadata(pa.BufferReader(end.footer))
+    starts = [0, *(first_byte(metadata, number) for number in range(1, metadata.num_row_groups)), end.body]
+    file.seek(0)
+    return map(lambda first, stop: file.read(stop - first), starts, starts[1:])
+
+
+def first_byte(metadata: pq.FileMetaData, number: int) -> int:
+    """Position of a row group in a file."""
+    column = metadata.row_group(number).column(0)
+    return int(min(column.data_page_offset, column.dictionary_page_offset or column.data_page_offset))
+
+
+def last(file: BinaryIO) -> tuple[bytes, int]:
+    """Last bytes of a file, as many as :func:`check_end` needs, and its size."""
+    size = file.seek(0, os.SEEK_END)
+    end, wanted = b"", min(WINDOW, size)
+    while len(end) < wanted:
+        file.seek(size - wanted)
+        end = file.read(wanted)
+        wanted = min(needed(end), size)
+    return end, size
+
+
+def split(end: bytes, size: int, url: Path | str) -> FileEnd:
+    """Find footer and seal at the end of a file.
+
+    Raises:
+        LakeError: It does not end like a Parquet file.
+    """
+    length = int.from_bytes(end[-TAIL:-4], "little") + TAIL
+    if end[-4:] != _PARQUET or length + len(_PARQUET) > size:
+        raise damaged(url, "it is no Parquet file, or cut off")
+    footer, before = end[-length:], end[:-length]
+    fixed = before[-_SEAL:]
+    if not fixed.startswith(_MAGIC):
+        return FileEnd(footer, size - length)
+    listed = _DIGEST * int.from_bytes(fixed[8:16], "little")
+    if listed > len(before) - _SEAL:
+        raise damaged(url, "its seal is destroyed")
+    digests = before[len(before) - _SEAL - listed : -_SEAL]
+    parts = tuple(digests[at : at + _DIGEST] for at in range(0, listed, _DIGEST))
+    return FileEnd(footer, size - length - _SEAL - listed, parts, fixed[16:])

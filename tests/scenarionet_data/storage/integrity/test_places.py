@@ -1,0 +1,82 @@
+"""Valid files of another lake under the same name are found, and lakes can be moved."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from scenarionet_data import Lake, ScenarioLoader
+from scenarionet_data.errors import LakeError
+from scenarionet_data.maintenance.fsck import fsck
+from scenarionet_data.storage import evaluation_runs
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
+
+GOLDEN = Path(__file__).parents[3] / "golden" / "lakes" / "format-1"
+BOUND = ["snapshots/00000001.json", "databases/all/1.parquet", "layers/mark/1.parquet", "results/a/run.json"]
+
+
+def filled(root):
+    """A lake with a database, a user column and a run."""
+    write_lake(root, [make_scenario(seed) for seed in range(3)])
+    lake = Lake(root)
+    lake.filter("true", name="all")
+    lake.tag("mark", dict.fromkeys(ScenarioLoader(lake).scenario_ids, 1))
+    evaluation_runs.claim(lake.files, "a", ("results",), {"policy": "idm"})
+    return root
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lakes")
+    return filled(folder / "a"), filled(folder / "b")
+
+
+READ = {
+    "snapshots": lambda lake: lake,
+    "databases": lambda lake: lake.database("all"),
+    "layers": lambda lake: lake.sql("SELECT mark FROM metadata"),
+    "results": lambda lake: evaluation_runs.describe(lake.files, "a"),
+}
+
+
+@pytest.mark.parametrize("name", BOUND)
+def test_file_of_another_lake_is_damage(two, tmp_path, name):
+    mine, other = shutil.copytree(two[0], tmp_path / "a"), two[1]
+    shutil.copyfile(other / name, mine / name)
+    assert fsck(mine).problems[0].file == name
+    with pytest.raises(LakeError, match="under this name in this lake"):
+        READ[name.partition("/")[0]](Lake(mine))
+
+
+@pytest.mark.parametrize("name", ["databases/all/1.parquet", "results/a/run.json"])
+def test_file_of_an_older_lake_is_damage_in_a_new_one(two, tmp_path, name):
+    mine = shutil.copytree(two[0], tmp_path / "a")
+    older = GOLDEN / "generated" / "lake"
+    shutil.copyfile(next(older.glob(name.replace("/a/", "/*/"))), mine / name)
+    (problem,) = fsck(mine).problems
+    assert problem.file == name
+    assert "of another lake" in problem.reason
+
+
+def test_tables_that_a_snapshot_lists_are_equal_in_all_lakes(two):
+    listed = [path for path in two[0].rglob("*.parquet") if path.relative_to(two[0]).parts[0] in ("tracks", "metadata")]
+    assert len(listed) > 1
+    assert all(path.read_bytes() == (two[1] / path.relative_to(two[0])).read_bytes() for path in listed)
+
+
+def test_a_lake_can_be_copied_and_moved(two, tmp_path):
+    moved = shutil.copytree(two[0], tmp_path / "elsewhere")
+    assert fsck(moved, is_deep=True).is_whole
+    assert len(ScenarioLoader(moved, "all")) == 3
+
+
+def test_a_lake_whose_id_changed_is_damaged(two, tmp_path):
+    mine = shutil.copytree(two[0], tmp_path / "a")
+    content = json.loads((mine / "lake.json").read_text())
+    (mine / "lake.json").write_text(json.dumps({**content, "id": "x"}))
+    with pytest.raises(LakeError, match=r"lake\.json: damaged, it holds no id of a lake"):
+        Lake(mine)
