@@ -1,7 +1,7 @@
 """Checkpoints of training runs: one immutable safetensors file each, in ``results/<run>/checkpoints``.
 
 The file's metadata have the facts as JSON, and the XXH3-128 of the file with zeros in its place, followed by the file's
-name. A number belongs to the process that publishes it first, so that two processes never write into each other's
+place. A number belongs to the process that publishes it first, so that two processes never write into each other's
 checkpoints. Earlier versions wrote two files, tensors and facts; these stay readable.
 
 The format of the tensors is https://github.com/huggingface/safetensors, which needs no package to be read.
@@ -23,9 +23,11 @@ from xxhash import xxh3_128, xxh3_128_hexdigest
 
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage import evaluation_runs, sealed_json
+from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.integrity import sealed_json
+from scenarionet_data.storage.integrity.seals import Place
 
 if sys.platform != "win32":
     import fcntl
@@ -86,7 +88,7 @@ def save(files: LakeFiles, run: str, checkpoint: Checkpoint, keep: int = 2) -> i
     check_free(files, run, checkpoint.number)
     name = _file(run, checkpoint.number)
     data = encode(checkpoint.arrays, {"digest": _ZEROS.decode(), "facts": json.dumps(dict(checkpoint.facts))})
-    data = data.replace(_ZEROS, _digest(data, name), 1)
+    data = data.replace(_ZEROS, _digest(data, files.place_to_write(name)), 1)
     if not files.publish_new(name, data):
         check_free(files, run, checkpoint.number)
     for old in numbers(files, run)[:-keep]:
@@ -124,7 +126,8 @@ def load(files: LakeFiles, run: str, number: int | None = None) -> Checkpoint | 
     name = name if files.has(name) else _older_files(run, number)[0]
     path = files.path(name)
     try:
-        return Checkpoint(number, *(_read(path, name) if name.endswith(".safetensors") else _read_older(files, name)))
+        is_older = name.endswith(".json")
+        return Checkpoint(number, *(_read_older(files, name) if is_older else _read(path, files.place(name))))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise LakeError(
             f"{path}: a damaged checkpoint, {error}; remove this file to continue with the checkpoint before it"
@@ -179,20 +182,20 @@ def decode(data: bytes) -> tuple[dict[str, Array], dict[str, str]]:
     return found, metadata
 
 
-def _digest(blank: bytes, name: str) -> bytes:
+def _digest(blank: bytes, place: Place) -> bytes:
     digest = xxh3_128(blank)
-    digest.update(name.encode())
+    digest.update(place.text)
     return digest.hexdigest().encode()
 
 
-def _read(path: Path, name: str) -> tuple[dict[str, Any], dict[str, Array]]:
+def _read(path: Path, place: Place) -> tuple[dict[str, Any], dict[str, Array]]:
     """Return facts and arrays of a checkpoint."""
     with reading(path):
         data = path.read_bytes()
     arrays, metadata = decode(data)
     written = metadata["digest"].encode()
-    if len(written) != len(_ZEROS) or written != _digest(data.replace(written, _ZEROS, 1), name):
-        raise ValueError("its bytes differ from those that were written under this name")
+    if len(written) != len(_ZEROS) or written != _digest(data.replace(written, _ZEROS, 1), place):
+        raise ValueError("its bytes differ from those that were written under this name in this lake")
     return json.loads(metadata["facts"]), arrays
 
 
@@ -200,7 +203,7 @@ def _read_older(files: LakeFiles, name: str) -> tuple[dict[str, Any], dict[str, 
     """Return facts and arrays of a checkpoint of two files."""
     path, tensors = files.path(name), files.path(name.removesuffix(".json") + ".safetensors")
     with reading(path):
-        facts, _ = sealed_json.read(path.read_bytes(), name)
+        facts, _ = sealed_json.read(path.read_bytes(), files.place(name))
     with reading(tensors):
         data = tensors.read_bytes()
     if xxh3_128_hexdigest(data) != facts["tensors"]:
