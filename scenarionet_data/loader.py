@@ -20,7 +20,7 @@ from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.storage.read.map_cache import MapCache
 from scenarionet_data.storage.read.metadata_rows import MetadataRows
-from scenarionet_data.storage.read.older_lakes import Comparison
+from scenarionet_data.storage.read.older_lakes import ContentComparison
 from scenarionet_data.storage.read.scenario_reader import TABLES, ScenarioReader
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
@@ -58,7 +58,7 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
     def _open(self, view: LakeView, rows: MetadataRows) -> None:
         self._files, self._snapshot, self._rows = view.files, view.snapshot, rows
         self._maps = MapCache(self._files, self._snapshot)
-        self._comparison = Comparison(self._files, self._snapshot)
+        self._comparison = ContentComparison(self._files, self._snapshot)
         self._local = threading.local()
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Comparison of loaded scenarios with their metadata, in lakes whose metadata files cannot be verified.
+"""ContentComparison of loaded scenarios with their metadata, in lakes whose metadata files cannot be verified.
 
 A changed byte in such a file can lead to rows of another scenario. The content hash covers a scenario but for its id,
 split, licence and source file; of these, all but the source file are compared with the files of its tracks.
@@ -26,10 +26,7 @@ _ERRORS = (ValueError, TypeError, KeyError, IndexError, AttributeError, Overflow
 """Errors of decoding inconsistent rows."""
 
 
-Decode = Callable[[Sequence[Mapping[str, Any]]], Sequence[ScenarioDescription]]
-
-
-class Comparison:
+class ContentComparison:
     """Compares scenarios with their metadata, each once; does nothing where the metadata files verify themselves.
 
     Args:
@@ -42,7 +39,11 @@ class Comparison:
         self._is_needed = not files.are_verified(snapshot.metadata)
         self._compared: set[str] = set()
 
-    def compare(self, metadata: Sequence[Mapping[str, Any]], decode: Decode) -> None:
+    def compare(
+        self,
+        metadata: Sequence[Mapping[str, Any]],
+        decode: Callable[[Sequence[Mapping[str, Any]]], Sequence[ScenarioDescription]],
+    ) -> None:
         """Compare scenarios.
 
         Args:
