@@ -20,6 +20,9 @@ settings.register_profile("quick", deadline=None, max_examples=20)
 settings.register_profile("thorough", deadline=None, max_examples=100)
 settings.load_profile(os.environ.get("SCENARIONET_HYPOTHESIS", "quick"))
 
+# Compare the arguments of every call of a kernel that skips this otherwise, here and in subprocesses.
+os.environ.setdefault("SCENARIONET_CHECK_KERNELS", "1")  # before modules of tests import compiled functions
+
 
 gc.disable()  # until everything is collected: modules and test items stay until the end of the run
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from scenarionet_data.compiled.decorators import compilations, silent
+from scenarionet_data.compiled.announcing import compilations, silent
 
 SEEDS = "8:10"
 """Generated scenarios that the kernels run on: one without traffic lights, one with."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from scenarionet_data.arrays.byte_views import as_int32
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.byte_views import as_int32
 from scenarionet_data.compiled.decorators import device_function, kernel
 
 EQUAL, OR_ONE, OR_NONE, OR_NEVER = range(4)

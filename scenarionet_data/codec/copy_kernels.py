@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenarionet_data.arrays.byte_views import as_float32, as_int32
 from scenarionet_data.arrays.columns import FIRST, OFFSETS, ColumnBlock
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.byte_views import as_float32, as_int32
 from scenarionet_data.compiled.decorators import device_function
 
 

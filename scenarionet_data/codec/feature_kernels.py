@@ -6,12 +6,12 @@ differ in length, which is checked before they are read.
 
 from __future__ import annotations
 
-from scenarionet_data.arrays.byte_views import as_float32, as_int32
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.check_kernels import OR_NONE, are_as_long
 from scenarionet_data.codec.copy_kernels import copy_codes, element, join_points
 from scenarionet_data.codec.part_kernels import PartPlan, copy_texts
+from scenarionet_data.compiled.byte_views import as_float32, as_int32
 from scenarionet_data.compiled.decorators import device_function, kernel
 
 

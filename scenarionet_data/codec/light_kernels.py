@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.byte_views import as_float32, as_int32
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.copy_kernels import copy_codes, copy_flags
 from scenarionet_data.codec.part_kernels import PartPlan, copy_texts
+from scenarionet_data.compiled.byte_views import as_float32, as_int32
 from scenarionet_data.compiled.decorators import kernel
 
 

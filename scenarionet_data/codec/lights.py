@@ -16,7 +16,6 @@ from scenarionet_data.codec.arrow import batch, names_of, string_array
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.light_kernels import fill_lights
 from scenarionet_data.codec.stored_part import STEPS, StoredPart
-from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Lights
 from scenarionet_data.scenario.vocabulary import LightState, Provenance
@@ -96,7 +95,7 @@ def _lights(columns: Columns, first: int, last: int, steps: int, memory: Memory)
     states = codes_of_words(columns, "state", LightState)
     provenances = codes_of_words(columns, "provenance", Provenance)
     described = columns.layout.places(_COLUMNS), stored.plan, first, last, steps, states, provenances
-    if not unchecked(fill_lights)(columns.block, *described, stored.memory, stored.places):
+    if not fill_lights(columns.block, *described, stored.memory, stored.places):
         raise LakeError(
             "lights.state does not have one state per timestep: its file is damaged; `scenarionet maintain check` "
             "lists the affected scenarios; restore the file from a copy of the lake, or convert its recordings again"

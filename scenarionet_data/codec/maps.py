@@ -17,7 +17,6 @@ from scenarionet_data.codec.check_kernels import OR_NONE, check_lengths
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.feature_kernels import fill_features, find_bounds
 from scenarionet_data.codec.stored_part import StoredPart
-from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -134,7 +133,7 @@ def _features(columns: Columns, first: int, last: int, memory: Memory) -> MapFea
     stored = StoredFeatures(columns, first, last, 0, memory)
     codes, places = codes_of_words(columns, "feature_type", MapFeatureType), columns.layout.places(_COLUMNS)
     described = places, stored.plan, first, last, codes, stored.memory, stored.places
-    done = unchecked(fill_features)(columns.block, *described)
+    done = fill_features(columns.block, *described)
     _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
     return MapFeatures.read({}, stored)
 
@@ -151,7 +150,7 @@ def check_points(columns: Columns, names: tuple[str, ...]) -> None:
     """
     places, likes = columns.layout.places(names), columns.layout.places(tuple(_FIRST_AXES[name] for name in names))
     bounds = np.array([0, columns.num_rows])
-    differs = unchecked(check_lengths)(columns.block, likes, places, np.full(len(names), OR_NONE), bounds)
+    differs = check_lengths(columns.block, likes, places, np.full(len(names), OR_NONE), bounds)
     _require(names[differs] if differs < len(names) else "", differs == len(names))
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from scenarionet_data.arrays.byte_views import as_int32, as_int64
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, OFFSETS, ColumnBlock
 from scenarionet_data.arrays.dtypes import Array, Bool, Int64
 from scenarionet_data.codec.copy_kernels import copy
+from scenarionet_data.compiled.byte_views import as_int32, as_int64
 from scenarionet_data.compiled.decorators import device_function, kernel
 
 ROWS, ENDS = -1, -2

@@ -14,7 +14,7 @@ from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.arrays.texts import Texts
 from scenarionet_data.codec.part_kernels import ENDS, ROWS, PartPlan, lay_out
-from scenarionet_data.compiled.decorators import unchecked
+from scenarionet_data.compiled.checking import unchecked
 
 STEPS = -1
 """The axis over time, in ``StoredPart.arrays``."""

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.byte_views import as_float32, as_int32, as_int64
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, ColumnBlock
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.codec.check_kernels import are_as_long, are_inside
 from scenarionet_data.codec.copy_kernels import copy, copy_codes, copy_flags, element, join_points
 from scenarionet_data.codec.part_kernels import PartPlan, copy_texts
+from scenarionet_data.compiled.byte_views import as_float32, as_int32, as_int64
 from scenarionet_data.compiled.decorators import device_function, kernel
 
 _START = 11

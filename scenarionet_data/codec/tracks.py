@@ -18,7 +18,6 @@ from scenarionet_data.codec.check_kernels import EQUAL, OR_NEVER, OR_NONE, OR_ON
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.stored_part import STEPS, StoredPart
 from scenarionet_data.codec.track_kernels import fill_tracks
-from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -136,7 +135,7 @@ def _tracks(columns: Columns, first: int, last: int, steps: int, memory: Memory)
     stored = StoredTracks(columns, first, last, steps, memory)
     codes = codes_of_words(columns, "object_type", ObjectType)
     described = columns.layout.places(_COLUMNS), _LENGTHS, stored.plan, first, last, steps, codes
-    done = unchecked(fill_tracks)(columns.block, *described, stored.memory, stored.places)
+    done = fill_tracks(columns.block, *described, stored.memory, stored.places)
     _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
     return Tracks.read({}, stored)
 
@@ -153,10 +152,10 @@ def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, .
         LakeError: They are not: the file is damaged.
     """
     block, layout, bounds = rows.columns.block, rows.columns.layout, np.array(rows.bounds)
-    is_inside = unchecked(check_spans)(block, layout.place("start"), layout.place("x"), bounds, np.array(steps))
+    is_inside = check_spans(block, layout.place("start"), layout.place("x"), bounds, np.array(steps))
     _require("start", is_inside)
     others, likes = np.array([_OTHER_LENGTHS[name] for name in names]), layout.places(("x",) * len(names))
-    differs = unchecked(check_lengths)(block, likes, layout.places(names), others, bounds)
+    differs = check_lengths(block, likes, layout.places(names), others, bounds)
     _require(names[differs] if differs < len(names) else "", differs == len(names))
 
 

@@ -1,1 +1,1 @@
-"""Compilation with Numba: the decorators of all kernels, and the compiler behind them."""
+"""Compilation with Numba: the decorators of all kernels; behind ``gate``, a compiler and a cache of our own."""

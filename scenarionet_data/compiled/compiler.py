@@ -1,7 +1,7 @@
 # mypy: disable-error-code="attr-defined, misc, no-untyped-call"
 """The compiler of loops over arrays: Numba's, without the work that functions which create no arrays do not need.
 
-It is the only module that knows Numba's internals, and is used with the versions of Numba that it was tested with.
+It is used with the versions of Numba that it was tested with, see ``gate``.
 The first reset and step of a simulation compile 45 functions; with Numba's own compiler that takes over twice as long.
 What is left out or done differently, with its share of that time:
 
@@ -19,7 +19,6 @@ from __future__ import annotations
 import operator
 from typing import Any
 
-import numba
 import numpy as np
 from llvmlite import binding
 from llvmlite import ir as llvm
@@ -47,8 +46,6 @@ from numba.core.targetconfig import ConfigStack
 from numba.core.typing import Context, signature
 from numba.np import arrayobj
 
-_TESTED = (0, 65), (0, 68)
-
 _FUSED = FastMathOptions({"contract"})
 
 _MEMINFO, _PARENT, _COUNT, _ITEMSIZE, _DATA, _SHAPE, _STRIDES = range(7)
@@ -56,16 +53,13 @@ _MEMINFO, _PARENT, _COUNT, _ITEMSIZE, _DATA, _SHAPE, _STRIDES = range(7)
 
 
 def loop_compiler(*, in_lanes: bool = False, is_wide: bool = False) -> Any:
-    """Return the compiler class for functions that create no arrays: Numba's own for versions that were not tested.
+    """Return the compiler class for functions that create no arrays.
 
     Args:
         in_lanes: No memory that the function writes to is reached by two of its arguments, and its constants are
             float32.
         is_wide: A kernel with loops in lanes that are long enough for vectors of 64 bytes.
     """
-    version = tuple(map(int, numba.__version__.split(".")[:2]))
-    if not _TESTED[0] <= version <= _TESTED[1]:
-        return compiler.Compiler
     if is_wide:
         return WideCompiler
     return LaneCompiler if in_lanes else LoopCompiler

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Float64, Int32
-from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.action_kernels import clip_actions
 
@@ -107,7 +106,7 @@ def checked_actions(actions: npt.ArrayLike) -> Float64:
         BadParameter: An action is NaN.
     """
     clipped: Float64 = np.array(actions, np.float64, order="C").reshape(-1, 2)
-    invalid = unchecked(clip_actions)(clipped)
+    invalid = clip_actions(clipped)
     if invalid >= 0:
         raise BadParameter(f"an action is not a number: {clipped[invalid].tolist()}")
     return clipped

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, UInt8
-from scenarionet_data.compiled.decorators import unchecked
+from scenarionet_data.compiled.checking import unchecked
 from scenarionet_sim.cameras.draw.frames import draw_frames
 from scenarionet_sim.cameras.draw.layout import (
     BAND,

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64, IntP
-from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.arrays.structures import FIRST_STEP
 from scenarionet_sim.environments.batched import BatchedEnvironment
@@ -234,7 +233,7 @@ class FlatEnv:
     def _begin_next(self, core: BatchedEnvironment) -> list[dict[str, Any]]:
         """Begin the next scenarios in worlds without agents; return the infos of the episodes that ended there."""
         episodes, seats, over = self._episodes, self._seats, self._over
-        count = unchecked(list_ends)(seats.is_over, seats.ended, episodes.playing, over, self._ends)
+        count = list_ends(seats.is_over, seats.ended, episodes.playing, over, self._ends)
         if not count:
             return []
         ids, slots = episodes.ids, over[:count]

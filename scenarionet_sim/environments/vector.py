@@ -11,7 +11,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP, Object, UInt8
-from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import INFOS, BatchedEnvironment
 from scenarionet_sim.environments.config import VectorConfig, make_config
@@ -121,7 +120,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
             self._ended = _NONE  # also if the actions turn out to be invalid
         core.step_by_place(actions)
         result = core.result
-        self._ended = self._places[: unchecked(list_ended)(result.status, self._places)]
+        self._ended = self._places[: list_ended(result.status, self._places)]
         if self._episodes.is_adaptive:
             for slot in self._ended.tolist():
                 self._episodes.report(slot, float(result.flags[HAS_ARRIVED, slot]))

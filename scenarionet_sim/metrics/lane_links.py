@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
-from scenarionet_data.compiled.decorators import kernel, unchecked
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.roads.roads import Roads
 
@@ -79,7 +79,7 @@ class LaneLinks:
         """Cosine of the angle between a lane at its nearest point and a heading."""
         lanes, (x, y) = self.roads.lanes, point.tolist()
         rows = lanes.offsets[lane], lanes.offsets[lane + 1]
-        return unchecked(_cosine_along)(lanes.values, *rows, x, y, math.cos(heading), math.sin(heading))
+        return _cosine_along(lanes.values, *rows, x, y, math.cos(heading), math.sin(heading))
 
 
 @kernel(allocates=False)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, IntP
-from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_sim.arrays.log import HEADING, VX, VY
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.outputs import ENDS
@@ -105,7 +104,7 @@ class RolloutRecorder:
         """Record the current moment of some slots (K,), in order."""
         core, simulation, agents = self._core, self._core.simulation, self._core.simulation.by_place
         self._make_room(int(self._episodes.last[slots].max()) + 2)
-        unchecked(record_moments)(
+        record_moments(
             slots, simulation.batch.place, simulation.state.moment, simulation.route, agents.contacts, core.result,
             self._episodes,
         )  # fmt: skip

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float64, Int16, Int32
-from scenarionet_data.compiled.decorators import unchecked
+from scenarionet_data.compiled.checking import unchecked
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import (
     AREAS_TO_DRIVE_ON,
@@ -151,24 +151,24 @@ class BirdView(Sensor):
 
     def _draw_map(self, world: World, view: Float64, pictures: Array, crossings: Crossings) -> None:
         window, roads = np.empty(4), world.roads
-        unchecked(find_window)(view, self.size, window)
+        find_window(view, self.size, window)
         outlines = roads.polygons.values, roads.polygons.offsets, roads.polygon_type
         near = np.zeros(len(roads.polygon_type), np.bool_)
         areas = roads.polygon_grid
-        unchecked(list_in_window)(window, areas.frame, areas.cell_start, areas.cell_items, near)
-        unchecked(draw_polygons)(*outlines, near, _AREAS, view, pictures, crossings)
+        list_in_window(window, areas.frame, areas.cell_start, areas.cell_items, near)
+        draw_polygons(*outlines, near, _AREAS, view, pictures, crossings)
         near = np.zeros(len(roads.segments), np.bool_)
         lines = roads.segment_grid
         filled = lines.block_start, lines.filled_start, lines.cell_items
-        unchecked(list_lines_in_window)(window, lines.frame, lines.cell_types, lines.cell_rank, *filled, near)
-        unchecked(draw_segments)(roads.segments, roads.segment_type, near, _LINES, view, pictures)
+        list_lines_in_window(window, lines.frame, lines.cell_types, lines.cell_rank, *filled, near)
+        draw_segments(roads.segments, roads.segment_type, near, _LINES, view, pictures)
 
     def _draw_route(self, world: World, row: int, view: Float64, pictures: Array) -> None:
         first, end = world.paths.path_offsets[row : row + 2]
         points = world.paths.path_points[first:end]
         segments = np.concatenate([points[:-1], points[1:]], axis=1)
         no_type, everywhere = np.zeros(len(segments), np.uint8), np.ones(len(segments), np.bool_)
-        unchecked(draw_segments)(segments, no_type, everywhere, _ROUTE, view, pictures)
+        draw_segments(segments, no_type, everywhere, _ROUTE, view, pictures)
 
     def _draw_lights(self, world: World, timestep: int, view: Float64, pictures: Array, crossings: Crossings) -> None:
         stop, shown = world.light_stop, world.light_state[:, min(timestep, world.num_steps - 1)]

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, IntP, UInt8, UInt32
-from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.action_kernels import place_actions
 from scenarionet_sim.simulation.agent_kernels import DrivenArrays
@@ -115,7 +114,7 @@ class DrivenAgents:
         if given.shape != (len(self.row_at) * num_given, 2):
             expected = len(self.row_at) * num_given
             raise BadParameter(f"{len(given)} actions for {expected} agents; pass one per agent, shape ({expected}, 2)")
-        invalid = unchecked(place_actions)(self.row_at, given, self.actions)
+        invalid = place_actions(self.row_at, given, self.actions)
         if invalid >= 0:
             raise BadParameter(f"an action is not a number: {given[invalid].tolist()}")
 

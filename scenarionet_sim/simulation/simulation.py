@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP, UInt8, UInt32
-from scenarionet_data.compiled.decorators import unchecked
+from scenarionet_data.compiled.checking import unchecked
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.arrays.structures import Series
 from scenarionet_sim.backends.base import Backend, checked_actions

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64, IntP, UInt8
-from scenarionet_data.compiled.decorators import unchecked
+from scenarionet_data.compiled.checking import unchecked
 from scenarionet_sim.arrays.log import VALID
 from scenarionet_sim.arrays.structures import (
     BLOCKS,

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float64, Int32, Int64, IntP
-from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_sim.arrays.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, SERIAL, Lines, Recorded, Series
 from scenarionet_sim.worlds.episode_kernels import play_scenarios
 from scenarionet_sim.worlds.pool import WorldPool
@@ -102,7 +101,7 @@ class WorldBatch:
         """Let episodes of scenarios begin in slots, if the pool has all of their worlds; see ``play_scenarios``."""
         pool, self._worlds = self.pool, None
         pool.moment += 1
-        return unchecked(play_scenarios)(
+        return play_scenarios(
             slots, coming, pool.moment, series, pool.stored, self._playing, self.place, self._frame, begins
         )  # fmt: skip
 

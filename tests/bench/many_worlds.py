@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data import ScenarioLoader
-from scenarionet_data.compiled.decorators import Kernel
+from scenarionet_data.compiled.dispatchers import Kernel
 from scenarionet_data.conversion import convert
 from scenarionet_sim.environments.config import BOUNDARY, PAPER_OBSERVATION, MultiAgentConfig, VectorConfig
 from scenarionet_sim.environments.flat import FlatEnv

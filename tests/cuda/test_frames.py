@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numba.core import config
 
-from scenarionet_data.compiled.decorators import DeviceFunction
+from scenarionet_data.compiled.dispatchers import DeviceFunction
 from scenarionet_sim.cameras.weather import DAY, RAIN
 from scenarionet_sim.sensors.camera import Camera
 from tests.cuda.scenes import ALL, MOUNT, share_alike, street

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.integration
 USE = """
 import sys
 from scenarionet_data import ScenarioLoader, convert
-from scenarionet_data.compiled.decorators import compilations
+from scenarionet_data.compiled.announcing import compilations
 from scenarionet_sim import Idm, External, Replay, ScenarioNetEnv, Scenarios
 
 convert("pg", "8:10", sys.argv[1])

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba.core.compiler import Compiler
 from numba.core.errors import UnsupportedError
 
-from scenarionet_data.compiled import compiler
 from scenarionet_data.compiled.decorators import device_function, kernel
 
 
@@ -104,12 +102,6 @@ def test_try_statement_needs_the_other_compiler():
 
     with pytest.raises(UnsupportedError, match=r"divide\(\) has a yield, with or try statement.*allocates=True"):
         divide(1.0, 0.0)
-
-
-def test_other_versions_of_numba_use_its_own_compiler(monkeypatch):
-    assert compiler.loop_compiler() is compiler.LoopCompiler
-    monkeypatch.setattr("numba.__version__", "0.99.0")
-    assert compiler.loop_compiler() is Compiler
 
 
 @device_function(in_lanes=True)

@@ -5,15 +5,13 @@ from __future__ import annotations
 import importlib.util
 import io
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from scenarionet_data.compiled import decorators as compiled
-from scenarionet_data.compiled.decorators import compilations, device_function, kernel
-
-ROOT = Path(__file__).parents[3]
+from scenarionet_data.compiled import announcing
+from scenarionet_data.compiled.announcing import compilations
+from scenarionet_data.compiled.decorators import device_function, kernel
 
 DEVICE = """
 from scenarionet_data.compiled.decorators import device_function
@@ -54,14 +52,6 @@ def call_first(values):
 @kernel
 def call_with_ends(values):
     return with_ends(values)
-
-
-def test_numba_is_used_in_one_module_only():
-    files = [
-        file for name in ("scenarionet_data", "scenarionet_sim", "pipelines") for file in (ROOT / name).rglob("*.py")
-    ]
-    users = {file.relative_to(ROOT).as_posix() for file in files if "njit" in file.read_text()}
-    assert users == {"scenarionet_data/compiled/decorators.py"}
 
 
 def test_device_function_called_from_python_raises_error():
@@ -147,16 +137,16 @@ def test_compilation_is_announced_once_per_group(monkeypatch):
     terminal = io.StringIO()
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(compiled, "_announced", set())
+    monkeypatch.setattr(announcing, "_announced", set())
     for module in (
         "scenarionet_sim.roads.ray_kernels",
         "scenarionet_sim.task.task",
         "scenarionet_data.codec.track_kernels",
     ):
-        compiled._announce(module)
-    with compiled.silent():
-        compiled._announce("scenarionet_data.procedural.drive")
-    compiled._announce("somewhere.else")
+        announcing.announce(module)
+    with announcing.silent():
+        announcing.announce("scenarionet_data.procedural.drive")
+    announcing.announce("somewhere.else")
     lines = terminal.getvalue().splitlines()
     assert len(lines) == 2
     assert lines[0].startswith("Compiling loops for the simulator, once per installation (about ")
@@ -165,6 +155,6 @@ def test_compilation_is_announced_once_per_group(monkeypatch):
 def test_nothing_is_announced_without_a_terminal(monkeypatch):
     pipe = io.StringIO()
     monkeypatch.setattr(sys, "stderr", pipe)
-    monkeypatch.setattr(compiled, "_announced", set())
-    compiled._announce("scenarionet_sim.roads.ray_kernels")
+    monkeypatch.setattr(announcing, "_announced", set())
+    announcing.announce("scenarionet_sim.roads.ray_kernels")
     assert pipe.getvalue() == ""

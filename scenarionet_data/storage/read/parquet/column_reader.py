@@ -20,7 +20,6 @@ import zstandard
 from scenarionet_data.arrays.columns import FIRST, SIZE, ColumnBlock, ColumnLayout, Columns
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
-from scenarionet_data.compiled.decorators import unchecked
 from scenarionet_data.storage.read.parquet import page_kernels as pages
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, StoredGroup, UnreadableFile
@@ -104,13 +103,13 @@ class ColumnReader:
             self._levels = np.empty((4, largest), np.uint8)
         reserved = groups[0].footer.reserve(groups[0].number) if len(groups) == 1 else self._reserved(stored)
         scratch, levels, found = self._memory.scratch(size), self._levels, self._pages
-        out, read, count, row = reserved.block(self._memory), unchecked(read_row_group), len(found), 0
+        out, count, row = reserved.block(self._memory), len(found), 0
         words: dict[str, tuple[str, ...]] = {}
         for (_, _, content, base), (chunks, num_rows, *_) in zip(groups, stored, strict=True):
-            done = read(content, base, chunks, scratch, levels, found, row, num_rows, out, False)
+            done = read_row_group(content, base, chunks, scratch, levels, found, row, num_rows, out, False)
             if done > count:
                 self._decompress(content, scratch)
-                done = read(content, base, chunks, scratch, levels, found, row, num_rows, out, True)
+                done = read_row_group(content, base, chunks, scratch, levels, found, row, num_rows, out, True)
             if done == UNKNOWN:
                 return None
             if done < count:

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.byte_views import as_int32, as_int64
 from scenarionet_data.arrays.columns import (
     BITS,
     FIRST,
@@ -29,6 +28,7 @@ from scenarionet_data.arrays.columns import (
     ColumnBlock,
 )
 from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.compiled.byte_views import as_int32, as_int64
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.storage.read.parquet.byte_kernels import byte_at, word_at
 from scenarionet_data.storage.read.parquet.level_kernels import keep_levels, read_levels, repeat_levels

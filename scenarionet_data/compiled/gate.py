@@ -1,0 +1,26 @@
+"""The one decision whether parts inside of Numba are used, or only what Numba documents.
+
+With a tested version, kernels have a compiler, a cache and an entry of their own. Otherwise Numba's own compiler and
+cache do the work: they take twice as long to compile, do not notice that a called function in another file was edited,
+and round pictures of cameras differently.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+
+import numba
+
+TESTED = (0, 65), (0, 68)
+"""Oldest and newest minor version of Numba whose internals are known."""
+
+PLAIN = "SCENARIONET_PLAIN_NUMBA"
+"""Environment variable; 1 stops the use of internals with any version."""
+
+
+@cache
+def uses_internals() -> bool:
+    """Return whether this process may use the internals of the installed version."""
+    version = tuple(map(int, numba.__version__.split(".")[:2]))
+    return TESTED[0] <= version <= TESTED[1] and os.environ.get(PLAIN) != "1"

@@ -1,0 +1,132 @@
+"""The machine code of kernels on disk, valid while the code and the constants that it was compiled from are unchanged.
+
+It derives from the cache inside of Numba, and is used with the versions of ``TESTED``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from enum import EnumMeta
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, cast
+
+from numba.core import caching, registry, runtime
+
+from scenarionet_data.compiled.announcing import announce
+
+if sys.platform != "win32":
+    import fcntl
+
+_CPUDispatcher: Any = registry.CPUDispatcher
+_FunctionCache: Any = caching.FunctionCache
+_IndexDataCacheFile: Any = caching.IndexDataCacheFile
+_runtime: Any = runtime
+
+_PACKAGES = ("scenarionet_data", "scenarionet_sim")
+_LONGEST_WAIT = 120.0  # [s] for another process to compile a kernel
+
+
+class _CacheFile(_IndexDataCacheFile):  # type: ignore[misc]
+    """Numba's index of compiled signatures; empty if it names a class that was renamed or moved since."""
+
+    def _load_index(self) -> Any:
+        try:
+            return super()._load_index()
+        except (AttributeError, ImportError):
+            return {}
+
+
+class KernelCache(_FunctionCache):  # type: ignore[misc]
+    """Numba's cache of one kernel, valid while the code it was compiled from is unchanged."""
+
+    def __init__(self, dispatcher: Any) -> None:
+        super().__init__(dispatcher.py_func)
+        stamp = hashlib.sha256(repr(list(_ingredients(dispatcher, set()))).encode()).hexdigest()
+        self._cache_file = _CacheFile(self.cache_path, self._impl.filename_base, stamp)
+        self._module, self._allocates = dispatcher.py_func.__module__, dispatcher.targetoptions["_nrt"]
+        self._lock: int | None = None
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the machine code for one signature; None if this process is to compile it."""
+        found = self._load(sig, target_context)
+        if found is not None:
+            return found
+        announce(self._module)
+        self._lock = _locked(self.cache_path)
+        return self._load(sig, target_context)  # another process may have compiled it in the meantime
+
+    def _load(self, sig: Any, target_context: Any) -> Any:
+        # ``super().load_overload`` would import what only compilation needs: 0.1 s and 30 MB in every process.
+        if self._allocates:
+            _runtime.rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            found = self._load_overload(sig, target_context)
+        # Two processes that add signatures of one kernel concurrently can swap their files.
+        return found if found is not None and found.signature.args == tuple(sig) else None
+
+    def unlock(self) -> None:
+        """Let other processes compile."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
+def _ingredients(dispatcher: Any, seen: set[int]) -> Iterator[object]:
+    """The code of a compiled function, of those it calls, and the constants they read."""
+    function = dispatcher.py_func
+    seen.add(id(function))
+    yield function.__qualname__, sorted(dispatcher.targetoptions.items()), function.__defaults__
+    names: set[str] = set()
+    for code in _code_objects(function.__code__):
+        yield code.co_code, [value for value in code.co_consts if not isinstance(value, CodeType)], code.co_names
+        names.update(code.co_names)
+    cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
+    values = {name: function.__globals__[name] for name in sorted(names) if name in function.__globals__}
+    values |= {name: cell.cell_contents for name, cell in sorted(cells.items())}
+    for name, value in values.items():
+        if isinstance(value, _CPUDispatcher):
+            if id(value.py_func) not in seen:
+                yield from _ingredients(value, seen)
+        elif isinstance(value, ModuleType) and value.__name__.startswith(_PACKAGES):
+            yield name, [(other, repr(getattr(value, other))) for other in sorted(names) if hasattr(value, other)]
+        elif isinstance(value, EnumMeta):
+            yield name, [(member.name, member.value) for member in cast(Any, value)]
+        elif isinstance(value, type):
+            yield name, getattr(value, "_fields", None)
+        elif isinstance(value, (bool, int, float, str, tuple)):
+            yield name, value
+        elif hasattr(value, "tobytes"):
+            yield name, str(value.dtype), value.shape, hashlib.sha256(value.tobytes()).hexdigest()
+        elif isinstance(value, FunctionType):
+            yield name, value.__code__.co_code
+
+
+def _code_objects(code: CodeType) -> Iterator[CodeType]:
+    """A code object and the code objects of comprehensions and functions inside it."""
+    yield code
+    for value in code.co_consts:
+        if isinstance(value, CodeType):
+            yield from _code_objects(value)
+
+
+def _locked(folder: str) -> int | None:
+    """Wait until no other process compiles into a cache folder; the lock, or None where folders cannot be locked."""
+    if sys.platform == "win32":
+        return None
+    lock = None
+    with suppress(OSError):
+        lock = os.open(folder, os.O_RDONLY)
+        for _ in range(int(_LONGEST_WAIT / 0.1)):
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return lock
+            except BlockingIOError:
+                time.sleep(0.1)
+    if lock is not None:
+        os.close(lock)
+    return None
