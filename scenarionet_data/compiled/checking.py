@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from functools import partial
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numba
 
+from scenarionet_data.compiled.decorators import Function
+
 _numba: Any = numba  # which is not typed
 _types = _numba.types
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 CHECK = "SCENARIONET_CHECK_KERNELS"
 """Environment variable; 1 compares the arguments of every call through ``unchecked``."""

@@ -56,7 +56,7 @@ def kernel(
     def decorate(plain: Function) -> Function:
         options = {"nogil": nogil, "error_model": "numpy" if divides_by_zero else "python"}
         if uses_internals():
-            return dispatchers.as_kernel(plain, options, allocates=allocates, is_wide=is_wide)
+            return cast(Function, dispatchers.as_kernel(plain, options, allocates=allocates, is_wide=is_wide))
         compiled = _njit(**options)(plain)
         with suppress(AttributeError, RuntimeError):  # NUMBA_DISABLE_JIT; no folder to write to
             compiled.enable_caching()
@@ -103,7 +103,9 @@ def device_function(
 
     def decorate(plain: Function) -> Function:
         if uses_internals():
-            return dispatchers.as_device_function(plain, options, allocates=allocates, in_lanes=in_lanes)
+            return cast(
+                Function, dispatchers.as_device_function(plain, options, allocates=allocates, in_lanes=in_lanes)
+            )
         return cast(Function, _njit(**options)(plain))
 
     return decorate if function is None else decorate(function)

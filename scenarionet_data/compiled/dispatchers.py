@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import ModuleType
-from typing import Any, NoReturn, TypeVar, cast
+from typing import Any, NoReturn, cast
 
 from numba import njit, types
 from numba.core import registry
@@ -25,25 +25,23 @@ _njit: Any = njit  # Numba's types omit options and internals
 _numba_types: Any = types
 _CPUDispatcher: Any = registry.CPUDispatcher
 
-Function = TypeVar("Function", bound=Callable[..., Any])
 
-
-def as_kernel(plain: Function, options: dict[str, Any], *, allocates: bool, is_wide: bool) -> Function:
+def as_kernel(plain: Any, options: dict[str, Any], *, allocates: bool, is_wide: bool) -> Any:
     """Return a function as a kernel; see ``decorators.kernel``."""
     own = {} if allocates else {"pipeline_class": loop_compiler(is_wide=is_wide)}
     dispatcher = _njit(no_cfunc_wrapper=True, _nrt=allocates, **options, **own)(plain)
     if isinstance(dispatcher, _CPUDispatcher):  # a plain function under NUMBA_DISABLE_JIT
         dispatcher.__class__ = Kernel
-    return cast(Function, dispatcher)
+    return dispatcher
 
 
-def as_device_function(plain: Function, options: dict[str, Any], *, allocates: bool, in_lanes: bool) -> Function:
+def as_device_function(plain: Any, options: dict[str, Any], *, allocates: bool, in_lanes: bool) -> Any:
     """Return a function as a device function; see ``decorators.device_function``."""
     own = {} if allocates else {"pipeline_class": loop_compiler(in_lanes=in_lanes)}
     dispatcher = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=allocates, **options, **own)(plain)
     if isinstance(dispatcher, _CPUDispatcher):
         dispatcher.__class__ = DeviceFunction
-    return cast(Function, dispatcher)
+    return dispatcher
 
 
 class CompiledFunction(_CPUDispatcher):  # type: ignore[misc]
