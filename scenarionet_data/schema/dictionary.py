@@ -6,6 +6,8 @@ from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SCHEMAS
 from scenarionet_data.schema.tables import Column, Table
 
+_HEAD = ("| column | type | unit | meaning |", "| --- | --- | --- | --- |")
+
 
 def markdown() -> str:
     """Return the page: every table with its columns, their types, units and meanings."""
@@ -23,16 +25,19 @@ def markdown() -> str:
 
 
 def section(table: Table) -> str:
-    """Return one table as a heading, its description and a row per column."""
-    rows = [f"## {table.name} (version {table.version})", "", table.doc, "", "| column | type | unit | meaning |"]
-    rows.append("| --- | --- | --- | --- |")
-    rows += [_row(column) for column in (*table.columns, *table.derived)]
-    return "\n".join(rows)
+    """Return one table as a heading, its description and a row per column, metrics grouped by their owners."""
+    parts, columns = [f"## {table.name} (version {table.version})", "", table.doc], (*table.columns, *table.derived)
+    for owner in dict.fromkeys(column.owner for column in columns):
+        parts += ["", *([f"Metrics of {owner}:", ""] if owner else []), *_HEAD]
+        parts += [_row(column) for column in columns if column.owner == owner]
+    return "\n".join(parts)
 
 
 def _row(column: Column) -> str:
     kind = column.type.replace("dictionary", "string") + (" or null" if column.nullable else "")
     meaning = column.doc.replace("|", "\\|").replace("<", "&lt;")
+    if column.better:
+        meaning += f" {column.better.capitalize()} is better."
     if column.since > 1:
         meaning += f" Since version {column.since}; null in older files."
     if column.sql:

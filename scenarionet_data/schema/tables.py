@@ -103,6 +103,8 @@ class Column:
         statistics: Whether files store minimum and maximum, so that readers can skip row groups.
         sql: Expression that computes it from the other columns; such a column is in the view, not in the files.
         since: Version of the table that added it.
+        owner: Whose definition a metric is, such as ``nuPlan``; empty for a column that is none.
+        better: ``higher`` or ``lower`` for a metric that tells better from worse, otherwise empty.
     """
 
     name: str
@@ -113,6 +115,8 @@ class Column:
     statistics: bool = False
     sql: str | None = None
     since: int = 1
+    owner: str = ""
+    better: str = ""
 
     @cached_property
     def is_list(self) -> bool:

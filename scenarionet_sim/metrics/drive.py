@@ -98,6 +98,42 @@ class EgoDrive:
 
 
 @dataclass(frozen=True, eq=False)
+class Episode:
+    """A rollout in its scenario.
+
+    Attributes:
+        rollout: The whole episode, to its outcome.
+        world: The scenario.
+    """
+
+    rollout: Rollout
+    world: World
+
+    @cached_property
+    def scored(self) -> Rollout:
+        """The time of the recording."""
+        return self.rollout.scored()
+
+    @cached_property
+    def is_whole(self) -> bool:
+        """Whether the vehicle moves at least a step and is present all the time: no motion is known across a gap."""
+        scored, agent = self.scored, self.scored.agent
+        states = scored.position[:, agent], scored.velocity[:, agent], scored.heading[:, agent]
+        is_present = bool(scored.present[:, agent].all())
+        return scored.num_steps > 0 and is_present and all(np.isfinite(state).all() for state in states)
+
+    @cached_property
+    def drive(self) -> EgoDrive:
+        """The scored drive of the vehicle, if it is whole."""
+        return EgoDrive.of(self.scored, self.world)
+
+    @cached_property
+    def recorded(self) -> EgoDrive:
+        """The recording of the vehicle over the same time."""
+        return EgoDrive.recorded(self.world, self.scored.agent, self.scored.start, self.scored.num_scored)
+
+
+@dataclass(frozen=True, eq=False)
 class SurroundingBoxes:
     """Boxes of N objects over the T moments of a drive.
 

@@ -1,4 +1,4 @@
-"""Rules of the road: off-road driving and red lights."""
+"""Off-road driving."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ OFF_ROAD_TOLERANCE = 0.3
 """Distance from the drivable area at which a corner is off the road [m] (nuPlan's ``drivable_area_compliance``)."""
 
 _BEYOND_THE_MAP = 10.0  # [m]
-_STOP_REACH = 2.0  # [m] to either side of a stop point
 
 
 def is_off_road(corners: Float64, roads: Roads) -> Bool:
@@ -87,20 +86,3 @@ def _beyond(roads: Roads, rows: IntP) -> tuple[Float64, Float64]:
     end = roads.lanes.values[np.concatenate([starts, stops])].astype(np.float64)
     away = end - roads.lanes.values[np.concatenate([starts + 1, stops - 1])]
     return end, away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)[:, None]
-
-
-def runs_red_light(position: Float64, stop: Float64, direction: Float64, is_red: Bool) -> Bool:
-    """Return the lights (L,) whose stop point the vehicle's centre passes in the lane's direction while they are red.
-
-    Args:
-        position: (T, 2) [m].
-        stop: (L, 2) stop points [m].
-        direction: (L, 2) unit vectors of the lanes at the stop points.
-        is_red: (L, T).
-    """
-    away = position[None] - stop[:, None]
-    along = (away * direction[:, None]).sum(axis=-1)
-    across = away[..., 1] * direction[:, None, 0] - away[..., 0] * direction[:, None, 1]
-    passes = (along[:, :-1] < 0.0) & (along[:, 1:] >= 0.0) & (np.abs(across[:, 1:]) <= _STOP_REACH)
-    ran: Bool = (passes & is_red[:, 1:]).any(axis=1)
-    return ran

@@ -31,6 +31,9 @@ WEIGHTS: Mapping[str, float] = {
 MIN_PROGRESS_RATIO = 0.2
 """Share of the recorded progress from which the ego makes progress."""
 
+_MIN_PROGRESS = 2.0
+"""Lower bound of both distances in the ratio; reversing by more gives a ratio of 0 [m]."""
+
 _MAX_OVERSPEED = 2.23  # [m/s]
 _DIRECTION_WINDOW = 1.0  # [s]
 
@@ -93,3 +96,14 @@ def driving_direction(progress: Iterable[float], dt: float) -> tuple[float, floa
 def direction_score(distance: float) -> float:
     """1 below 2 m driven against the traffic within one second, 0.5 below 6 m, else 0."""
     return 1.0 if distance < 2.0 else 0.5 if distance < 6.0 else 0.0
+
+
+def progress_ratio(driven: float, recorded: float) -> float:
+    """Return the share of the recorded progress along the route, as nuPlan's ``ego_progress_along_expert_route``.
+
+    Args:
+        driven, recorded: Progress of the driver, and of the recording [m].
+    """
+    if driven < -_MIN_PROGRESS:
+        return 0.0
+    return min(1.0, max(driven, _MIN_PROGRESS) / max(recorded, _MIN_PROGRESS))

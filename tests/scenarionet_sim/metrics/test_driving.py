@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.metrics.collisions import Collisions, count_collisions
-from scenarionet_sim.metrics.progress import displacement, mean_speed, progress_ratio
+from scenarionet_sim.metrics.nuplan.scoring import progress_ratio
+from scenarionet_sim.metrics.results.collisions import Collisions, count_collisions
+from scenarionet_sim.metrics.results.recording import displacement, mean_speed
 
 
 def test_mean_speed():

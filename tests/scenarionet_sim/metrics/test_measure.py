@@ -12,7 +12,8 @@ from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.schema import tables
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.drivers.by_name import resolve_drivers
-from scenarionet_sim.metrics.measure import measure
+from scenarionet_sim.metrics import results
+from scenarionet_sim.metrics.measure import measure, metrics
 from scenarionet_sim.rollouts.batch import RolloutBatch, RolloutJob
 from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
@@ -143,3 +144,22 @@ def test_a_driver_that_arrives_early_waits_and_is_scored_to_the_end_of_its_episo
     assert scored.num_steps == rollout.num_scored == 100 and scored.present[:, scored.agent].all()
     assert np.hypot(*scored.velocity[-20:, scored.agent].T).max() == 0.0
     assert measure(rollout, world)["mean_speed"] == pytest.approx(3.0, abs=0.05)
+
+
+def test_a_metric_is_one_file(tmp_path, monkeypatch):
+    text = "def measure(episode):\n    return {'moments': len(episode.scored.position), 'ratio': float('nan')}\n"
+    (tmp_path / "moments.py").write_text(text)
+    monkeypatch.setattr(results, "__path__", [*results.__path__, str(tmp_path)])
+    metrics.cache_clear()
+    row = measured(make_drive(num_steps=11))
+    metrics.cache_clear()
+    assert row["moments"] == 11 and row["ratio"] is None and row["success"]
+
+
+def test_metrics_have_an_owner_and_scores_a_direction():
+    table = tables.load("results")
+    keys = {"run", "scenario_id", "track_id", "error", "rollout", "steps"}
+    assert {each.name for each in (*table.columns, *table.derived) if not each.owner} == keys
+    neutral = {"status", "outcome_time", "mean_speed", "is_reactive"}
+    assert {each.name for each in (*table.columns, *table.derived) if each.owner and not each.better} == neutral
+    assert {each.better for each in table.columns} == {"", "higher", "lower"}

@@ -7,7 +7,8 @@ import pytest
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_sim.metrics.road import is_off_road, runs_red_light
+from scenarionet_sim.metrics.results.red_lights import runs_red_light
+from scenarionet_sim.metrics.road import is_off_road
 from scenarionet_sim.roads.roads import Roads
 
 

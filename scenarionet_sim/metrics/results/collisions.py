@@ -7,11 +7,13 @@ overlap from the first moment on belong to the recording and do not count.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, UInt8
 from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.metrics.drive import Episode
 
 _HUMANS = (ObjectType.PEDESTRIAN, ObjectType.CYCLIST)
 
@@ -31,6 +33,18 @@ class Collisions:
     objects: int
     cost: int
     first: int | None
+
+
+def measure(episode: Episode) -> dict[str, Any]:
+    """Return the collisions of the whole episode."""
+    found = count_collisions(episode.rollout.contacts, episode.world.object_type)
+    return {
+        "collided_vehicles": found.vehicles,
+        "collided_humans": found.humans,
+        "collided_objects": found.objects,
+        "cost": found.cost,
+        "first_collision": None if found.first is None else found.first * episode.rollout.dt,
+    }
 
 
 def count_collisions(contacts: Bool, object_type: UInt8) -> Collisions:

@@ -12,7 +12,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.comfort import measure_comfort
-from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
+from scenarionet_sim.metrics.drive import EgoDrive, Episode, SurroundingBoxes
 from scenarionet_sim.metrics.lanes import DrivenLanes
 from scenarionet_sim.metrics.nuplan.collisions import CollisionKind, EgoCollision, collision_score, find_collisions
 from scenarionet_sim.metrics.nuplan.scoring import (
@@ -20,10 +20,10 @@ from scenarionet_sim.metrics.nuplan.scoring import (
     closed_loop_score,
     direction_score,
     driving_direction,
+    progress_ratio,
     speed_limit_score,
 )
 from scenarionet_sim.metrics.nuplan.time_to_collision import BOUND, time_to_collision
-from scenarionet_sim.metrics.progress import progress_ratio
 from scenarionet_sim.metrics.road import is_off_road
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.rollouts.rollout import Rollout
@@ -31,15 +31,11 @@ from scenarionet_sim.worlds.paths import SPACING
 from scenarionet_sim.worlds.world import World
 
 
-def measure_nuplan(rollout: Rollout, drive: EgoDrive, recorded: EgoDrive, world: World) -> dict[str, Any]:
-    """Return nuPlan's metrics; None where the map lacks what one needs, or the drive is too short for its filter.
-
-    Args:
-        rollout: An episode in which the vehicle is always present.
-        drive: Its drive.
-        recorded: The recording of the same vehicle over the same time.
-        world: Its scenario.
-    """
+def measure(episode: Episode) -> dict[str, Any]:
+    """Return nuPlan's metrics; None where the map lacks what one needs, or the drive is too short for its filter."""
+    if not episode.is_whole:
+        return {}
+    rollout, drive, recorded, world = episode.scored, episode.drive, episode.recorded, episode.world
     others, roads = SurroundingBoxes.of(rollout, world), world.roads
     lanes = DrivenLanes.of(drive, roads) if roads.num_lanes else None
     is_in_lane = np.ones(len(drive.time), np.bool_) if lanes is None else lanes.is_in_lane

@@ -1,4 +1,4 @@
-"""Speed, progress, and distance from the recording.
+"""Speed, and distance from the recording.
 
 Average and final distance are those of the ScenarioNet paper's multi-agent evaluation: (1/T) sum of the distances
 to the recorded positions over the shorter length, and the distance at its end.
@@ -6,12 +6,25 @@ to the recorded positions over the shorter length, and the distance at its end.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_sim.metrics.drive import Episode
 
-_MIN_PROGRESS = 2.0
-"""Lower bound of both distances in the ratio; reversing by more gives a ratio of 0 [m]."""
+
+def measure(episode: Episode) -> dict[str, Any]:
+    """Return the mean speed, and the distances from the recording."""
+    rollout, world = episode.scored, episode.world
+    recorded = world.log_position[rollout.start :, rollout.agent].astype(np.float64)
+    valid = world.log_valid[rollout.start :, rollout.agent]
+    average, final = displacement(rollout.position[:, rollout.agent], recorded, valid)
+    return {
+        "mean_speed": mean_speed(rollout.velocity[:, rollout.agent]),
+        "average_displacement": average,
+        "final_displacement": final,
+    }
 
 
 def mean_speed(velocity: Float64) -> float:
@@ -33,14 +46,3 @@ def displacement(position: Float64, recorded: Float64, valid: Bool) -> tuple[flo
     shorter = min(len(position), len(recorded))
     apart = np.linalg.norm(position[:shorter] - recorded[:shorter], axis=1)[valid[:shorter]]
     return (float(apart.mean()), float(apart[-1])) if len(apart) else (np.nan, np.nan)
-
-
-def progress_ratio(driven: float, recorded: float) -> float:
-    """Return the share of the recorded progress along the route, as nuPlan's ``ego_progress_along_expert_route``.
-
-    Args:
-        driven, recorded: Progress of the driver, and of the recording [m].
-    """
-    if driven < -_MIN_PROGRESS:
-        return 0.0
-    return min(1.0, max(driven, _MIN_PROGRESS) / max(recorded, _MIN_PROGRESS))

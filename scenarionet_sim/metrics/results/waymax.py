@@ -6,24 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_sim.metrics.drive import EgoDrive
+from scenarionet_sim.metrics.drive import Episode
 from scenarionet_sim.metrics.waymax.kinematics import is_infeasible
 from scenarionet_sim.metrics.waymax.overlap import overlaps
 from scenarionet_sim.metrics.waymax.roadgraph import RoadEdges, is_offroad
 from scenarionet_sim.metrics.waymax.routes import Routes, off_route, progression, wrong_way
-from scenarionet_sim.rollouts.rollout import Rollout
-from scenarionet_sim.worlds.world import World
 
 
-def measure_waymax(rollout: Rollout, drive: EgoDrive, recorded: EgoDrive, world: World) -> dict[str, Any]:
-    """Return Waymax's metrics; None where the map lacks what one needs.
-
-    Args:
-        rollout: An episode in which the vehicle is always present.
-        drive: Its drive.
-        recorded: The recording of the same vehicle over the same time.
-        world: Its scenario.
-    """
+def measure(episode: Episode) -> dict[str, Any]:
+    """Return Waymax's metrics; None where the map lacks what one needs."""
+    if not episode.is_whole:
+        return {}
+    rollout, drive, recorded, world = episode.scored, episode.drive, episode.recorded, episode.world
     agent, edges = rollout.agent, RoadEdges.of(world.roads)
     routes, has_lanes = Routes.of(recorded, world.roads), world.roads.num_lanes > 0
     touches = overlaps(

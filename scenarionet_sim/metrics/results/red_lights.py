@@ -1,0 +1,64 @@
+"""Red lights that a vehicle runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor
+from scenarionet_sim.metrics.drive import Episode
+from scenarionet_sim.rollouts.rollout import Rollout
+from scenarionet_sim.worlds.world import World
+
+_STOP_REACH = 2.0  # [m] to either side of a stop point
+
+
+def measure(episode: Episode) -> dict[str, Any]:
+    """Return the number of lights that the vehicle runs; None without lights."""
+    if not episode.is_whole:
+        return {}
+    rollout = episode.scored
+    stop, direction, is_red = _lights(rollout, episode.world)
+    position = np.ascontiguousarray(rollout.position[:, rollout.agent])
+    return {"red_light_violations": int(runs_red_light(position, stop, direction, is_red).sum()) if len(stop) else None}
+
+
+def runs_red_light(position: Float64, stop: Float64, direction: Float64, is_red: Bool) -> Bool:
+    """Return the lights (L,) whose stop point the vehicle's centre passes in the lane's direction while they are red.
+
+    Args:
+        position: (T, 2) [m].
+        stop: (L, 2) stop points [m].
+        direction: (L, 2) unit vectors of the lanes at the stop points.
+        is_red: (L, T).
+    """
+    away = position[None] - stop[:, None]
+    along = (away * direction[:, None]).sum(axis=-1)
+    across = away[..., 1] * direction[:, None, 0] - away[..., 0] * direction[:, None, 1]
+    passes = (along[:, :-1] < 0.0) & (along[:, 1:] >= 0.0) & (np.abs(across[:, 1:]) <= _STOP_REACH)
+    ran: Bool = (passes & is_red[:, 1:]).any(axis=1)
+    return ran
+
+
+def _lights(rollout: Rollout, world: World) -> tuple[Float64, Float64, Bool]:
+    """Return stop points, lane directions and red phases of the lights whose lane is in the map."""
+    rows = np.flatnonzero((world.light_lane >= 0) & np.isfinite(world.light_stop).all(axis=1))
+    rows = rows[world.roads.lanes.lengths[world.light_lane[rows]] > 1]
+    steps = np.minimum(rollout.start + np.arange(rollout.num_steps + 1), world.num_steps - 1)  # the last state stays
+    is_red: Bool = LIGHT_COLORS[world.light_state[rows][:, steps]] == LightColor.RED
+    stop = world.light_stop[rows].astype(np.float64)
+    lanes = (world.roads.lanes[lane].astype(np.float64) for lane in world.light_lane[rows])
+    direction = [_direction(lane, point) for lane, point in zip(lanes, stop, strict=True)]
+    return stop, np.array(direction).reshape(-1, 2), is_red
+
+
+def _direction(line: Float64, point: Float64) -> Float64:
+    """(2,) direction of a line at its point nearest to a given one."""
+    along = np.diff(line, axis=0)
+    square = np.maximum((along**2).sum(axis=1), 1e-12)
+    share = np.clip(((point - line[:-1]) * along).sum(axis=1) / square, 0.0, 1.0)
+    nearest = np.argmin(((line[:-1] + share[:, None] * along - point) ** 2).sum(axis=1))
+    unit: Float64 = along[nearest] / np.sqrt(square[nearest])
+    return unit
