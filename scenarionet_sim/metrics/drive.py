@@ -98,7 +98,7 @@ class EgoDrive:
 
 
 @dataclass(frozen=True, eq=False)
-class Episode:
+class DrivenEpisode:
     """A rollout in its scenario.
 
     Attributes:

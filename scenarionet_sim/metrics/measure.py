@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any
 
 from scenarionet_sim.metrics import results
-from scenarionet_sim.metrics.drive import Episode
+from scenarionet_sim.metrics.drive import DrivenEpisode
 from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
 
@@ -20,7 +20,7 @@ def measure(rollout: Rollout, world: World) -> dict[str, Any]:
 
     The outcome and the collisions are those of the whole episode, all other metrics cover the time of the recording.
     """
-    episode = Episode(rollout, world)
+    episode = DrivenEpisode(rollout, world)
     row = {name: value for metric in metrics() for name, value in metric(episode).items()}
     return {
         name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in row.items()
@@ -28,7 +28,7 @@ def measure(rollout: Rollout, world: World) -> dict[str, Any]:
 
 
 @cache
-def metrics() -> tuple[Callable[[Episode], dict[str, Any]], ...]:
+def metrics() -> tuple[Callable[[DrivenEpisode], dict[str, Any]], ...]:
     """Return the function ``measure`` of every module in ``results``."""
     names = sorted(module.name for module in pkgutil.iter_modules(results.__path__, f"{results.__name__}."))
     return tuple(importlib.import_module(name).measure for name in names)

@@ -13,7 +13,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, UInt8
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.metrics.drive import Episode
+from scenarionet_sim.metrics.drive import DrivenEpisode
 
 _HUMANS = (ObjectType.PEDESTRIAN, ObjectType.CYCLIST)
 
@@ -35,7 +35,7 @@ class Collisions:
     first: int | None
 
 
-def measure(episode: Episode) -> dict[str, Any]:
+def measure(episode: DrivenEpisode) -> dict[str, Any]:
     """Return the collisions of the whole episode."""
     found = count_collisions(episode.rollout.contacts, episode.world.object_type)
     return {

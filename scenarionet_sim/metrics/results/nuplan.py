@@ -12,7 +12,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.comfort import measure_comfort
-from scenarionet_sim.metrics.drive import EgoDrive, Episode, SurroundingBoxes
+from scenarionet_sim.metrics.drive import DrivenEpisode, EgoDrive, SurroundingBoxes
 from scenarionet_sim.metrics.lanes import DrivenLanes
 from scenarionet_sim.metrics.nuplan.collisions import CollisionKind, EgoCollision, collision_score, find_collisions
 from scenarionet_sim.metrics.nuplan.scoring import (
@@ -31,7 +31,7 @@ from scenarionet_sim.worlds.paths import SPACING
 from scenarionet_sim.worlds.world import World
 
 
-def measure(episode: Episode) -> dict[str, Any]:
+def measure(episode: DrivenEpisode) -> dict[str, Any]:
     """Return nuPlan's metrics; None where the map lacks what one needs, or the drive is too short for its filter."""
     if not episode.is_whole:
         return {}

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenarionet_sim.metrics.drive import Episode
+from scenarionet_sim.metrics.drive import DrivenEpisode
 
 
-def measure(episode: Episode) -> dict[str, Any]:
+def measure(episode: DrivenEpisode) -> dict[str, Any]:
     """Return the outcome of the whole episode."""
     rollout = episode.rollout
     return {

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
-from scenarionet_sim.metrics.drive import Episode
+from scenarionet_sim.metrics.drive import DrivenEpisode
 
 
-def measure(episode: Episode) -> dict[str, Any]:
+def measure(episode: DrivenEpisode) -> dict[str, Any]:
     """Return the mean speed, and the distances from the recording."""
     rollout, world = episode.scored, episode.world
     recorded = world.log_position[rollout.start :, rollout.agent].astype(np.float64)

@@ -8,14 +8,14 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor
-from scenarionet_sim.metrics.drive import Episode
+from scenarionet_sim.metrics.drive import DrivenEpisode
 from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
 
 _STOP_REACH = 2.0  # [m] to either side of a stop point
 
 
-def measure(episode: Episode) -> dict[str, Any]:
+def measure(episode: DrivenEpisode) -> dict[str, Any]:
     """Return the number of lights that the vehicle runs; None without lights."""
     if not episode.is_whole:
         return {}

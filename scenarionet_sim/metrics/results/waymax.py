@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_sim.metrics.drive import Episode
+from scenarionet_sim.metrics.drive import DrivenEpisode
 from scenarionet_sim.metrics.waymax.kinematics import is_infeasible
 from scenarionet_sim.metrics.waymax.overlap import overlaps
 from scenarionet_sim.metrics.waymax.roadgraph import RoadEdges, is_offroad
 from scenarionet_sim.metrics.waymax.routes import Routes, off_route, progression, wrong_way
 
 
-def measure(episode: Episode) -> dict[str, Any]:
+def measure(episode: DrivenEpisode) -> dict[str, Any]:
     """Return Waymax's metrics; None where the map lacks what one needs."""
     if not episode.is_whole:
         return {}
