@@ -68,7 +68,10 @@ class Engine:
         manifests.check_schemas(files, snapshot)
         self._files = files
         self._snapshot = snapshot
-        self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
+        try:
+            self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
+        except duckdb.Error as error:  # DuckDB reserves address space for its buffers and threads
+            raise _out_of_memory(error) from error
         self._views = Views(
             self._connection,
             files,
@@ -197,6 +200,8 @@ class Engine:
                 message, _, excerpt = str(error).partition("\n")
                 raise QueryError(f"{message}{error_position(sql)}\n{excerpt}") from error
             except duckdb.Error as error:
+                if "Out of Memory Error" in str(error):
+                    raise _out_of_memory(error) from error
                 failure = self._filesystem and self._filesystem.pop_failure()
                 failure = failure or damage(self._files, self._views.scanned, error, sql)
                 if failure is None and isinstance(error, duckdb.IOException):
@@ -211,3 +216,12 @@ class Engine:
             finally:
                 for name in tables:
                     self._connection.unregister(name)
+
+
+def _out_of_memory(error: Exception) -> QueryError:
+    """Return the error for a query that needs more memory than it gets."""
+    found = str(error).partition("\n")[0]
+    return QueryError(
+        f"{found}; select fewer rows and columns, or give the query more memory, with Lake(..., max_memory=...), a "
+        "higher `ulimit -v` or a larger machine"
+    )

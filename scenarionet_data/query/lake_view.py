@@ -200,16 +200,17 @@ class LakeView:
         """Return the row of a scenario in the view ``metadata``, without addresses.
 
         Args:
-            scenario_id: The id, the id in the source, or a part of the id that only one scenario has.
+            scenario_id: The id, its last part, the id in the source, or another part that only one scenario has.
 
         Raises:
             ScenarioNotFound: No scenario matches, or several do; the message lists a few of them.
         """
         rows = f"SELECT * EXCLUDE ({', '.join(ADDRESS_COLUMNS)}) FROM metadata"
-        found = self.sql(f"{rows} WHERE scenario_id = $id", {"id": scenario_id})
-        if found.is_empty():
-            matches = "source_scenario_id = $id OR contains(scenario_id, $id) ORDER BY scenario_id LIMIT 3"
-            found = self.sql(f"{rows} WHERE {matches}", {"id": scenario_id})
+        is_last = "source_scenario_id = $id OR ends_with(scenario_id, '/' || $id)"
+        for matches in ("scenario_id = $id", is_last, "contains(scenario_id, $id)"):
+            found = self.sql(f"{rows} WHERE {matches} ORDER BY scenario_id LIMIT 3", {"id": scenario_id})
+            if len(found):
+                break
         if len(found) != 1:
             ids = ", ".join(found["scenario_id"])
             remedy = f"did you mean {ids}?" if ids else "SELECT scenario_id FROM metadata lists them all"

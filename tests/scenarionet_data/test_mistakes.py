@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -12,7 +14,8 @@ from scenarionet_data import Agents, Augmentation, Lake, Polylines, Samples, Sce
 from scenarionet_data import TimeWindow, convert  # isort: skip
 from scenarionet_data.errors import BadParameter, QueryError, ScenarioNotFound
 from tests.fixtures.lakes import write_lake
-from tests.fixtures.scenarios import make_scenario
+from tests.fixtures.scenarios import make_scenario, renamed
+from tests.fixtures.waiting import HANGS_AFTER
 
 WINDOW = (0.4, 1.2)
 
@@ -104,3 +107,28 @@ def test_garbage_is_no_state_of_a_stream(lake, state):
         stream.load_state_dict(state)
     stream.load_state_dict({"epoch": 1, "done": 1})
     assert stream.state_dict() == {"epoch": 1, "done": 1}
+
+
+def test_the_last_part_of_an_id_finds_a_scenario(tmp_path):
+    made = [renamed(make_scenario(1, num_steps=6), name) for name in ("9", "19", "90", "91")]
+    lake = write_lake(tmp_path / "lake", made)
+    assert lake.describe("9")["scenario_id"] == "made/v1/9"
+    assert lake.describe("v1/19")["scenario_id"] == "made/v1/19"
+    with pytest.raises(ScenarioNotFound, match="did you mean made/v1/19, made/v1/9, made/v1/90"):
+        lake.describe("v1")
+
+
+def test_a_query_without_enough_memory_says_what_to_do(lake):
+    small = Lake(lake.root, max_memory=1_000_000)
+    with pytest.raises(QueryError, match=r"Out of Memory Error.*; select fewer rows and columns") as caught:
+        small.sql("SELECT list(range) FROM range(10_000_000)")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit the address space")
+def test_a_command_without_enough_address_space_says_how_much_it_needs(lake):
+    command = f"ulimit -v 700000; {sys.executable} -m scenarionet_pipelines.cli show {lake.root} 0"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=HANGS_AFTER)
+    assert "warning: memory may not suffice: `ulimit -v` allows 0.7 GB" in done.stderr
+    assert "verbs need up to 4 GB" in done.stderr
+    assert "Traceback" not in done.stderr
