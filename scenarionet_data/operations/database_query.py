@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Generic, Self, TypeVar
 
 import pyarrow as pa
@@ -85,9 +86,7 @@ class DatabaseQuery:
 
     def query(self, file: str, /, fields: Mapping[str, str] | None = None) -> str:
         """Return the SQL of a file below ``sql/``, with ``{pool}`` and other ``{fields}`` replaced."""
-        lines = (SQL / f"{file}.sql").read_text("utf-8").splitlines()
-        text = "\n".join(line for line in lines if not line.startswith("--"))
-        pool = _MEMBERS if self.parents else _WHOLE_LAKE
+        pool, text = _MEMBERS if self.parents else _WHOLE_LAKE, _text(file)
         for name, value in ({"pool": pool} | dict(fields or {})).items():
             text = text.replace(f"{{{name}}}", value)
         return text
@@ -234,6 +233,12 @@ class Pool(ABC, Generic[AnyDatabase]):
     @abstractmethod
     def _handle(self, record: DatabaseRecord) -> AnyDatabase:
         """Return the handle of a database that was made."""
+
+
+@cache
+def _text(file: str) -> str:
+    lines = (SQL / f"{file}.sql").read_text("utf-8").splitlines()
+    return "\n".join(line for line in lines if not line.startswith("--"))
 
 
 def _renamed(inner: Lineage, outer: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
