@@ -7,32 +7,32 @@ from enum import IntEnum
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import UInt8
-from scenarionet_sim.cameras.draw import layout
+from scenarionet_sim.cameras.draw import codes
 
 
 class SemanticClass(IntEnum):
     """Classes of the semantic channel."""
 
-    SKY = layout.SKY
-    ROAD = layout.ROADWAY
-    LANE_LINE = layout.LANE_PAINT
-    CROSSWALK = layout.CROSSING
-    SIDEWALK = layout.PAVEMENT
-    TERRAIN = layout.TERRAIN
-    BUILDING = layout.BUILDING_CLASS
-    VEGETATION = layout.VEGETATION
-    POLE = layout.POLE_CLASS
-    TRAFFIC_LIGHT = layout.TRAFFIC_LIGHT
-    CAR = layout.CAR_CLASS
-    TRUCK = layout.TRUCK_CLASS
-    BUS = layout.BUS_CLASS
-    PEDESTRIAN = layout.PERSON
-    CYCLIST = layout.RIDER
-    TRAFFIC_CONE = layout.CONE_CLASS
-    BARRIER = layout.FENCE
-    OTHER = layout.OBJECT_CLASS
-    TRAFFIC_SIGN = layout.SIGN_CLASS
-    OWN_VEHICLE = layout.OWN_VEHICLE
+    SKY = codes.SKY
+    ROAD = codes.ROADWAY
+    LANE_LINE = codes.LANE_PAINT
+    CROSSWALK = codes.CROSSING
+    SIDEWALK = codes.PAVEMENT
+    TERRAIN = codes.TERRAIN
+    BUILDING = codes.BUILDING_CLASS
+    VEGETATION = codes.VEGETATION
+    POLE = codes.POLE_CLASS
+    TRAFFIC_LIGHT = codes.TRAFFIC_LIGHT
+    CAR = codes.CAR_CLASS
+    TRUCK = codes.TRUCK_CLASS
+    BUS = codes.BUS_CLASS
+    PEDESTRIAN = codes.PERSON
+    CYCLIST = codes.RIDER
+    TRAFFIC_CONE = codes.CONE_CLASS
+    BARRIER = codes.FENCE
+    OTHER = codes.OBJECT_CLASS
+    TRAFFIC_SIGN = codes.SIGN_CLASS
+    OWN_VEHICLE = codes.OWN_VEHICLE
 
 
 _C = SemanticClass

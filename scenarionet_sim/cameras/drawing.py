@@ -3,57 +3,40 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, UInt8
 from scenarionet_data.compiled.checking import unchecked
+from scenarionet_sim.cameras.channels import CHANNELS, shape_of_channel, tail_of_channel
+from scenarionet_sim.cameras.draw.columns import NUM_INSTANCE, NUM_LIGHTS, NUM_POSE, NUM_SHADES, NUM_VERTEX
 from scenarionet_sim.cameras.draw.frames import draw_frames
-from scenarionet_sim.cameras.draw.layout import (
+from scenarionet_sim.cameras.draw.mounting import mount_cameras
+from scenarionet_sim.cameras.draw.structures import (
     BAND,
     BANDS,
     GROUP,
     LANES,
-    NUM_INSTANCE,
-    NUM_LIGHTS,
-    NUM_POSE,
-    NUM_SHADES,
-    NUM_VERTEX,
     SKY_STEP,
     TILE,
     FrameMemory,
     Look,
     Pictures,
+    SceneArrays,
+    Shots,
+    Tile,
+    Triangles,
+    Vertices,
 )
-from scenarionet_sim.cameras.draw.mounting import mount_cameras
 from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.stage import Scenery, stage_of
 from scenarionet_sim.threads import Threads
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
-
-CHANNELS: dict[str, tuple[int, type[np.generic]]] = {
-    "rgb": (3, np.uint8),
-    "depth": (1, np.float32),
-    "semantic": (1, np.uint8),
-    "instance": (1, np.int32),
-    "normals": (3, np.float32),
-    "flow": (2, np.float32),
-}
-"""Channels: numbers per pixel and their type."""
-
-TAILS = {name: (numbers,) if numbers > 1 else () for name, (numbers, _) in CHANNELS.items()}
-
-
-def shape_of_channel(name: str, num_pixels: int) -> tuple[int, ...]:
-    """Return the shape of a channel of a frame, see ``Pictures``."""
-    return (3 * num_pixels,) if name == "rgb" else (num_pixels, *TAILS[name])
-
-
-_NO_PICTURES = Pictures(*(np.empty((0, *shape_of_channel(name, 0)), kind) for name, (_, kind) in CHANNELS.items()))
 
 MAX_TRIANGLES = 200_000
 _MAX_VERTICES = 2_000
@@ -87,47 +70,79 @@ class Optics:
     rings: Float64
 
 
+class Rig(NamedTuple):
+    """The B cameras of a call.
+
+    Attributes:
+        owners: (B, 3) int32 slot, row of the own vehicle or -1, and how it is shown.
+        poses: (B, NUM_POSE) see ``cameras.draw.columns``; heights are the scenario's.
+        look: Light of each frame.
+        scenery: What surrounds the roads.
+    """
+
+    owners: Int32
+    poses: Float64
+    look: Look
+    scenery: Scenery
+
+
+def shots_of(rig: Rig, optics: Optics, channels: Sequence[str]) -> Shots:
+    """Return cameras and lens as kernels take them."""
+    return Shots(
+        rig.owners, rig.poses, optics.lens, optics.rays, optics.rings, optics.width, optics.height, optics.reach,
+        optics.flow_time, optics.are_boxes, "rgb" in channels,
+    )  # fmt: skip
+
+
+def pictures_for(
+    make: Callable[[tuple[int, ...], type[np.generic]], Any], count: int, optics: Optics, channels: Sequence[str]
+) -> Pictures:
+    """Return arrays for the frames of channels that are wanted, made by a function of shape and type."""
+    num_pixels = optics.width * optics.height
+    wanted = {name: count if name in channels else 0 for name in CHANNELS}
+    return tuple(make((wanted[name], *shape_of_channel(name, num_pixels)), CHANNELS[name][1]) for name in CHANNELS)
+
+
 def draw(
-    batch: WorldBatch,
-    state: State,
-    cameras: Int32,
-    poses: Float64,
-    optics: Optics,
-    look: Look,
-    scenery: Scenery,
-    channels: Sequence[str],
-    threads: int = 1,
+    batch: WorldBatch, state: State, rig: Rig, optics: Optics, channels: Sequence[str], threads: int = 1
 ) -> dict[str, Array]:
     """Draw the frames of B cameras.
 
     Args:
         batch, state: The worlds and their current state.
-        cameras: (B, 3) int32 slot, row of the own vehicle or -1, and how it is shown.
-        poses: (B, NUM_POSE) see ``cameras.draw.layout``; heights are the scenario's.
+        rig: The cameras.
         optics: Lens, size and reach.
-        look: Light of each frame.
-        scenery: What surrounds the roads.
         channels: Names in ``CHANNELS``.
         threads: Largest number of threads; the result does not depend on it.
 
     Returns:
         Arrays (B, H, W) or (B, H, W, numbers) by channel.
     """
-    count, (height, width) = len(cameras), (optics.height, optics.width)
-    made = {name: np.empty((count, *shape_of_channel(name, height * width)), CHANNELS[name][1]) for name in channels}
-    pictures, stage = _NO_PICTURES._replace(**made), stage_of(batch, scenery)
-    solids, meshes, ground = stage.solids(batch, state), library(), stage.ground
-    options = optics.are_boxes, optics.reach, optics.flow_time
+    count, (height, width) = len(rig.owners), (optics.height, optics.width)
+    pictures, stage = pictures_for(np.empty, count, optics, channels), stage_of(batch, rig.scenery)
+    shots, scene = (
+        shots_of(rig, optics, channels),
+        SceneArrays(stage.solids(batch, state), stage.ground, library(), rig.look),
+    )
 
     def draw_parts(_: int, first: int, end: int) -> int:
-        return unchecked(draw_frames)(
-            first, end, cameras, poses, optics.lens, optics.rays, optics.rings, (height, width), options, solids,
-            ground, meshes, look, _scratch(width), pictures,
-        )  # fmt: skip
+        return unchecked(draw_frames)(first, end, shots, scene, _scratch(width), pictures)
 
     if count:
         _threads(threads).run(draw_parts, count * -(-height // (BAND * BANDS)))
-    return {name: values.reshape(count, height, width, *TAILS[name]) for name, values in made.items()}
+    made = dict(zip(CHANNELS, pictures, strict=True))
+    return {name: made[name].reshape(count, height, width, *tail_of_channel(name)) for name in channels}
+
+
+def triangles_for(make: Callable[[str, tuple[int, ...], type[np.generic]], Any], count: int) -> Triangles:
+    """Return memory for triangles, made by a function of name, shape and type."""
+    return Triangles(
+        edges=make("edges", (count, 12), np.float64),
+        spans=make("spans", (count, 12), np.float64),
+        colors=make("colors", (count, 12), np.float32),
+        labels=make("labels", (count, 3), np.int32),
+        bounds=make("bounds", (count, 4), np.int32),
+    )
 
 
 @lru_cache
@@ -142,29 +157,26 @@ def _scratch(width: int) -> FrameMemory:
     """Return the memory of this thread for rows of some width."""
     columns = max(width, 16)
     found: FrameMemory | None = getattr(_memory, "scratch", None)
-    if found is None or len(found.near) < BAND * columns:
+    if found is None or len(found.band.near) < BAND * columns:
         found = _memory.scratch = FrameMemory(
-            vertices=np.zeros((NUM_VERTEX, _MAX_VERTICES)),
-            lights=np.zeros((NUM_LIGHTS, _MAX_VERTICES), np.float32),
-            edges=np.empty((MAX_TRIANGLES, 12)),
-            spans=np.empty((MAX_TRIANGLES, 12)),
-            colors=np.zeros((MAX_TRIANGLES, 12), np.float32),
-            labels=np.empty((MAX_TRIANGLES, 3), np.int32),
-            bounds=np.empty((MAX_TRIANGLES, 4), np.int32),
+            vertices=Vertices(np.zeros((NUM_VERTEX, _MAX_VERTICES)), np.zeros((NUM_LIGHTS, _MAX_VERTICES), np.float32)),
+            triangles=triangles_for(lambda _, shape, dtype: np.empty(shape, dtype), MAX_TRIANGLES),
             instances=np.empty((_MAX_INSTANCES, NUM_INSTANCE), np.int32),
             shadows=np.empty((_MAX_INSTANCES, 12)),
             places=np.zeros((2, BAND), np.int32),
-            near=np.empty(BAND * columns, np.float32),
-            seen=np.empty(BAND * columns, np.int32),
-            shades=np.zeros((NUM_SHADES, TILE + LANES), np.float32),
-            cells=np.zeros(TILE, np.int32),
-            texels=np.zeros(TILE, np.int32),
+            band=Tile(
+                near=np.empty(BAND * columns, np.float32),
+                seen=np.empty(BAND * columns, np.int32),
+                shades=np.zeros((NUM_SHADES, TILE + LANES), np.float32),
+                cells=np.zeros(TILE, np.int32),
+                texels=np.zeros(TILE, np.int32),
+                nodes=np.zeros((3, columns // SKY_STEP + 2 + LANES), np.float32),
+                sky=np.zeros((2, 4, columns + SKY_STEP), np.float32),
+            ),
             box=np.zeros(7),
             radii=np.empty(_LISTED, np.float32),
             has_shadow=np.empty(_LISTED, np.int32),
             listed=np.empty(_LISTED, np.int32),
-            nodes=np.zeros((3, columns // SKY_STEP + 2 + LANES), np.float32),
-            sky=np.zeros((2, 4, columns + SKY_STEP), np.float32),
         )
     return found
 

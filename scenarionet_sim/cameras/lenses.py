@@ -7,22 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_sim.cameras.draw.layout import (
-    CX,
-    CY,
-    DISTORTED,
-    FISHEYE,
-    FX,
-    FY,
-    K1,
-    K2,
-    K3,
-    KIND,
-    NUM_LENS,
-    P1,
-    P2,
-    PINHOLE,
-)
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
 
 Intrinsics = tuple[float, float, float, float]
 """Focal lengths fx, fy and principal point cx, cy [pixels]; the centre of the first pixel is at (0.5, 0.5)."""
@@ -37,10 +23,10 @@ def lens_of(kind: str, intrinsics: Intrinsics, distortion: tuple[float, ...]) ->
         distortion: Of a pinhole k1, k2, p1, p2, k3 (Brown, Conrady); of a fisheye k1, k2, k3, k4 (Kannala, Brandt);
             missing ones are 0.
     """
-    lens = np.zeros(NUM_LENS)
-    lens[[FX, FY, CX, CY]] = intrinsics
-    lens[[K1, K2, P1, P2, K3][: len(distortion)]] = distortion
-    lens[KIND] = FISHEYE if kind == "fisheye" else (DISTORTED if any(distortion) else PINHOLE)
+    lens = np.zeros(at.NUM_LENS)
+    lens[[at.FX, at.FY, at.CX, at.CY]] = intrinsics
+    lens[[at.K1, at.K2, at.P1, at.P2, at.K3][: len(distortion)]] = distortion
+    lens[at.KIND] = codes.FISHEYE if kind == "fisheye" else (codes.DISTORTED if any(distortion) else codes.PINHOLE)
     return lens
 
 
@@ -55,16 +41,16 @@ def rays_of(lens: tuple[float, ...], width: int, height: int) -> Float64:
     The third component is 1 with a pinhole, distorted or not; a fisheye's directions are unit vectors. An undistorted
     pinhole needs none: its array is empty.
     """
-    kind = int(lens[KIND])
-    if kind == PINHOLE:
+    kind = int(lens[at.KIND])
+    if kind == codes.PINHOLE:
         return _NO_RAYS
-    u = (np.arange(width) + 0.5 - lens[CX]) / lens[FX]
-    v = (np.arange(height) + 0.5 - lens[CY]) / lens[FY]
+    u = (np.arange(width) + 0.5 - lens[at.CX]) / lens[at.FX]
+    v = (np.arange(height) + 0.5 - lens[at.CY]) / lens[at.FY]
     bent = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1)
     rays = np.empty((height, width, 3))
-    if kind == FISHEYE:
+    if kind == codes.FISHEYE:
         radius = np.hypot(bent[..., 0], bent[..., 1])
-        angle = _unbend(radius, (lens[K1], lens[K2], lens[P1], lens[P2]))
+        angle = _unbend(radius, (lens[at.K1], lens[at.K2], lens[at.P1], lens[at.P2]))
         scale = np.divide(np.sin(angle), radius, out=np.ones_like(radius), where=radius > 1e-12)
         rays[..., :2], rays[..., 2] = bent * scale[..., None], np.cos(angle)
     else:
@@ -87,7 +73,7 @@ def _unbend(radius: Float64, k: tuple[float, float, float, float]) -> Float64:
 def _undistort(bent: Float64, lens: tuple[float, ...]) -> Float64:
     """Return the undistorted places (..., 2) of distorted ones, by Newton's method."""
     place = bent.copy()
-    k1, k2, p1, p2, k3 = (lens[column] for column in (K1, K2, P1, P2, K3))
+    k1, k2, p1, p2, k3 = (lens[column] for column in (at.K1, at.K2, at.P1, at.P2, at.K3))
     for _ in range(20):
         u, v = place[..., 0], place[..., 1]
         square = u * u + v * v

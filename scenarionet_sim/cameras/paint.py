@@ -6,7 +6,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, IntP, UInt8
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_road_line
-from scenarionet_sim.cameras.draw.layout import CROSSWALK_BAR, WHITE, YELLOW
+from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.roads.roads import Roads
 
 LINE_WIDTH, STOP_WIDTH, DOUBLE_GAP = 0.13, 0.45, 0.16
@@ -66,7 +66,7 @@ def lane_paint(roads: Roads) -> tuple[Float32, UInt8]:
             start = ends[here, :2] + unit[here] * begin[:, None]
             start = start + side * np.stack([-unit[here, 1], unit[here, 0]], axis=1)
             strokes.append(np.column_stack([start, unit[here], end - begin, half[here]]))
-            colors.append(np.where(np.isin(kinds[here], _YELLOW), YELLOW, WHITE))
+            colors.append(np.where(np.isin(kinds[here], _YELLOW), codes.YELLOW, codes.WHITE))
     return np.concatenate(strokes).astype(np.float32), np.concatenate(colors).astype(np.uint8)
 
 
@@ -118,7 +118,7 @@ def crosswalk_paint(outlines: list[Float64]) -> tuple[Float32, UInt8]:
             if reach is not None and reach[1] - reach[0] > 0.3:
                 start = middle + place * axes[0] + reach[0] * axes[1]
                 strokes.append(np.array([*start, *axes[1], reach[1] - reach[0], BAR / 2]))
-    kinds = np.full(len(strokes), CROSSWALK_BAR, np.uint8)
+    kinds = np.full(len(strokes), codes.CROSSWALK_BAR, np.uint8)
     return np.array(strokes, np.float32).reshape(-1, 6), kinds
 
 

@@ -1,4 +1,4 @@
-"""Building blocks of meshes: vertices and triangles with materials, in the unit box of ``cameras.draw.layout``."""
+"""Building blocks of meshes: vertices and triangles with materials, in the unit box of ``Meshes``."""
 
 from __future__ import annotations
 

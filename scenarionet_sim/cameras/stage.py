@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, Int64
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
-from scenarionet_sim.cameras.draw.layout import GROUP, Ground, Solids
+from scenarionet_sim.cameras.draw.structures import GROUP, Ground, Solids
 from scenarionet_sim.cameras.surroundings import fixtures
 from scenarionet_sim.cameras.terrain import Terrain
 from scenarionet_sim.worlds.blocks import Blocks
@@ -30,7 +30,7 @@ class BuiltScene:
 
     Attributes:
         terrain: The ground.
-        fixed, fixed_kind: Fixtures in groups, see ``cameras.draw.layout.Solids``.
+        fixed, fixed_kind: Fixtures in groups, see ``cameras.draw.structures.Solids``.
     """
 
     terrain: Terrain

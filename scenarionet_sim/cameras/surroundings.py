@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
-from scenarionet_sim.cameras.draw import layout as at
+from scenarionet_sim.cameras.draw import codes as at
 from scenarionet_sim.cameras.terrain import Terrain
 from scenarionet_sim.worlds.world import World
 
@@ -24,7 +24,7 @@ Row = tuple[tuple[float, ...], tuple[int, int, int, int]]
 
 
 def fixtures(world: World, terrain: Terrain, seed: int, *, has_scenery: bool) -> tuple[Float32, Int32]:
-    """Return the fixtures of a world, see ``cameras.draw.layout.Solids``.
+    """Return the fixtures of a world, see ``cameras.draw.structures.Solids``.
 
     Args:
         world: The world.

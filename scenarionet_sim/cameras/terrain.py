@@ -10,8 +10,8 @@ import shapely
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int64, UInt8
 from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw.ground import fill_corners, list_strokes
-from scenarionet_sim.cameras.draw.layout import CROSSWALK_BORDER, HAS_STROKES, KERB, ROAD_BORDER, SIDEWALK_BORDER
 from scenarionet_sim.cameras.paint import crosswalk_paint, lane_paint
 from scenarionet_sim.roads.roads import Roads
 
@@ -32,7 +32,7 @@ class Terrain:
     """The ground of one world.
 
     Attributes:
-        frame: (5,) see ``cameras.draw.layout.Ground``, as the other arrays.
+        frame: (5,) see ``cameras.draw.structures.Ground``, as the other arrays.
         corner: (C,).
         cell_start: (C + 1,) from 0.
         strokes: (K, 6).
@@ -68,9 +68,9 @@ class Terrain:
             paved = road.buffer(SIDEWALK_WIDTH, quad_segs=4)
             parts.insert(0, _kerbs(road))
         strokes, kinds = [part[0] for part in parts], [part[1] for part in parts]
-        borders = [(_edges(road), ROAD_BORDER), (_edges(crosswalk), CROSSWALK_BORDER)]
+        borders = [(_edges(road), codes.ROAD_BORDER), (_edges(crosswalk), codes.CROSSWALK_BORDER)]
         if has_sidewalks:
-            borders.append((_edges(paved), SIDEWALK_BORDER))
+            borders.append((_edges(paved), codes.SIDEWALK_BORDER))
         for edges, kind in borders:
             strokes.append(np.column_stack([edges, np.zeros((len(edges), 2))]).astype(np.float32))
             kinds.append(np.full(len(edges), kind, np.uint8))
@@ -80,7 +80,7 @@ class Terrain:
         for edges, kind in borders:
             fill_corners(np.ascontiguousarray(edges.astype(np.float32).astype(np.float64)), 1 << kind, frame, corner)
         starts, items = _cells(every, every_kind, frame)
-        corner[starts[1:] > starts[:-1]] |= HAS_STROKES
+        corner[starts[1:] > starts[:-1]] |= codes.HAS_STROKES
         return cls(frame, corner, starts, every[items], every_kind[items], road, paved)
 
 
@@ -121,14 +121,14 @@ def _kerbs(road: shapely.Geometry) -> tuple[Float32, UInt8]:
     unit = vector[kept] / length[kept, None]
     half = np.full((kept.sum(), 1), KERB_WIDTH / 2)
     strokes = np.column_stack([edges[kept, :2], unit, length[kept], half]).astype(np.float32)
-    return strokes, np.full(len(strokes), KERB, np.uint8)
+    return strokes, np.full(len(strokes), codes.KERB, np.uint8)
 
 
 def _frame(strokes: Float32, kinds: UInt8) -> Float64:
     """Return the frame of the grid around all strokes."""
     if not len(strokes):
         return np.array([0.0, 0.0, CELL, 1.0, 1.0])
-    is_border = kinds <= CROSSWALK_BORDER
+    is_border = kinds <= codes.CROSSWALK_BORDER
     start = strokes[:, :2].astype(np.float64)
     end = np.where(is_border[:, None], strokes[:, 2:4], start + strokes[:, 2:4] * strokes[:, 4:5])
     low, high = np.minimum(start, end).min(axis=0) - 1.0, np.maximum(start, end).max(axis=0) + 1.0

@@ -10,21 +10,10 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.cameras.draw.layout import (
-    CLOUD,
-    EXPOSURE,
-    HAZE,
-    HORIZON,
-    LAMPS,
-    NUM_LIGHT,
-    SHADOW,
-    SHIFT,
-    VIGNETTE,
-    WET,
-    Look,
-)
+from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.shading import OCTAVES
 from scenarionet_sim.cameras.draw.sky import GRAIN_SIZE
+from scenarionet_sim.cameras.draw.structures import Look
 
 
 @dataclass(frozen=True)
@@ -101,9 +90,9 @@ def look_of(
 @lru_cache(maxsize=64)
 def _lights(names: tuple[str, ...], weather: Weather | None, seed: int, exposure: float, vignette: float) -> Float64:
     """Return the light (W, NUM_LIGHT) of slots."""
-    lights = np.array([_light(weather or random_weather(seed, name)) for name in names]).reshape(-1, NUM_LIGHT)
-    lights[:, EXPOSURE], lights[:, VIGNETTE] = exposure, vignette
-    lights[:, SHIFT] = [zlib.crc32(name.encode(), seed) % 512 for name in names]
+    lights = np.array([_light(weather or random_weather(seed, name)) for name in names]).reshape(-1, at.NUM_LIGHT)
+    lights[:, at.EXPOSURE], lights[:, at.VIGNETTE] = exposure, vignette
+    lights[:, at.SHIFT] = [zlib.crc32(name.encode(), seed) % 512 for name in names]
     return lights
 
 
@@ -119,11 +108,11 @@ def _light(weather: Weather) -> Float64:
     zenith = (high * _ZENITH + (1 - high) * _LOW_ZENITH) * (1 - dull) + dull * (0.35 + 0.55 * high) * _GREY
     horizon = (high * _HORIZON + (1 - high) * _LOW_HORIZON) * (1 - dull) + dull * (0.45 + 0.65 * high) * _GREY
     bounce = 0.16 * (sunlight * np.sin(rise) + skylight)
-    light = np.zeros(NUM_LIGHT)
-    light[: HORIZON + 3] = np.concatenate([sun, sunlight, skylight, bounce, zenith, horizon])
-    light[[HAZE, CLOUD, WET]] = 0.73 * weather.haze, weather.clouds, weather.wetness
-    light[LAMPS] = max(1.0 - min(rise / 0.35, 1.0), weather.wetness)
-    light[SHADOW] = 0.55 + 0.45 * (weather.clouds < 0.8)
+    light = np.zeros(at.NUM_LIGHT)
+    light[: at.HORIZON + 3] = np.concatenate([sun, sunlight, skylight, bounce, zenith, horizon])
+    light[[at.HAZE, at.CLOUD, at.WET]] = 0.73 * weather.haze, weather.clouds, weather.wetness
+    light[at.LAMPS] = max(1.0 - min(rise / 0.35, 1.0), weather.wetness)
+    light[at.SHADOW] = 0.55 + 0.45 * (weather.clouds < 0.8)
     return light
 
 

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int32
+from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.errors import BadParameter
+from scenarionet_sim.cameras.channels import CHANNELS
 from scenarionet_sim.cameras.cuda.availability import require_cuda
-from scenarionet_sim.cameras.draw.layout import Look
-from scenarionet_sim.cameras.drawing import CHANNELS, Optics, draw, poses_on, scaled_down
+from scenarionet_sim.cameras.drawing import Optics, Rig, draw, poses_on, scaled_down
 from scenarionet_sim.cameras.formats import add_pixel_noise
 from scenarionet_sim.cameras.lenses import Intrinsics, lens_of, rays_of
-from scenarionet_sim.cameras.stage import Scenery
 from scenarionet_sim.cameras.weather import DAY, Weather, look_of
 from scenarionet_sim.sensors.base import Sensor, require
 from scenarionet_sim.worlds.state import State
@@ -201,8 +200,7 @@ class Camera(Sensor):
         """
         if self.device == "cuda":
             return {name: seen.copy_to_host() for name, seen in self.frames_on_card(batch, state, agents, rng).items()}
-        who, poses, look, scenery = self._shots(batch, state, agents, rng)
-        drawn = partial(draw, batch, state, who, poses, look=look, scenery=scenery, threads=self.threads)
+        drawn = partial(draw, batch, state, self._rig(batch, state, agents, rng), threads=self.threads)
         return self._finished(drawn, scaled_down, add_pixel_noise, rng)
 
     def frames_on_card(
@@ -218,14 +216,11 @@ class Camera(Sensor):
         require_cuda()
         from scenarionet_sim.cameras.cuda import drawing as card
 
-        who, poses, look, scenery = self._shots(batch, state, agents, rng)
-        drawn = partial(card.draw, batch, state, who, poses, look=look, scenery=scenery)
+        drawn = partial(card.draw, batch, state, self._rig(batch, state, agents, rng))
         return self._finished(drawn, card.scaled_down, card.add_pixel_noise, rng)
 
-    def _shots(
-        self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator | None
-    ) -> tuple[Int32, Float64, Look, Scenery]:
-        """Return slots and own vehicles, poses and light of the frames, and what surrounds the roads."""
+    def _rig(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator | None) -> Rig:
+        """Return a camera on each agent."""
         mount, count = self.mount, len(agents)
         turns = np.empty((count, 3))
         turns[:] = mount.yaw, mount.pitch, mount.roll
@@ -236,7 +231,7 @@ class Camera(Sensor):
         who[:, :2], who[:, 2] = agents, OWN_VIEWS.index(self.own)
         names = tuple([world.scenario_id for world in batch.worlds])
         look = look_of(names, agents[:, 0], self.weather, self.seed, self.exposure, self.vignette)
-        return who, poses, look, (self.has_sidewalks, self.has_scenery, self.seed)
+        return Rig(who, poses, look, (self.has_sidewalks, self.has_scenery, self.seed))
 
     def _finished(
         self,

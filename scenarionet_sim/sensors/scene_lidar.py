@@ -10,8 +10,9 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32
 from scenarionet_sim.cameras.classes import SemanticClass
-from scenarionet_sim.cameras.draw.layout import FX, FY, KIND, NUM_LENS, RINGS
-from scenarionet_sim.cameras.drawing import Optics, draw, poses_on
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
+from scenarionet_sim.cameras.drawing import Optics, Rig, draw, poses_on
 from scenarionet_sim.cameras.weather import DAY, look_of
 from scenarionet_sim.sensors.base import Sensor, require
 from scenarionet_sim.sensors.camera import Mount
@@ -94,8 +95,8 @@ class SceneLidar(Sensor):
 
     @cached_property
     def _optics(self) -> Optics:
-        lens = np.zeros(NUM_LENS)
-        lens[KIND], lens[[FX, FY]] = RINGS, self.azimuths / (2 * np.pi)
+        lens = np.zeros(at.NUM_LENS)
+        lens[at.KIND], lens[[at.FX, at.FY]] = codes.RINGS, self.azimuths / (2 * np.pi)
         size = self.azimuths, len(self.elevations)
         return Optics(lens, *size, self.range, self.are_boxes, 0.0, self._rays, np.tan(self.elevations))
 
@@ -106,9 +107,9 @@ class SceneLidar(Sensor):
         poses = poses_on(batch, state, agents, (mount.x, mount.y, mount.z), turns)
         who = np.column_stack([agents, np.zeros(count, np.int32)])
         look = look_of(("",), np.zeros(count, np.int32), DAY, 0, 1.0, 0.0)
-        scenery = True, self.has_scenery, self.seed
         channels = "depth", "semantic", "normals"
-        found = draw(batch, state, who, poses, self._optics, look, scenery, channels, self.threads)
+        rig = Rig(who, poses, look, (True, self.has_scenery, self.seed))
+        found = draw(batch, state, rig, self._optics, channels, self.threads)
         out[..., 0] = np.minimum(found["depth"] / self.range, 1.0)
         ways = self._rays.astype(np.float32) @ poses[:, None, 3:12].reshape(count, 1, 3, 3).astype(np.float32)
         cosine = np.abs(np.einsum("ahwc,ahwc->ahw", ways, found["normals"]))

@@ -7,41 +7,32 @@ from types import SimpleNamespace
 import numpy as np
 
 from scenarionet_data.compiled.decorators import kernel
+from scenarionet_sim.cameras.cuda.items import LANES, bound_instance, find_item, list_items, set_up_part
+from scenarionet_sim.cameras.cuda.pixels import draw_pixel, light_sky, stretch_sky
+from scenarionet_sim.cameras.draw.columns import NUM_LIGHTS, NUM_SHADES, NUM_VERTEX
 from scenarionet_sim.cameras.draw.finishing import noisy_level, root_mean_square
-from scenarionet_sim.cameras.draw.layout import NUM_SHADES
-from scenarionet_sim.cameras.draw.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
-from scenarionet_sim.cameras.draw.thread_layout import PixelMemory
-from scenarionet_sim.cameras.draw.thread_pixels import draw_pixel, light_sky, stretch_sky
-
-LANES = 32
+from scenarionet_sim.cameras.draw.structures import BAND, Tile, Vertices
 
 
 @kernel(divides_by_zero=True)
-def find(count, num_items, size, options, shots, solids, ground, meshes, look, items):
+def find(count, num_items, shots, scene, items):
     for thread in range(count):
-        find_item(thread // num_items, thread % num_items, size, options, shots, solids, ground, meshes, look, items)
+        find_item(thread // num_items, thread % num_items, shots, scene, items)
 
 
 @kernel(divides_by_zero=True)
-def list_found(count, meshes, items):
+def list_found(count, scene, items):
     for frame in range(count):
-        list_items(frame, meshes, items)
+        list_items(frame, scene, items)
 
 
 @kernel(divides_by_zero=True)
-def place_vertices(count, num_places, is_colored, shots, meshes, look, items, triangles):
+def set_up(count, num_places, shots, scene, items, triangles):
+    vertices = Vertices(np.empty((NUM_VERTEX, 3)), np.empty((NUM_LIGHTS, 3), np.float32))
     for thread in range(count):
         lane, place, frame = thread % LANES, thread // LANES % num_places, thread // LANES // num_places
         if place < items.counts[frame, 0]:
-            place_part(frame, place, lane, LANES, is_colored, shots, meshes, look, items, triangles)
-
-
-@kernel(divides_by_zero=True)
-def set_up(count, num_places, size, is_colored, num_objects, shots, meshes, look, items, triangles):
-    for thread in range(count):
-        lane, place, frame = thread % LANES, thread // LANES % num_places, thread // LANES // num_places
-        if place < items.counts[frame, 0]:
-            set_up_part(frame, place, lane, LANES, size, is_colored, num_objects, shots, meshes, look, items, triangles)
+            set_up_part(frame, place, lane, shots, scene, items, vertices, triangles)
 
 
 @kernel(divides_by_zero=True)
@@ -52,10 +43,10 @@ def bound(count, num_places, items, triangles):
 
 
 @kernel(divides_by_zero=True)
-def light(count, size, shots, look, nodes):
+def light(count, shots, look, nodes):
     for thread in range(count):
         row = thread // nodes.shape[3]
-        light_sky(row // nodes.shape[1], row % nodes.shape[1], thread % nodes.shape[3], size, shots, look, nodes)
+        light_sky(row // nodes.shape[1], row % nodes.shape[1], thread % nodes.shape[3], shots, look, nodes)
 
 
 @kernel(divides_by_zero=True)
@@ -66,18 +57,15 @@ def stretch(count, nodes, sky):
 
 
 @kernel(divides_by_zero=True)
-def draw(count, size, options, shots, motion, ground, look, items, triangles, sky, pictures):
-    height, width = size
-    memory = PixelMemory(
-        np.empty(1, np.float32), np.empty(1, np.int32), np.empty((NUM_SHADES, 1), np.float32), np.empty(1, np.int32),
-        np.empty(1, np.int32),
-    )  # fmt: skip
+def draw(count, shots, scene, items, triangles, sky, pictures):
+    num_pixels = shots.height * shots.width
+    near, shades = np.empty(1, np.float32), np.empty((NUM_SHADES, 1), np.float32)
+    seen, cells, texels = np.empty(1, np.int32), np.empty(1, np.int32), np.empty(1, np.int32)
     for thread in range(count):
-        row = thread // width
-        draw_pixel(
-            row // height, row % height, thread % width, size, options, shots, motion, ground, look, items, triangles,
-            sky, memory, pictures,
-        )  # fmt: skip
+        frame, number = thread // num_pixels, thread % num_pixels
+        band = number // shots.width // BAND
+        tile = Tile(near, seen, shades, cells, texels, shades, sky[frame, band : band + 2])
+        draw_pixel(frame, number, shots, scene, items, triangles, tile, pictures)
 
 
 @kernel
@@ -100,7 +88,6 @@ def add_noise(count, spread, seed, levels):
 KERNELS = SimpleNamespace(
     find=find,
     list_found=list_found,
-    place_vertices=place_vertices,
     set_up=set_up,
     bound=bound,
     light=light,

@@ -61,4 +61,6 @@ def _plain(value):
     """The same with NumPy's own arrays."""
     if isinstance(value, np.ndarray):
         return value.view(np.ndarray)
-    return type(value)(*map(_plain, value)) if hasattr(value, "_fields") else value
+    if hasattr(value, "_fields"):
+        return type(value)(*map(_plain, value))
+    return tuple(map(_plain, value)) if isinstance(value, tuple) else value

@@ -56,7 +56,7 @@ def assembler():
 
 @pytest.mark.parametrize(
     "name",
-    ["find", "list_found", "place_vertices", "set_up", "bound", "light", "stretch", "draw", "shrink", "add_noise"],
+    ["find", "list_found", "set_up", "bound", "light", "stretch", "draw", "shrink", "add_noise"],
 )
 def test_kernels_compile(name, signatures, without_card, tmp_path):
     from numba import cuda

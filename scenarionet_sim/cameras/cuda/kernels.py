@@ -1,4 +1,4 @@
-"""The CUDA kernels: each thread calls one function of ``cameras.draw.thread_items`` or ``finishing``.
+"""The CUDA kernels: each thread calls one function of ``items``, ``pixels`` or ``draw.finishing``.
 
 Importing this module needs numba-cuda; the kernels compile at their first launch in a process.
 """
@@ -9,24 +9,21 @@ import warnings
 from typing import Any
 
 import numba.cuda
-from numba import float32, int32
+from numba import float32, float64, int32
 
-from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Float32, UInt8
+from scenarionet_sim.cameras.cuda.items import LANES, Items, bound_instance, find_item, list_items, set_up_part
+from scenarionet_sim.cameras.cuda.pixels import draw_pixel, light_sky, stretch_sky
+from scenarionet_sim.cameras.draw.columns import NUM_LIGHTS, NUM_SHADES, NUM_VERTEX
 from scenarionet_sim.cameras.draw.finishing import noisy_level, root_mean_square
-from scenarionet_sim.cameras.draw.layout import NUM_SHADES, Ground, Look, Meshes, Pictures, Solids
-from scenarionet_sim.cameras.draw.thread_items import bound_instance, find_item, list_items, place_part, set_up_part
-from scenarionet_sim.cameras.draw.thread_layout import DrawingOptions, Items, PixelMemory, Shots, Triangles
-from scenarionet_sim.cameras.draw.thread_pixels import draw_pixel, light_sky, stretch_sky
+from scenarionet_sim.cameras.draw.structures import BAND, Look, Pictures, SceneArrays, Shots, Tile, Triangles, Vertices
 
 cuda: Any = numba.cuda
 
 THREADS = 128
 """Threads of a block."""
 
-LANES = 32
-"""Threads that share the triangles of an instance."""
-
-_SHADES = NUM_SHADES, 1
+_SHADES, _PLACES, _LIGHTS = (NUM_SHADES, 1), (NUM_VERTEX, 3), (NUM_LIGHTS, 3)
 
 
 def launch(kernel: Any, count: int, *arguments: object) -> None:
@@ -39,48 +36,30 @@ def launch(kernel: Any, count: int, *arguments: object) -> None:
 
 
 @cuda.jit
-def find(
-    count: int, num_items: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, solids: Solids,
-    ground: Ground, meshes: Meshes, look: Look, items: Items,
-) -> None:  # fmt: skip
+def find(count: int, num_items: int, shots: Shots, scene: SceneArrays, items: Items) -> None:
     """One thread for each of ``num_items`` objects and fixtures of every frame."""
     thread = cuda.grid(1)
     if thread < count:
-        find_item(thread // num_items, thread % num_items, size, options, shots, solids, ground, meshes, look, items)
+        find_item(thread // num_items, thread % num_items, shots, scene, items)
 
 
 @cuda.jit
-def list_found(count: int, meshes: Meshes, items: Items) -> None:
+def list_found(count: int, scene: SceneArrays, items: Items) -> None:
     """One thread for each frame."""
     frame = cuda.grid(1)
     if frame < count:
-        list_items(frame, meshes, items)
+        list_items(frame, scene, items)
 
 
 @cuda.jit
-def place_vertices(
-    count: int, num_places: int, is_colored: bool, shots: Shots, meshes: Meshes, look: Look, items: Items,
-    triangles: Triangles,
-) -> None:  # fmt: skip
+def set_up(count: int, num_places: int, shots: Shots, scene: SceneArrays, items: Items, triangles: Triangles) -> None:
     """``LANES`` threads for each of ``num_places`` instances of every frame."""
     thread = cuda.grid(1)
     if thread < count:
+        vertices = Vertices(cuda.local.array(_PLACES, float64), cuda.local.array(_LIGHTS, float32))
         lane, place, frame = thread % LANES, thread // LANES % num_places, thread // LANES // num_places
         if place < items.counts[frame, 0]:
-            place_part(frame, place, lane, LANES, is_colored, shots, meshes, look, items, triangles)
-
-
-@cuda.jit
-def set_up(
-    count: int, num_places: int, size: tuple[int, int], is_colored: bool, num_objects: int, shots: Shots,
-    meshes: Meshes, look: Look, items: Items, triangles: Triangles,
-) -> None:  # fmt: skip
-    """``LANES`` threads for each of ``num_places`` instances of every frame."""
-    thread = cuda.grid(1)
-    if thread < count:
-        lane, place, frame = thread % LANES, thread // LANES % num_places, thread // LANES // num_places
-        if place < items.counts[frame, 0]:
-            set_up_part(frame, place, lane, LANES, size, is_colored, num_objects, shots, meshes, look, items, triangles)
+            set_up_part(frame, place, lane, shots, scene, items, vertices, triangles)
 
 
 @cuda.jit
@@ -94,13 +73,13 @@ def bound(count: int, num_places: int, items: Items, triangles: Triangles) -> No
 
 
 @cuda.jit
-def light(count: int, size: tuple[int, int], shots: Shots, look: Look, nodes: Float32) -> None:
+def light(count: int, shots: Shots, look: Look, nodes: Float32) -> None:
     """One thread for each node of the sky of every frame."""
     thread = cuda.grid(1)
     if thread < count:
         num_rows, num_nodes = nodes.shape[1], nodes.shape[3]
         row = thread // num_nodes
-        light_sky(row // num_rows, row % num_rows, thread % num_nodes, size, shots, look, nodes)
+        light_sky(row // num_rows, row % num_rows, thread % num_nodes, shots, look, nodes)
 
 
 @cuda.jit
@@ -115,22 +94,18 @@ def stretch(count: int, nodes: Float32, sky: Float32) -> None:
 
 @cuda.jit
 def draw(
-    count: int, size: tuple[int, int], options: DrawingOptions, shots: Shots, motion: Float64, ground: Ground,
-    look: Look, items: Items, triangles: Triangles, sky: Float32, pictures: Pictures,
-) -> None:  # fmt: skip
+    count: int, shots: Shots, scene: SceneArrays, items: Items, triangles: Triangles, sky: Float32, pictures: Pictures
+) -> None:
     """One thread for each pixel of every frame."""
     thread = cuda.grid(1)
     if thread < count:
-        height, width = size
-        memory = PixelMemory(
-            cuda.local.array(1, float32), cuda.local.array(1, int32), cuda.local.array(_SHADES, float32),
-            cuda.local.array(1, int32), cuda.local.array(1, int32),
+        frame, number = thread // (shots.height * shots.width), thread % (shots.height * shots.width)
+        shades, band = cuda.local.array(_SHADES, float32), number // shots.width // BAND
+        tile = Tile(
+            cuda.local.array(1, float32), cuda.local.array(1, int32), shades, cuda.local.array(1, int32),
+            cuda.local.array(1, int32), shades, sky[frame, band : band + 2],
         )  # fmt: skip
-        row = thread // width
-        draw_pixel(
-            row // height, row % height, thread % width, size, options, shots, motion, ground, look, items, triangles,
-            sky, memory, pictures,
-        )  # fmt: skip
+        draw_pixel(frame, number, shots, scene, items, triangles, tile, pictures)
 
 
 @cuda.jit

@@ -6,55 +6,44 @@ import math
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
+from scenarionet_data.arrays.dtypes import Float32, Int32
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger
-from scenarionet_sim.cameras.draw.layout import (
-    CX,
-    CY,
-    DOWN,
-    EYE,
-    FORWARD,
-    FX,
-    FY,
-    GROUP,
-    RIGHT,
-    SUN,
-)
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.shadows import LEAST_SHADOW, SHADOW_REACH
-from scenarionet_sim.cameras.draw.singles import single
+from scenarionet_sim.cameras.draw.singles import single, singles
+from scenarionet_sim.cameras.draw.structures import GROUP, FrameView
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def measure_fixtures(
-    count: int, first: int, is_pinhole: bool, pose: Float64, lens: Float64, width: float, height: float, reach: float,
-    light: Float64, fixed: Float32, radii: Float32, shadows: Int32,
-) -> None:  # fmt: skip
+def measure_fixtures(count: int, first: int, view: FrameView, fixed: Float32, radii: Float32, shadows: Int32) -> None:
     """Write the radii of fixtures on the screen, and whether their shadows may be seen, see ``instances.casts_shadow``.
 
     Args:
         count, first: Number of groups of fixtures, and the first one.
-        is_pinhole, pose, lens, width, height, reach: The camera.
-        light: Light of the frame.
+        view: The camera.
         fixed: See ``Solids``.
         radii: Output, see ``placement.screen_radius``.
         shadows: Output for pinholes, 1 or 0.
     """
-    fx, fy, most, far_shadow = single(lens[FX]), single(lens[FY]), single(reach), single(SHADOW_REACH)
-    side, rise = single(larger(lens[CX], width - lens[CX])), single(larger(lens[CY], height - lens[CY]))
+    pose, lens, light, is_pinhole = view.pose, view.lens, view.light, view.lens[at.KIND] == codes.PINHOLE
+    fx, fy, most, far_shadow = single(lens[at.FX]), single(lens[at.FY]), single(view.reach), single(SHADOW_REACH)
+    side = single(larger(lens[at.CX], view.width - lens[at.CX]))
+    rise = single(larger(lens[at.CY], view.height - lens[at.CY]))
     per_side, per_rise = math.sqrt(fx * fx + side * side), math.sqrt(fy * fy + rise * rise)
-    rx, ry, rz = single(pose[RIGHT]), single(pose[RIGHT + 1]), single(pose[RIGHT + 2])
-    dx, dy, dz = single(pose[DOWN]), single(pose[DOWN + 1]), single(pose[DOWN + 2])
-    ax, ay, az = single(pose[FORWARD]), single(pose[FORWARD + 1]), single(pose[FORWARD + 2])
-    per_sun = single(1.0 / larger(light[SUN + 2], 0.2))
-    sun_x, sun_y = 0.5 * per_sun * single(light[SUN]), 0.5 * per_sun * single(light[SUN + 1])
+    rx, ry, rz = singles(pose, at.RIGHT)
+    dx, dy, dz = singles(pose, at.DOWN)
+    ax, ay, az = singles(pose, at.FORWARD)
+    per_sun = single(1.0 / larger(light[at.SUN + 2], 0.2))
+    sun_x, sun_y = 0.5 * per_sun * single(light[at.SUN]), 0.5 * per_sun * single(light[at.SUN + 1])
     for group in range(count):
         places, begin = fixed[first + group], group * GROUP
         for lane in range(GROUP):
             k = begin + lane
             long, wide, tall = places[4, lane], places[5, lane], places[6, lane]
-            wx, wy = single(places[0, lane] - pose[EYE]), single(places[1, lane] - pose[EYE + 1])
-            foot = single(places[2, lane] - pose[EYE + 2])
+            wx, wy = single(places[0, lane] - pose[at.EYE]), single(places[1, lane] - pose[at.EYE + 1])
+            foot = single(places[2, lane] - pose[at.EYE + 2])
             radius, wz = 0.5 * math.sqrt(long * long + wide * wide + tall * tall) + 0.1, foot + 0.5 * tall
             x, y, z = rx * wx + ry * wy + rz * wz, dx * wx + dy * wy + dz * wz, ax * wx + ay * wy + az * wz
             far = math.sqrt(wx * wx + wy * wy + wz * wz)

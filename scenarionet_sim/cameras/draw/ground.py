@@ -7,11 +7,10 @@ import math
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int64, UInt8
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.minmax import larger, smaller
-from scenarionet_sim.cameras.draw.layout import (
-    CROSSWALK_BORDER,
-    WHITE,
-    Ground,
-)
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw.structures import Ground
+
+SpacePoint = tuple[float, float, float]
 
 MARGIN = 0.25
 """Strokes are in all cells closer than this [m]."""
@@ -35,10 +34,9 @@ def height_at(ground: Ground, slot: int, x: float, y: float) -> float:
 
 
 @device_function(divides_by_zero=True)
-def meet_heights(
-    ground: Ground, slot: int, x: float, y: float, z: float, dx: float, dy: float, dz: float, reach: float
-) -> float:
+def meet_heights(ground: Ground, slot: int, eye: SpacePoint, ray: SpacePoint, reach: float) -> float:
     """Return how far along a direction a ray first meets uneven ground; infinite if it does not within ``reach``."""
+    (x, y, z), (dx, dy, dz) = eye, ray
     flat = math.hypot(dx, dy)
     before, above = 0.0, z - height_at(ground, slot, x, y)
     if above <= 0.0 or flat < 1e-9:
@@ -84,7 +82,7 @@ def surface_at(ground: Ground, slot: int, cell: int, x: float, y: float) -> int:
     corner_y = frame[1] + frame[2] * (number // columns)
     for k in range(ground.cell_start[cell], ground.cell_start[cell + 1]):
         kind = ground.stroke_kind[k]
-        if kind > CROSSWALK_BORDER:
+        if kind > codes.CROSSWALK_BORDER:
             continue
         x0, y0 = ground.strokes[k, 0] * 1.0, ground.strokes[k, 1] * 1.0
         x1, y1 = ground.strokes[k, 2] * 1.0, ground.strokes[k, 3] * 1.0
@@ -104,7 +102,7 @@ def paint_at(ground: Ground, cell: int, x: float, y: float) -> int:
     """Return the kind of the last painted stroke that contains a point, or -1."""
     found = -1
     for k in range(ground.cell_start[cell], ground.cell_start[cell + 1]):
-        if ground.stroke_kind[k] >= WHITE:
+        if ground.stroke_kind[k] >= codes.WHITE:
             stroke = ground.strokes[k]
             dx, dy = x - stroke[0], y - stroke[1]
             along, beside = dx * stroke[2] + dy * stroke[3], dy * stroke[2] - dx * stroke[3]
@@ -159,7 +157,7 @@ def list_strokes(
     columns, rows, side = int(frame[3]), int(frame[4]), frame[2]
     for s in range(len(strokes)):
         x0, y0 = strokes[s, 0] * 1.0, strokes[s, 1] * 1.0
-        if kinds[s] >= WHITE:
+        if kinds[s] >= codes.WHITE:
             ux, uy, length, half = strokes[s, 2] * 1.0, strokes[s, 3] * 1.0, strokes[s, 4] * 1.0, strokes[s, 5] * 1.0
         else:
             ux, uy = strokes[s, 2] - x0, strokes[s, 3] - y0

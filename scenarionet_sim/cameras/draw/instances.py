@@ -9,48 +9,13 @@ from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.log import HEADING, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.arrays.structures import LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.fixtures import measure_fixtures
 from scenarionet_sim.cameras.draw.ground import height_at
-from scenarionet_sim.cameras.draw.layout import (
-    BARRIER,
-    BOX,
-    BUS,
-    BUS_CLASS,
-    CAR,
-    CAR_CLASS,
-    CONE,
-    CONE_CLASS,
-    CYCLIST,
-    DECK,
-    EYE,
-    FENCE,
-    FY,
-    GROUP,
-    HIDDEN,
-    INSIDE,
-    KIND,
-    LAMP_GREEN,
-    LAMP_RED,
-    LAMP_YELLOW,
-    OBJECT_CLASS,
-    OWN_VEHICLE,
-    PEDESTRIAN,
-    PERSON,
-    PINHOLE,
-    RIDER,
-    SHADOW,
-    SUN,
-    TAIL_LAMP,
-    TRUCK,
-    TRUCK_CLASS,
-    VAN,
-    FrameMemory,
-    Ground,
-    Meshes,
-    Solids,
-)
-from scenarionet_sim.cameras.draw.placement import add_instance, is_beside_picture, screen_radius
+from scenarionet_sim.cameras.draw.placement import SMALL, add_instance, is_beside_picture, mesh_for, screen_radius
 from scenarionet_sim.cameras.draw.shadows import LEAST_SHADOW, SHADOW_REACH, add_shadow
+from scenarionet_sim.cameras.draw.structures import GROUP, FrameMemory, FrameView, Ground, Item, Meshes, Solids
 
 NUM_PAINTS = 16
 LEAST, LEAST_FIXED = 0.4, 0.9
@@ -62,19 +27,19 @@ def shape_of(object_type: int, length: float) -> tuple[int, int]:
     """Return mesh and class of an object by its type and length [m]."""
     if object_type == 1:
         if length > 9.5:
-            return BUS, BUS_CLASS
+            return codes.BUS, codes.BUS_CLASS
         if length > 6.2:
-            return TRUCK, TRUCK_CLASS
-        return (VAN, CAR_CLASS) if length > 5.2 else (CAR, CAR_CLASS)
+            return codes.TRUCK, codes.TRUCK_CLASS
+        return (codes.VAN, codes.CAR_CLASS) if length > 5.2 else (codes.CAR, codes.CAR_CLASS)
     if object_type == 2:
-        return PEDESTRIAN, PERSON
+        return codes.PEDESTRIAN, codes.PERSON
     if object_type == 3:
-        return CYCLIST, RIDER
+        return codes.CYCLIST, codes.RIDER
     if object_type == 5:
-        return CONE, CONE_CLASS
+        return codes.CONE, codes.CONE_CLASS
     if object_type == 6:
-        return BARRIER, FENCE
-    return BOX, OBJECT_CLASS
+        return codes.BARRIER, codes.FENCE
+    return codes.BOX, codes.OBJECT_CLASS
 
 
 @device_function(divides_by_zero=True)
@@ -109,18 +74,19 @@ def lamp_of(solids: Solids, slot: int, lamp: int) -> int:
     place = solids.place[slot]
     step = smaller(larger(solids.timestep[slot], 0), place[NUM_STEPS] - 1)
     color = solids.light_color[solids.light_state[place[LIGHTS] + lamp * place[NUM_STEPS] + step]]
-    return LAMP_GREEN if color == 1 else (LAMP_YELLOW if color == 2 else (LAMP_RED if color == 3 else -1))
+    return codes.LAMP_RED + 3 - color if 1 <= color <= 3 else -1
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
-def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids, ground: Ground, box: Float64) -> bool:
+def write_box(item: int, view: FrameView, solids: Solids, ground: Ground, box: Float64) -> bool:
     """Write x, y, z, heading, length, width, height of an object or fixture; return whether it may be in reach.
 
     Args:
         item: Row of an object in the state, or the number of rows plus that of a fixture of the world.
-        slot, pose, reach, solids, ground: The scene and the camera.
+        view, solids, ground: The camera and the scene.
         box: (7,) output.
     """
+    slot, pose = view.slot, view.pose
     rows = solids.motion.shape[1]
     if item >= rows:
         group, place = solids.fixed_range[slot, 0] + (item - rows) // GROUP, (item - rows) % GROUP
@@ -132,34 +98,32 @@ def write_box(item: int, slot: int, pose: Float64, reach: float, solids: Solids,
     motion, size = solids.motion[slot, item], solids.size[slot, item]
     box[0], box[1], box[3] = motion[X], motion[Y], motion[HEADING]
     box[4], box[5], box[6] = larger(size[0], 0.05), larger(size[1], 0.05), larger(size[2], 0.05)
-    if not abs(box[0] - pose[EYE]) + abs(box[1] - pose[EYE + 1]) <= 2.0 * reach:  # not a number either
+    if not abs(box[0] - pose[at.EYE]) + abs(box[1] - pose[at.EYE + 1]) <= 2.0 * view.reach:  # not a number either
         return False
     box[2] = height_at(ground, slot, box[0], box[1])
     return True
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def casts_shadow(
-    is_object: bool, box: Float64, pose: Float64, lens: Float64, width: int, height: int, light: Float64
-) -> bool:
+def casts_shadow(is_object: bool, box: Float64, view: FrameView) -> bool:
     """Whether the shadow of a box may be seen: it is in the picture and high enough there, and not too far away."""
     if not is_object and box[4] + box[5] <= 0.6:
         return False
-    reach = box[6] / larger(light[SUN + 2], 0.2)
-    x, y = box[0] - pose[EYE] - 0.5 * reach * light[SUN], box[1] - pose[EYE + 1] - 0.5 * reach * light[SUN + 1]
-    z, radius = box[2] - pose[EYE + 2], 0.5 * (reach + box[4] + box[5]) + 0.45
+    pose, light = view.pose, view.light
+    reach = box[6] / larger(light[at.SUN + 2], 0.2)
+    x = box[0] - pose[at.EYE] - 0.5 * reach * light[at.SUN]
+    y = box[1] - pose[at.EYE + 1] - 0.5 * reach * light[at.SUN + 1]
+    z, radius = box[2] - pose[at.EYE + 2], 0.5 * (reach + box[4] + box[5]) + 0.45
     square, far = x * x + y * y, SHADOW_REACH + radius
-    if square >= far * far or 2.0 * radius * abs(z) * lens[FY] < LEAST_SHADOW * (square - radius * radius):
+    if square >= far * far or 2.0 * radius * abs(z) * view.lens[at.FY] < LEAST_SHADOW * (square - radius * radius):
         return False
-    return not is_beside_picture(x, y, z, radius, pose, lens, width, height)
+    return not is_beside_picture(x, y, z, radius, view)
 
 
 @device_function(forceinline=True, divides_by_zero=True)
-def appearance_of(
-    item: int, slot: int, own: int, own_view: int, are_boxes: bool, is_colored: bool, solids: Solids, box: Float64
-) -> tuple[int, int, int, int, float, float]:
+def appearance_of(item: int, view: FrameView, solids: Solids, box: Float64) -> tuple[int, int, int, int, float, float]:
     """Return mesh, class, paint, shining material or -1, and how far wheels rolled [m] and are steered [rad]."""
-    rows = solids.motion.shape[1]
+    slot, rows = view.slot, solids.motion.shape[1]
     spin, steer, glow = 0.0, 0.0, -1
     if item >= rows:
         kind = solids.fixed_kind[solids.fixed_range[slot, 0] + (item - rows) // GROUP, (item - rows) % GROUP]
@@ -170,27 +134,28 @@ def appearance_of(
     paint = (item * 7 + 3 + (item >> 3)) % NUM_PAINTS
     if solids.object_type[slot, item] == 1:
         spin, steer = wheels_of(solids.motion[slot, item], box)
-        if is_colored and is_braking(solids, slot, item):
-            glow = TAIL_LAMP
-    if item == own:
-        paint, semantic = 4, OWN_VEHICLE
-        if own_view == INSIDE:
-            mesh = DECK
-    if are_boxes:
-        mesh = BOX
-    return mesh, semantic, paint, glow, spin, steer
+        if view.is_colored and is_braking(solids, slot, item):
+            glow = codes.TAIL_LAMP
+    if item == view.own:
+        paint, semantic = 4, codes.OWN_VEHICLE
+        if view.own_view == codes.INSIDE:
+            mesh = codes.DECK
+    return codes.BOX if view.are_boxes else mesh, semantic, paint, glow, spin, steer
+
+
+@device_function(forceinline=True, divides_by_zero=True)
+def has_shadows(view: FrameView) -> bool:
+    """Whether objects cast shadows."""
+    return bool(view.is_colored and view.light[at.SHADOW] > 0.0 and view.lens[at.KIND] == codes.PINHOLE)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def add_solids(
-    slot: int, own: int, own_view: int, pose: Float64, lens: Float64, rings: Float64, width: int,
-    height: int, reach: float, are_boxes: bool, is_colored: bool, has_normals: bool, solids: Solids, ground: Ground,
-    meshes: Meshes, light: Float64, scratch: FrameMemory, box: Float64,
-) -> tuple[int, int]:  # fmt: skip
+    view: FrameView, solids: Solids, ground: Ground, meshes: Meshes, scratch: FrameMemory
+) -> tuple[int, int]:
     """Add all objects and fixtures of a world in view; return the numbers of instances and of shadows."""
-    count, num_triangles, num_shadows = 0, 0, 0
-    has_shadows = is_colored and light[SHADOW] > 0.0 and lens[KIND] == PINHOLE
-    rows = solids.motion.shape[1]
+    count, num_triangles, num_shadows, box = 0, 0, 0, scratch.box
+    are_cast, slot, rows = has_shadows(view), view.slot, solids.motion.shape[1]
     num_items = rows + GROUP * int(solids.fixed_range[slot, 1] - solids.fixed_range[slot, 0])
     radii, shadows, listed, begin = scratch.radii, scratch.has_shadow, scratch.listed, 0
     while begin < num_items:
@@ -199,32 +164,27 @@ def add_solids(
         if is_object:
             num_listed = list_present(begin, end, solids.present[slot], listed)
         else:
-            measure_fixtures(
-                (end - begin) // GROUP, int(solids.fixed_range[slot, 0]) + (begin - rows) // GROUP,
-                lens[KIND] == PINHOLE, pose, lens, width * 1.0, height * 1.0, reach, light, solids.fixed, radii,
-                shadows,
-            )  # fmt: skip
-            num_listed = list_visible(end - begin, has_shadows, radii, shadows, listed)
+            first = int(solids.fixed_range[slot, 0]) + (begin - rows) // GROUP
+            measure_fixtures((end - begin) // GROUP, first, view, solids.fixed, radii, shadows)
+            num_listed = list_visible(end - begin, are_cast, radii, shadows, listed)
         for place in range(num_listed):
-            item, number = begin + listed[place], listed[place]
-            if not write_box(item, slot, pose, reach, solids, ground, box):
+            number, number_listed = begin + listed[place], listed[place]
+            if not write_box(number, view, solids, ground, box):
                 continue
             if is_object:
-                radius = screen_radius(box, pose, lens, width, height, reach)
-                has_shadow = has_shadows and casts_shadow(True, box, pose, lens, width, height, light)
+                radius, has_shadow = screen_radius(box, view), are_cast and casts_shadow(True, box, view)
             else:
-                radius, has_shadow = radii[number] * 1.0, has_shadows and shadows[number] > 0
+                radius, has_shadow = radii[number_listed] * 1.0, are_cast and shadows[number_listed] > 0
             if has_shadow:
-                num_shadows = add_shadow(box, pose, lens, width, height, light, scratch.shadows, num_shadows)
-            if radius < (LEAST if is_object else LEAST_FIXED) or (item == own and own_view == HIDDEN):
+                num_shadows = add_shadow(box, view, scratch.shadows, num_shadows)
+            is_hidden = number == view.own and view.own_view == codes.HIDDEN
+            if radius < (LEAST if is_object else LEAST_FIXED) or is_hidden or count >= len(scratch.instances):
                 continue
-            mesh, semantic, paint, glow, spin, steer = appearance_of(
-                item, slot, own, own_view, are_boxes, is_colored, solids, box
-            )
-            num_triangles, count = add_instance(
-                meshes, mesh, paint, glow, item if is_object else -1, semantic, box, spin, steer, pose, lens, rings,
-                width, height, radius, light, scratch, (num_triangles, count), is_colored, has_normals,
-            )  # fmt: skip
+            mesh, semantic, paint, glow, spin, steer = appearance_of(number, view, solids, box)
+            mesh, cos, sin = mesh_for(meshes, mesh, radius, box, view.pose)
+            row = number if is_object else -1
+            item = Item(row, box, mesh, (cos, sin), semantic, paint, glow, spin, steer, radius < SMALL)
+            num_triangles, count = add_instance(item, view, meshes, scratch, (num_triangles, count))
         begin = end
     return count, num_shadows
 

@@ -6,7 +6,8 @@ import math
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.compiled.decorators import device_function
-from scenarionet_sim.cameras.draw.layout import CX, CY, DISTORTED, FISHEYE, FX, FY, K1, K2, K3, KIND, P1, P2
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
 
 
 @device_function(divides_by_zero=True)
@@ -16,19 +17,21 @@ def project(lens: Float64, x: float, y: float, z: float) -> tuple[float, float]:
     Pinhole and distortion (Brown, Conrady) as in OpenCV's ``projectPoints``; fisheye (Kannala, Brandt) as in OpenCV's
     ``fisheye.projectPoints``. Points behind a pinhole have no meaningful result.
     """
-    kind = lens[KIND]
-    if kind == FISHEYE:
+    kind = lens[at.KIND]
+    if kind == codes.FISHEYE:
         flat = math.sqrt(x * x + y * y)
         angle = math.atan2(flat, z)
         square = angle * angle
-        bent = angle * (1.0 + square * (lens[K1] + square * (lens[K2] + square * (lens[P1] + square * lens[P2]))))
+        bent = angle * (
+            1.0 + square * (lens[at.K1] + square * (lens[at.K2] + square * (lens[at.P1] + square * lens[at.P2])))
+        )
         scale = bent / flat if flat > 1e-12 else 1.0
-        return lens[FX] * x * scale + lens[CX], lens[FY] * y * scale + lens[CY]
+        return lens[at.FX] * x * scale + lens[at.CX], lens[at.FY] * y * scale + lens[at.CY]
     u, v = x / z, y / z
-    if kind == DISTORTED:
+    if kind == codes.DISTORTED:
         square = u * u + v * v
-        radial = 1.0 + square * (lens[K1] + square * (lens[K2] + square * lens[K3]))
-        moved = u * radial + 2.0 * lens[P1] * u * v + lens[P2] * (square + 2.0 * u * u)
-        v = v * radial + lens[P1] * (square + 2.0 * v * v) + 2.0 * lens[P2] * u * v
+        radial = 1.0 + square * (lens[at.K1] + square * (lens[at.K2] + square * lens[at.K3]))
+        moved = u * radial + 2.0 * lens[at.P1] * u * v + lens[at.P2] * (square + 2.0 * u * u)
+        v = v * radial + lens[at.P1] * (square + 2.0 * v * v) + 2.0 * lens[at.P2] * u * v
         u = moved
-    return lens[FX] * u + lens[CX], lens[FY] * v + lens[CY]
+    return lens[at.FX] * u + lens[at.CX], lens[at.FY] * v + lens[at.CY]

@@ -7,32 +7,10 @@ import math
 from scenarionet_data.arrays.dtypes import Float32, Float64
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
-from scenarionet_sim.cameras.draw.layout import (
-    AWAY,
-    BODY,
-    BOUNCE,
-    COLUMN,
-    DIFFUSE,
-    FACADE,
-    GLASS,
-    GLOSS,
-    HEADLAMP,
-    HORIZON,
-    LAMP_GREEN,
-    LAMP_RED,
-    LAMPS,
-    METAL,
-    MIRROR,
-    NORMAL,
-    ROW,
-    SKYLIGHT,
-    SUN,
-    SUNLIGHT,
-    TAIL_LAMP,
-    ZENITH,
-    Meshes,
-)
-from scenarionet_sim.cameras.draw.singles import single
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
+from scenarionet_sim.cameras.draw.singles import single, singles
+from scenarionet_sim.cameras.draw.structures import Item, Meshes, Places, Triple, Vertices
 from scenarionet_sim.cameras.draw.vertices import turn_normals
 
 NUM_MATERIALS = 21
@@ -54,29 +32,26 @@ def light_vertices(
         is_glossy: Whether a material of the mesh mirrors.
         vertices, lights: See ``FrameMemory``.
     """
-    nx, ny, nz = lights[NORMAL], lights[NORMAL + 1], lights[NORMAL + 2]
+    nx, ny, nz = lights[at.NORMAL], lights[at.NORMAL + 1], lights[at.NORMAL + 2]
     turn_normals(count, single(turn[0]), single(turn[1]), nx, ny, nz)
-    _light_vertices(count, light, nx, ny, nz, lights[DIFFUSE], lights[DIFFUSE + 1], lights[DIFFUSE + 2])
+    diffuse = lights[at.DIFFUSE], lights[at.DIFFUSE + 1], lights[at.DIFFUSE + 2]
+    _light_vertices(count, light, (nx, ny, nz), diffuse)
     if is_glossy:
-        _mirror(
-            count, light, vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2], nx, ny, nz, lights[MIRROR],
-            lights[MIRROR + 1], lights[MIRROR + 2], lights[GLOSS], lights[GLOSS + 1], lights[GLOSS + 2],
-        )  # fmt: skip
+        away = vertices[at.AWAY], vertices[at.AWAY + 1], vertices[at.AWAY + 2]
+        mirror = lights[at.MIRROR], lights[at.MIRROR + 1], lights[at.MIRROR + 2]
+        gloss = lights[at.GLOSS], lights[at.GLOSS + 1], lights[at.GLOSS + 2]
+        _mirror(count, light, away, (nx, ny, nz), mirror, gloss)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _light_vertices(
-    count: int, light: Float64, nx: Float32, ny: Float32, nz: Float32, red: Float32, green: Float32, blue: Float32
-) -> None:
+def _light_vertices(count: int, light: Float64, normals: Triple, diffuse: Triple) -> None:
     """Write the light of sun, sky and ground that arrives (Lambert)."""
-    sx, sy, sz = single(light[SUN]), single(light[SUN + 1]), single(light[SUN + 2])
-    sun_r, sun_g, sun_b = (
-        single(light[SUNLIGHT]), single(light[SUNLIGHT + 1]), single(light[SUNLIGHT + 2])
-    )  # fmt: skip
-    sky_r, sky_g, sky_b = (
-        single(light[SKYLIGHT]), single(light[SKYLIGHT + 1]), single(light[SKYLIGHT + 2])
-    )  # fmt: skip
-    low_r, low_g, low_b = single(light[BOUNCE]), single(light[BOUNCE + 1]), single(light[BOUNCE + 2])
+    nx, ny, nz = normals
+    red, green, blue = diffuse
+    sx, sy, sz = singles(light, at.SUN)
+    sun_r, sun_g, sun_b = singles(light, at.SUNLIGHT)
+    sky_r, sky_g, sky_b = singles(light, at.SKYLIGHT)
+    low_r, low_g, low_b = singles(light, at.BOUNCE)
     for k in range(count):
         x, y, z = nx[k], ny[k], nz[k]
         above, direct = 0.5 + 0.5 * z, larger(x * sx + y * sy + z * sz, 0.0)
@@ -87,26 +62,22 @@ def _light_vertices(
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _mirror(
-    count: int, light: Float64, away_x: Float64, away_y: Float64, away_z: Float64, nx: Float32, ny: Float32,
-    nz: Float32, mirror_r: Float32, mirror_g: Float32, mirror_b: Float32, gloss_r: Float32, gloss_g: Float32,
-    gloss_b: Float32,
-) -> None:  # fmt: skip
+def _mirror(count: int, light: Float64, away: Places, normals: Triple, mirror: Triple, gloss: Triple) -> None:
     """Write what is mirrored towards the camera, and the part that depends on the angle of view, with the highlight.
 
     Sky or ground is mirrored; its share grows with the angle (Schlick).
     """
-    sx, sy, sz = single(light[SUN]), single(light[SUN + 1]), single(light[SUN + 2])
-    sun_r, sun_g, sun_b = (
-        single(light[SUNLIGHT]), single(light[SUNLIGHT + 1]), single(light[SUNLIGHT + 2])
-    )  # fmt: skip
-    low_r, low_g, low_b = single(light[HORIZON]), single(light[HORIZON + 1]), single(light[HORIZON + 2])
-    to_r = single(light[ZENITH]) - low_r
-    to_g = single(light[ZENITH + 1]) - low_g
-    to_b = single(light[ZENITH + 2]) - low_b
-    ground_r, ground_g, ground_b = (
-        0.22 * single(light[BOUNCE]), 0.22 * single(light[BOUNCE + 1]), 0.22 * single(light[BOUNCE + 2])
-    )  # fmt: skip
+    away_x, away_y, away_z = away
+    nx, ny, nz = normals
+    mirror_r, mirror_g, mirror_b = mirror
+    gloss_r, gloss_g, gloss_b = gloss
+    sx, sy, sz = singles(light, at.SUN)
+    sun_r, sun_g, sun_b = singles(light, at.SUNLIGHT)
+    low_r, low_g, low_b = singles(light, at.HORIZON)
+    high_r, high_g, high_b = singles(light, at.ZENITH)
+    to_r, to_g, to_b = high_r - low_r, high_g - low_g, high_b - low_b
+    ground_r, ground_g, ground_b = singles(light, at.BOUNCE)
+    ground_r, ground_g, ground_b = 0.22 * ground_r, 0.22 * ground_g, 0.22 * ground_b
     for k in range(count):
         x, y, z = nx[k], ny[k], nz[k]
         vx, vy, vz = single(away_x[k]), single(away_y[k]), single(away_z[k])
@@ -128,35 +99,29 @@ def _mirror(
         shine *= shine
         shine = 0.35 * shine * shine
         mirror_r[k], mirror_g[k], mirror_b[k] = r, g, b
-        gloss_r[k], gloss_g[k], gloss_b[k] = (
-            share * r + shine * sun_r,
-            share * g + shine * sun_g,
-            share * b + shine * sun_b,
-        )
+        gloss_r[k], gloss_g[k] = share * r + shine * sun_r, share * g + shine * sun_g
+        gloss_b[k] = share * b + shine * sun_b
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def color_triangle(
-    meshes: Meshes, material: int, paint: int, glow: int, is_flat: bool, light: Float64, vertices: Float64,
-    lights: Float32, corners: tuple[int, int, int], colors: Float32,
+    corners: tuple[int, int, int], material: int, is_flat: bool, item: Item, light: Float64, meshes: Meshes,
+    vertices: Vertices, colors: Float32,
 ) -> None:  # fmt: skip
     """Write the light of a triangle, the same everywhere or a plane through that at its corners, to ``colors`` (12,).
 
     Args:
-        meshes: Colours.
-        material: Material.
-        paint: Colour of ``BODY``.
-        glow: Material that shines, or -1.
-        is_flat: Whether the light is the same everywhere; it must be if a corner has no place on the screen.
-        light: Light of the frame.
-        vertices, lights: See ``FrameMemory``.
         corners: Vertices.
-        colors: See ``FrameMemory``.
+        material: Material.
+        is_flat: Whether the light is the same everywhere; it must be if a corner has no place on the screen.
+        item: What it is part of.
+        light: Light of the frame.
+        meshes, vertices, colors: See ``structures``.
     """
-    color = meshes.colors[color_of(material, paint)]
-    strength = strength_of(material, glow, light)
+    color = meshes.colors[color_of(material, item.paint)]
+    strength, lights = strength_of(material, item.glow, light), vertices.lights
     a, b, c = corners
-    columns, rows = vertices[COLUMN], vertices[ROW]
+    columns, rows = vertices.places[at.COLUMN], vertices.places[at.ROW]
     ux, uy, vx, vy = columns[b] - columns[a], rows[b] - rows[a], columns[c] - columns[a], rows[c] - rows[a]
     area = ux * vy - vx * uy
     is_flat = is_flat or abs(area) < LEAST_AREA
@@ -175,17 +140,17 @@ def color_triangle(
 @device_function(forceinline=True, divides_by_zero=True)
 def color_of(material: int, paint: int) -> int:
     """Return the row of ``Meshes.colors`` of a material of an instance."""
-    return NUM_MATERIALS + paint if material in (BODY, FACADE) else material
+    return NUM_MATERIALS + paint if material in (codes.BODY, codes.FACADE) else material
 
 
 @device_function(divides_by_zero=True)
 def strength_of(material: int, glow: int, light: Float64) -> float:
     """Return how brightly a material shines by itself, or that it is darker (below 0), by the material that glows."""
-    if material == TAIL_LAMP and glow == TAIL_LAMP:
+    if material == codes.TAIL_LAMP and glow == codes.TAIL_LAMP:
         return 5.0
-    if material in (HEADLAMP, TAIL_LAMP):
-        return float(light[LAMPS] * (3.0 if material == HEADLAMP else 1.2))
-    if LAMP_RED <= material <= LAMP_GREEN:
+    if material in (codes.HEADLAMP, codes.TAIL_LAMP):
+        return float(light[at.LAMPS] * (3.0 if material == codes.HEADLAMP else 1.2))
+    if codes.LAMP_RED <= material <= codes.LAMP_GREEN:
         return 6.0 if glow == material else -0.85
     return 0.0
 
@@ -201,8 +166,8 @@ def corner_light(material: int, color: float, strength: float, lights: Float32, 
         corner: Vertex.
         channel: 0 to 2.
     """
-    sent = color * lights[DIFFUSE + channel, corner]
-    if material in (BODY, GLASS, METAL):
-        share = 0.10 if material == GLASS else 0.045
-        sent += share * lights[MIRROR + channel, corner] + lights[GLOSS + channel, corner]
+    sent = color * lights[at.DIFFUSE + channel, corner]
+    if material in (codes.BODY, codes.GLASS, codes.METAL):
+        share = 0.10 if material == codes.GLASS else 0.045
+        sent += share * lights[at.MIRROR + channel, corner] + lights[at.GLOSS + channel, corner]
     return float(larger(sent * (1.0 + smaller(strength, 0.0)) + larger(strength, 0.0) * color, 0.0))

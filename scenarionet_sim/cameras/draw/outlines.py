@@ -9,27 +9,8 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
-from scenarionet_sim.cameras.draw.layout import (
-    BEND,
-    BOUNCE,
-    CX,
-    CY,
-    DEEP,
-    DOWN,
-    EYE,
-    FORWARD,
-    FX,
-    FY,
-    HIGH,
-    HORIZON,
-    LOW,
-    RIGHT,
-    SKYLIGHT,
-    SLOPE,
-    SUN,
-    SUNLIGHT,
-    WIDE,
-)
+from scenarionet_sim.cameras.draw import columns as at
+from scenarionet_sim.cameras.draw.structures import FrameView, Item
 
 Ends = tuple[float, float, float, float, float, float]
 """Depth, column and row of the top of an outline, then of its foot."""
@@ -47,15 +28,15 @@ _MIRRORED = 0.045
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def ends_of(outline: Float32, box: Float64, pose: Float64, lens: Float64) -> Ends:
     """Return where the top and the foot of an outline are in a pinhole's picture, see :func:`add_outline`."""
-    x, y, z = box[0] - pose[EYE], box[1] - pose[EYE + 1], box[2] - pose[EYE + 2]
-    low, high = z + outline[LOW] * box[6], z + outline[HIGH] * box[6]
-    right, down = pose[RIGHT] * x + pose[RIGHT + 1] * y, pose[DOWN] * x + pose[DOWN + 1] * y
-    ahead = pose[FORWARD] * x + pose[FORWARD + 1] * y
-    top, foot = ahead + pose[FORWARD + 2] * high, ahead + pose[FORWARD + 2] * low
-    column = lens[FX] * (right + pose[RIGHT + 2] * high) / top + lens[CX]
-    row = lens[FY] * (down + pose[DOWN + 2] * high) / top + lens[CY]
-    last_column = lens[FX] * (right + pose[RIGHT + 2] * low) / foot + lens[CX]
-    last_row = lens[FY] * (down + pose[DOWN + 2] * low) / foot + lens[CY]
+    x, y, z = box[0] - pose[at.EYE], box[1] - pose[at.EYE + 1], box[2] - pose[at.EYE + 2]
+    low, high = z + outline[at.LOW] * box[6], z + outline[at.HIGH] * box[6]
+    right, down = pose[at.RIGHT] * x + pose[at.RIGHT + 1] * y, pose[at.DOWN] * x + pose[at.DOWN + 1] * y
+    ahead = pose[at.FORWARD] * x + pose[at.FORWARD + 1] * y
+    top, foot = ahead + pose[at.FORWARD + 2] * high, ahead + pose[at.FORWARD + 2] * low
+    column = lens[at.FX] * (right + pose[at.RIGHT + 2] * high) / top + lens[at.CX]
+    row = lens[at.FY] * (down + pose[at.DOWN + 2] * high) / top + lens[at.CY]
+    last_column = lens[at.FX] * (right + pose[at.RIGHT + 2] * low) / foot + lens[at.CX]
+    last_row = lens[at.FY] * (down + pose[at.DOWN + 2] * low) / foot + lens[at.CY]
     return top, column, row, foot, last_column, last_row
 
 
@@ -68,31 +49,27 @@ def is_upright(ends: Ends) -> bool:
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def add_outline(
-    outline: Float32, ends: Ends, turn: tuple[float, float], box: Float64, pose: Float64, lens: Float64, width: int,
-    height: int, spans: Float64, bounds: Int32,
-) -> bool:  # fmt: skip
+def add_outline(outline: Float32, ends: Ends, item: Item, view: FrameView, spans: Float64, bounds: Int32) -> bool:
     """Write the spans (12,) and bounds (4,) of an upright object in a pinhole's picture; return whether it is in view.
 
     Args:
         outline: (NUM_OUTLINE,) see ``Meshes.outlines``.
         ends: See :func:`ends_of`.
-        turn: Cosine and sine of the heading.
-        box: (7,) x, y, z, heading, length, width, height.
-        pose, lens, width, height: The camera.
+        item, view: The object and the camera.
         spans: Output: place of row 0 between the middle (0) and the foot (1) of the outline, and its step a row;
             half the width in the middle [pixels], its slope and bend; column of the middle in row 0 and its step a row;
             at 9 the inverse depth, with steps of 0, as of triangles.
         bounds: Output.
     """
-    x, y = box[0] - pose[EYE], box[1] - pose[EYE + 1]
+    pose, lens, box, turn, width, height = view.pose, view.lens, item.box, item.turn, view.width, view.height
+    x, y = box[0] - pose[at.EYE], box[1] - pose[at.EYE + 1]
     top, column, row, foot, last_column, last_row = ends
     tall = last_row - row
     lean = (last_column - column) / tall
     flat, middle = math.sqrt(x * x + y * y), 0.5 * (foot + top)
     straight, beside = abs(turn[0] * x + turn[1] * y) / flat, abs(turn[0] * y - turn[1] * x) / flat
-    half = lens[FX] * outline[WIDE] * (box[4] * beside + box[5] * straight) / middle
-    widest = half * (1.0 + abs(outline[SLOPE]) + larger(outline[BEND] * 1.0, 0.0))
+    half = lens[at.FX] * outline[at.WIDE] * (box[4] * beside + box[5] * straight) / middle
+    widest = half * (1.0 + abs(outline[at.SLOPE]) + larger(outline[at.BEND] * 1.0, 0.0))
     bounds[0] = int(smaller(larger(math.ceil(smaller(column, last_column) - widest - 0.5), 0.0), width))
     bounds[1] = int(smaller(larger(math.ceil(row - 0.5), 0.0), height))
     bounds[2] = int(smaller(larger(math.ceil(larger(column, last_column) + widest - 0.5), 0.0), width))
@@ -101,9 +78,9 @@ def add_outline(
         return False
     per = 2.0 / tall
     spans[0], spans[1] = (0.5 - row) * per - 1.0, per
-    spans[2], spans[3], spans[4] = half, outline[SLOPE], outline[BEND]
+    spans[2], spans[3], spans[4] = half, outline[at.SLOPE], outline[at.BEND]
     spans[5], spans[6] = column - 0.5 + lean * (0.5 - row), lean
-    spans[9] = 1.0 / (middle - outline[DEEP] * (box[4] * straight + box[5] * beside))
+    spans[9] = 1.0 / (middle - outline[at.DEEP] * (box[4] * straight + box[5] * beside))
     spans[10] = spans[11] = 0.0
     return True
 
@@ -126,13 +103,13 @@ def color_outline(color: Float32, box: Float64, pose: Float64, light: Float64, c
         box, pose, light: The object, the camera and the light of the frame.
         colors: Output.
     """
-    x, y = pose[EYE] - box[0], pose[EYE + 1] - box[1]
+    x, y = pose[at.EYE] - box[0], pose[at.EYE + 1] - box[1]
     per = _LEVEL / math.sqrt(x * x + y * y)
     colors[9], colors[10], colors[11] = x * per, y * per, _UPWARD
-    direct = larger(x * per * light[SUN] + y * per * light[SUN + 1] + _UPWARD * light[SUN + 2], 0.0)
+    direct = larger(x * per * light[at.SUN] + y * per * light[at.SUN + 1] + _UPWARD * light[at.SUN + 2], 0.0)
     above = 0.5 + 0.5 * _UPWARD
     for channel in range(3):
-        arrives = light[SUNLIGHT + channel] * direct + light[SKYLIGHT + channel] * above
-        arrives += light[BOUNCE + channel] * (1.0 - above)
-        colors[3 * channel] = color[channel] * arrives + _MIRRORED * light[HORIZON + channel]
+        arrives = light[at.SUNLIGHT + channel] * direct + light[at.SKYLIGHT + channel] * above
+        arrives += light[at.BOUNCE + channel] * (1.0 - above)
+        colors[3 * channel] = color[channel] * arrives + _MIRRORED * light[at.HORIZON + channel]
         colors[3 * channel + 1] = colors[3 * channel + 2] = 0.0

@@ -2,47 +2,22 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
-from scenarionet_sim.cameras.draw.layout import (
-    ACROSS,
-    ALONG,
-    BLUE,
-    COARSE,
-    DISTANCE,
-    FAR,
-    FINE,
-    GREEN,
-    GROUND_X,
-    GROUND_Y,
-    HAS_STROKES,
-    KERB_SHARE,
-    ON_GROUND,
-    ON_ROAD,
-    ON_WALK,
-    RAY_Z,
-    RED,
-    ROAD,
-    SHADE,
-    SHIFT,
-    SIDEWALK,
-    SKYLIGHT,
-    SUN,
-    SUNLIGHT,
-    WET,
-    WHITE_SHARE,
-    YELLOW_SHARE,
-    Ground,
-)
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.singles import rounded_down, single
 from scenarionet_sim.cameras.draw.sky import GRAIN_SIZE, sky_gradient, smooth_noise
 from scenarionet_sim.cameras.draw.strokes import draw_strokes
+from scenarionet_sim.cameras.draw.structures import FrameView, Ground, Tile, Triple
 
 _BITS, _MASK = np.int32(GRAIN_SIZE.bit_length() - 1), np.int32(GRAIN_SIZE - 1)
-_ROAD, _SIDEWALK = np.int32(ROAD), np.int32(SIDEWALK)
+_ROAD, _SIDEWALK = np.int32(codes.ROAD), np.int32(codes.SIDEWALK)
 
 FINE_TEXELS, COARSE_TEXELS = 40.0, 7.0
 """Texels per metre of the two tables of noise."""
@@ -54,50 +29,51 @@ _AHEAD = 65600.0
 """Texels before the corner of the grid, more than any pixel sees: numbers of texels are positive."""
 
 
+class Cover(NamedTuple):
+    """Noise, sunlight and colour of pixels: the rows of ``FrameMemory.shades`` of these names."""
+
+    fine: Float32
+    coarse: Float32
+    shade: Float32
+    red: Float32
+    green: Float32
+    blue: Float32
+
+
 @device_function(divides_by_zero=True)
-def color_ground(
-    slot: int, angle: float, ground: Ground, light: Float64, grain: UInt8, seen: Int32, cells: Int32,
-    texels: Int32, shades: Float32,
-) -> None:  # fmt: skip
+def color_ground(view: FrameView, ground: Ground, grain: UInt8, tile: Tile) -> None:
     """Write the light of the ground for all pixels of a tile, of which some see it.
 
     Args:
-        slot: World.
-        angle: Between the rays of neighbouring pixels [rad].
-        ground, light, grain: Ground and light.
-        seen, cells, texels, shades: Memory of the tile.
+        view, ground, grain: The camera, the ground and its noise.
+        tile: Memory of the tile.
     """
-    frame, count = ground.frame[slot], len(seen)
+    slot, light, seen, cells, texels, shades = view.slot, view.light, tile.seen, tile.cells, tile.texels, tile.shades
+    frame, count, angle = ground.frame[slot], len(seen), 1.0 / view.lens[at.FX]
     is_near = _measure_footprints(
-        count, single(angle), shades[DISTANCE], shades[RAY_Z], shades[FAR], shades[ACROSS], shades[ALONG]
+        count, single(angle), shades[at.DISTANCE], shades[at.RAY_Z], shades[at.FAR], shades[at.ACROSS], shades[at.ALONG]
     )
-    _find_cells(count, frame, int(ground.place[slot, 0]), shades[GROUND_X], shades[GROUND_Y], cells)
-    _read_noise(count, frame, light[SHIFT], grain, is_near, texels, shades)
+    _find_cells(count, frame, int(ground.place[slot, 0]), shades[at.GROUND_X], shades[at.GROUND_Y], cells)
+    _read_noise(count, frame, light[at.SHIFT], grain, is_near, texels, shades)
     for k in range(count):
         texels[k] = ground.corner[np.uint32(cells[k])]
-    surfaces = _list_surfaces(count, seen, texels, shades[ON_ROAD], shades[ON_WALK])
+    surfaces = _list_surfaces(count, seen, texels, shades[at.ON_ROAD], shades[at.ON_WALK])
     is_all_road, surfaces = surfaces >= EVERYWHERE, surfaces % EVERYWHERE
-    if surfaces >= HAS_STROKES:
+    if surfaces >= codes.HAS_STROKES:
         for k in range(count):
-            cells[k] = cells[k] if texels[k] >= HAS_STROKES else -1
+            cells[k] = cells[k] if texels[k] >= codes.HAS_STROKES else -1
         draw_strokes(count, ground, slot, cells, shades)
-    if surfaces < HAS_STROKES and (not surfaces & (ROAD | SIDEWALK) or is_all_road):
-        _cover_evenly(
-            count, light, is_all_road, shades[FINE], shades[COARSE], shades[SHADE], shades[RED], shades[GREEN],
-            shades[BLUE],
-        )  # fmt: skip
+    cover = Cover(
+        shades[at.FINE], shades[at.COARSE], shades[at.SHADE], shades[at.RED], shades[at.GREEN], shades[at.BLUE]
+    )
+    if surfaces < codes.HAS_STROKES and (not surfaces & (codes.ROAD | codes.SIDEWALK) or is_all_road):
+        _cover_evenly(count, light, is_all_road, cover)
     else:
-        _pave(
-            count, light, frame[0] % 1.5, frame[1] % 1.5, shades[GROUND_X], shades[GROUND_Y], shades[ALONG],
-            shades[FINE], shades[COARSE], shades[ON_ROAD], shades[ON_WALK], shades[SHADE], shades[RED], shades[GREEN],
-            shades[BLUE],
-        )  # fmt: skip
-    if surfaces >= HAS_STROKES:
-        _paint_over(
-            count, light, shades[FINE], shades[COARSE], shades[WHITE_SHARE], shades[YELLOW_SHARE], shades[KERB_SHARE],
-            shades[SHADE], shades[RED], shades[GREEN], shades[BLUE],
-        )  # fmt: skip
-    if light[WET] > 0.0:
+        corner, spots = (frame[0] % 1.5, frame[1] % 1.5), (shades[at.GROUND_X], shades[at.GROUND_Y], shades[at.ALONG])
+        _pave(count, light, corner, spots, shades[at.ON_ROAD], shades[at.ON_WALK], cover)
+    if surfaces >= codes.HAS_STROKES:
+        _paint_over(count, light, (shades[at.WHITE_SHARE], shades[at.YELLOW_SHARE], shades[at.KERB_SHARE]), cover)
+    if light[at.WET] > 0.0:
         _wet(light, frame, grain, seen, shades)
 
 
@@ -132,8 +108,8 @@ def _read_noise(
     count: int, frame: Float64, shift: float, grain: UInt8, is_near: bool, texels: Int32, shades: Float32
 ) -> None:
     """Write fine noise, which fades with the footprint, and coarse noise, both around 0."""
-    fine, coarse, xs, ys = shades[FINE], shades[COARSE], shades[GROUND_X], shades[GROUND_Y]
-    _fade(count, shades[ACROSS], shades[ALONG], fine)
+    fine, coarse, xs, ys = shades[at.FINE], shades[at.COARSE], shades[at.GROUND_X], shades[at.GROUND_Y]
+    _fade(count, shades[at.ACROSS], shades[at.ALONG], fine)
     if is_near:
         _list_texels(count, FINE_TEXELS, frame, shift, xs, ys, texels)
         table = grain[0]
@@ -144,7 +120,7 @@ def _read_noise(
     table = grain[1]
     for k in range(count):
         texels[k] = table[np.uint32(texels[k])]
-    _center_coarse(count, texels, shades[ALONG], coarse)
+    _center_coarse(count, texels, shades[at.ALONG], coarse)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -194,7 +170,7 @@ def _list_surfaces(count: int, seen: Int32, bits: Int32, on_road: Float32, on_wa
     """
     found, common = np.int32(0), _ROAD
     for k in range(count):
-        is_ground = seen[k] == ON_GROUND
+        is_ground = seen[k] == codes.ON_GROUND
         here = bits[k] if is_ground else np.int32(0)
         bits[k] = here
         found = np.int32(found | here)
@@ -205,19 +181,16 @@ def _list_surfaces(count: int, seen: Int32, bits: Int32, on_road: Float32, on_wa
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _cover_evenly(
-    count: int, light: Float64, is_road: bool, fine: Float32, coarse: Float32, shade: Float32, red: Float32,
-    green: Float32, blue: Float32,
-) -> None:  # fmt: skip
+def _cover_evenly(count: int, light: Float64, is_road: bool, cover: Cover) -> None:
     """Write the light of road or terrain alone, as ``_pave`` does."""
-    up = single(light[SUN + 2])
-    r, g, b = (
-        single(0.082 if is_road else 0.115), single(0.08282 if is_road else 0.150), single(0.0861 if is_road else 0.048)
-    )  # fmt: skip
+    fine, coarse, shade, red, green, blue = cover
+    up = single(light[at.SUN + 2])
+    r, g = single(0.082 if is_road else 0.115), single(0.08282 if is_road else 0.150)
+    b = single(0.0861 if is_road else 0.048)
     rough, rougher = single(0.22 if is_road else 0.5), single(0.75 if is_road else 0.87)
-    sun_r, sky_r = r * single(light[SUNLIGHT]) * up, r * single(light[SKYLIGHT])
-    sun_g, sky_g = g * single(light[SUNLIGHT + 1]) * up, g * single(light[SKYLIGHT + 1])
-    sun_b, sky_b = b * single(light[SUNLIGHT + 2]) * up, b * single(light[SKYLIGHT + 2])
+    sun_r, sky_r = r * single(light[at.SUNLIGHT]) * up, r * single(light[at.SKYLIGHT])
+    sun_g, sky_g = g * single(light[at.SUNLIGHT + 1]) * up, g * single(light[at.SKYLIGHT + 1])
+    sun_b, sky_b = b * single(light[at.SUNLIGHT + 2]) * up, b * single(light[at.SKYLIGHT + 2])
     for k in range(count):
         bright = 1.0 + rough * coarse[k] + rougher * fine[k]
         direct = shade[k] * bright
@@ -229,15 +202,17 @@ def _cover_evenly(
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _pave(
-    count: int, light: Float64, x: float, y: float, xs: Float32, ys: Float32, along: Float32, fine: Float32,
-    coarse: Float32, on_road: Float32, on_walk: Float32, shade: Float32, red: Float32, green: Float32, blue: Float32,
+    count: int, light: Float64, corner: tuple[float, float], spots: Triple, on_road: Float32, on_walk: Float32,
+    cover: Cover,
 ) -> None:  # fmt: skip
     """Write the light of terrain, pavement and road by their shares."""
-    x, y, per_slab = single(x), single(y), 1.0 / 1.5
-    up = single(light[SUN + 2])
-    sun_r, sky_r = single(light[SUNLIGHT]) * up, single(light[SKYLIGHT])
-    sun_g, sky_g = single(light[SUNLIGHT + 1]) * up, single(light[SKYLIGHT + 1])
-    sun_b, sky_b = single(light[SUNLIGHT + 2]) * up, single(light[SKYLIGHT + 2])
+    xs, ys, along = spots
+    fine, coarse, shade, red, green, blue = cover
+    x, y, per_slab = single(corner[0]), single(corner[1]), 1.0 / 1.5
+    up = single(light[at.SUN + 2])
+    sun_r, sky_r = single(light[at.SUNLIGHT]) * up, single(light[at.SKYLIGHT])
+    sun_g, sky_g = single(light[at.SUNLIGHT + 1]) * up, single(light[at.SKYLIGHT + 1])
+    sun_b, sky_b = single(light[at.SUNLIGHT + 2]) * up, single(light[at.SKYLIGHT + 2])
     for k in range(count):
         rest, walk, road = 1.0 - on_road[k], on_walk[k], on_road[k]
         u, v = (xs[k] + x) * per_slab, (ys[k] + y) * per_slab
@@ -253,15 +228,14 @@ def _pave(
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _paint_over(
-    count: int, light: Float64, fine: Float32, coarse: Float32, whites: Float32, yellows: Float32, kerbs: Float32,
-    shade: Float32, red: Float32, green: Float32, blue: Float32,
-) -> None:  # fmt: skip
+def _paint_over(count: int, light: Float64, paint: Triple, cover: Cover) -> None:
     """Cover the ground with kerbs, then with paint, which is worn."""
-    up = single(light[SUN + 2])
-    sun_r, sky_r = single(light[SUNLIGHT]) * up, single(light[SKYLIGHT])
-    sun_g, sky_g = single(light[SUNLIGHT + 1]) * up, single(light[SKYLIGHT + 1])
-    sun_b, sky_b = single(light[SUNLIGHT + 2]) * up, single(light[SKYLIGHT + 2])
+    whites, yellows, kerbs = paint
+    fine, coarse, shade, red, green, blue = cover
+    up = single(light[at.SUN + 2])
+    sun_r, sky_r = single(light[at.SUNLIGHT]) * up, single(light[at.SKYLIGHT])
+    sun_g, sky_g = single(light[at.SUNLIGHT + 1]) * up, single(light[at.SKYLIGHT + 1])
+    sun_b, sky_b = single(light[at.SUNLIGHT + 2]) * up, single(light[at.SKYLIGHT + 2])
     for k in range(count):
         worn = 1.0 - 0.25 * larger(coarse[k] + 0.2, 0.0) - 0.5 * larger(fine[k], 0.0)
         white, yellow = whites[k] * worn, yellows[k] * worn
@@ -280,13 +254,13 @@ def _paint_over(
 def _wet(light: Float64, frame: Float64, grain: UInt8, seen: Int32, shades: Float32) -> None:
     """Make the ground wet where it is seen."""
     for k in range(len(seen)):
-        if seen[k] == ON_GROUND:
+        if seen[k] == codes.ON_GROUND:
             red, green, blue = wet_color(
-                light, grain, frame[0] + shades[GROUND_X, k], frame[1] + shades[GROUND_Y, k],
-                shades[RAY_Z, k] * shades[DISTANCE, k] / shades[FAR, k],
-                shades[RED, k] * 1.0, shades[GREEN, k] * 1.0, shades[BLUE, k] * 1.0,
+                light, grain, frame[0] + shades[at.GROUND_X, k], frame[1] + shades[at.GROUND_Y, k],
+                shades[at.RAY_Z, k] * shades[at.DISTANCE, k] / shades[at.FAR, k],
+                shades[at.RED, k] * 1.0, shades[at.GREEN, k] * 1.0, shades[at.BLUE, k] * 1.0,
             )  # fmt: skip
-            shades[RED, k], shades[GREEN, k], shades[BLUE, k] = red, green, blue
+            shades[at.RED, k], shades[at.GREEN, k], shades[at.BLUE, k] = red, green, blue
 
 
 @device_function(divides_by_zero=True)
@@ -294,7 +268,7 @@ def wet_color(
     light: Float64, grain: UInt8, x: float, y: float, dz: float, red: float, green: float, blue: float
 ) -> tuple[float, float, float]:
     """Return the light of a wet road, which mirrors the sky, in a direction of view (unit vector)."""
-    wet = light[WET] * (0.55 + 0.9 * (smooth_noise(grain[1], 1.3 * x, 1.3 * y) - 0.35))
+    wet = light[at.WET] * (0.55 + 0.9 * (smooth_noise(grain[1], 1.3 * x, 1.3 * y) - 0.35))
     wet = smaller(larger(wet, 0.0), 1.0)
     rest = 1.0 - smaller(-dz, 1.0)
     share = wet * (0.03 + 0.75 * rest * rest * rest * rest * rest)

@@ -9,28 +9,10 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
-from scenarionet_sim.cameras.draw.layout import (
-    BLUE,
-    DISTANCE,
-    EXPOSURE,
-    EYE,
-    FACADE,
-    FAR,
-    FX,
-    GAIN,
-    GREEN,
-    GROUND_X,
-    GROUND_Y,
-    HAZE,
-    HORIZON,
-    MATERIAL,
-    NOTHING,
-    ON_GROUND,
-    RAY_Z,
-    RED,
-    VIGNETTE,
-)
-from scenarionet_sim.cameras.draw.singles import bits_of, number_of, rounded_down, single, single_of
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
+from scenarionet_sim.cameras.draw.singles import bits_of, number_of, rounded_down, single, single_of, singles
+from scenarionet_sim.cameras.draw.structures import FrameView, Triangles, Triple
 
 OCTAVES = -12.0, math.log2(3.0)
 """Binary logarithms of the linear light that is shown as black and as white."""
@@ -42,6 +24,9 @@ _PER_BIT, _SHIFT, _BEND, _BEND_STEP = (
     _SCALE * factor for factor in (2.0**-23, 127 + sum(OCTAVES) / 2, 0.42086, -0.15639)
 )
 """The bits of a float32 are its binary logarithm but for the bend of that between powers of two, here to 0.001."""
+
+Light = tuple[float, float, float]
+"""Linear RGB."""
 
 PART = 32
 """Pixels of a row that are tested together for being beside a shadow."""
@@ -55,22 +40,22 @@ SOFT = 0.3
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def cast_shadows(
-    row: int, start: int, num_shadows: int, strength: float, frame: Float64, shadows: Float64, seen: Int32,
-    xs: Float32, ys: Float32, shade: Float32,
-) -> None:  # fmt: skip
+    row: int, start: int, strength: float, frame: Float64, shadows: Float64, seen: Int32, spots: Triple
+) -> None:
     """Lower the share of sunlight that arrives at the ground, under and behind objects, in pixels of a row.
 
     Only points of the ground are on a line: what is seen before it, and the sky, does not bound those between.
     """
-    for n in range(num_shadows):
+    xs, ys, shade = spots
+    for n in range(len(shadows)):
         if not shadows[n, 9] <= row < shadows[n, 11]:
             continue
         first, end = int(larger(shadows[n, 8] - start, 0.0)), int(smaller(shadows[n, 10] - start, len(xs) * 1.0))
         for begin in range(first, end, PART):
             left, right = begin, smaller(begin + PART, end)
-            while left < right and seen[left] != ON_GROUND:
+            while left < right and seen[left] != codes.ON_GROUND:
                 left += 1
-            while left < right and seen[right - 1] != ON_GROUND:
+            while left < right and seen[right - 1] != codes.ON_GROUND:
                 right -= 1
             if left == right or _is_beside(shadows[n], frame, xs[left], ys[left], xs[right - 1], ys[right - 1]):
                 continue
@@ -113,81 +98,81 @@ def _cast(strength: float, x0: float, y0: float, shadow: Float64, xs: Float32, y
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def color_triangles(
-    row: int, shift: int, first: int, end: int, pose: Float64, lens: Float64, frame: Float64, colors: Float32,
-    labels: Int32, seen: Int32, shades: Float32,
+    row: int, shift: int, pixels: tuple[int, int], view: FrameView, frame: Float64, triangles: Triangles, seen: Int32,
+    shades: Float32,
 ) -> None:  # fmt: skip
     """Write the light of triangles in pixels of a row, run by run of those that see the same one.
 
     Args:
         row, shift: Pixel k of the tile is in this row and in column ``k + shift``.
-        first, end: Pixels of the tile.
-        pose, lens, frame: Of the camera and the ground's grid.
-        colors, labels, seen, shades: See ``FrameMemory``.
+        pixels: First one and end of those of the tile.
+        view, frame: The camera and the ground's grid.
+        triangles, seen, shades: See ``FrameMemory``.
     """
-    reds, greens, blues = shades[RED], shades[GREEN], shades[BLUE]
+    rgb, (first, end) = (shades[at.RED], shades[at.GREEN], shades[at.BLUE]), pixels
+    spots = shades[at.DISTANCE], shades[at.RAY_Z], shades[at.GROUND_X], shades[at.GROUND_Y]
     begin, line = first, single(row)
     while begin < end:
         triangle = seen[begin]
         if triangle < 0:
             begin += 1
             continue
-        color, column, stop = colors[triangle], single(begin + shift), begin + 1
-        is_wall = labels[triangle, MATERIAL] == FACADE
+        color, column, stop = triangles.colors[triangle], single(begin + shift), begin + 1
+        is_wall = triangles.labels[triangle, at.MATERIAL] == codes.FACADE
         if is_wall or (begin + LONG <= end and seen[begin + LONG - 1] == triangle):
             while stop < end and seen[stop] == triangle:
                 stop += 1
         red, green = color[0] + color[1] * column + color[2] * line, color[3] + color[4] * column + color[5] * line
-        blue = color[6] + color[7] * column + color[8] * line
+        light = red, green, color[6] + color[7] * column + color[8] * line
         if stop == begin + 1 and not is_wall:
-            begin += _grade_few(
-                begin, end, triangle, seen, red, color[1], green, color[4], blue, color[7], reds, greens, blues
-            )
+            begin += _grade_few(begin, end, triangle, seen, light, color, rgb)
             continue
-        _grade(begin, stop, red, color[1], green, color[4], blue, color[7], reds, greens, blues)
+        _grade(begin, stop, light, color, rgb)
         if is_wall:
             nx, ny = color[9] * (1.0 / 3.2), color[10] * (1.0 / 3.2)
-            _open_windows(
-                begin, stop, single(nx), single(ny), single((nx * frame[1] - ny * frame[0]) % 1.0),
-                single(pose[EYE + 2]), single(0.8 / lens[FX]), shades[DISTANCE], shades[RAY_Z], shades[GROUND_X],
-                shades[GROUND_Y], reds, greens, blues,
-            )  # fmt: skip
+            wall = single(nx), single(ny), single((nx * frame[1] - ny * frame[0]) % 1.0)
+            level, angle = single(view.pose[at.EYE + 2]), single(0.8 / view.lens[at.FX])
+            _open_windows(begin, stop, wall, level, angle, spots, rgb)
         begin = stop
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _grade(
-    first: int, end: int, red: float, red_step: float, green: float, green_step: float, blue: float, blue_step: float,
-    reds: Float32, greens: Float32, blues: Float32,
-) -> None:  # fmt: skip
+def _grade(first: int, end: int, light: Light, color: Float32, rgb: Triple) -> None:
     """Write light that is linear along a row."""
+    red, green, blue = light
+    red_step, green_step, blue_step = color[1], color[4], color[7]
+    reds, greens, blues = rgb
     for lane in range(end - first):
-        k, at = first + lane, single_of(lane)
-        reds[k], greens[k], blues[k] = red + red_step * at, green + green_step * at, blue + blue_step * at
+        k, place = first + lane, single_of(lane)
+        reds[k], greens[k], blues[k] = red + red_step * place, green + green_step * place, blue + blue_step * place
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
-def _grade_few(
-    first: int, end: int, triangle: int, seen: Int32, red: float, red_step: float, green: float, green_step: float,
-    blue: float, blue_step: float, reds: Float32, greens: Float32, blues: Float32,
-) -> int:  # fmt: skip
+def _grade_few(first: int, end: int, triangle: int, seen: Int32, light: Light, color: Float32, rgb: Triple) -> int:
     """Write light that is linear along a row in at most ``LONG`` pixels that see a triangle; return how many."""
+    red, green, blue = light
+    red_step, green_step, blue_step = color[1], color[4], color[7]
+    reds, greens, blues = rgb
     count = LONG
     for lane in range(smaller(end - first, LONG)):
-        k, at = first + lane, single_of(lane)
+        k, place = first + lane, single_of(lane)
         is_same = seen[k] == triangle
-        reds[k] = red + red_step * at if is_same else reds[k]
-        greens[k] = green + green_step * at if is_same else greens[k]
-        blues[k] = blue + blue_step * at if is_same else blues[k]
+        reds[k] = red + red_step * place if is_same else reds[k]
+        greens[k] = green + green_step * place if is_same else greens[k]
+        blues[k] = blue + blue_step * place if is_same else blues[k]
         count = smaller(count, LONG if is_same else lane)
     return smaller(count, end - first)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _open_windows(
-    first: int, end: int, nx: float, ny: float, offset: float, level: float, angle: float, distances: Float32,
-    zs: Float32, xs: Float32, ys: Float32, red: Float32, green: Float32, blue: Float32,
+    first: int, end: int, wall: Light, level: float, angle: float, spots: tuple[Float32, Float32, Float32, Float32],
+    rgb: Triple,
 ) -> None:  # fmt: skip
     """Darken the windows of the storeys of a wall."""
+    nx, ny, offset = wall
+    distances, zs, xs, ys = spots
+    red, green, blue = rgb
     for k in range(first, end):
         far = distances[k]
         u, v = nx * ys[k] - ny * xs[k] + offset, (level + far * zs[k]) * (1.0 / 3.3)
@@ -201,39 +186,37 @@ def _open_windows(
 
 
 @device_function(forceinline=True, divides_by_zero=True)
-def expose(
-    first: int, size: tuple[int, int], light: Float64, tone: Float32, seen: Int32, shades: Float32, picture: UInt8
-) -> None:
+def expose(first: int, view: FrameView, tone: Float32, seen: Int32, shades: Float32, picture: UInt8) -> None:
     """Add haze and write the colours of a tile into a part of a picture (3 * count,), pixel by pixel.
 
     Args:
         first: Number of the tile's first pixel in the picture.
-        size: Height and width of the picture.
-        light, tone: Light of the frame, and the tone curve.
+        view, tone: The camera and its tone curve.
         seen, shades: Memory of the tile.
         picture: Output.
     """
-    count, gains = len(seen), shades[GAIN]
+    count, gains, light, width = len(seen), shades[at.GAIN], view.light, view.width
     for k in range(count):
-        gains[k] = light[EXPOSURE]
-    if light[VIGNETTE] > 0.0:
+        gains[k] = light[at.EXPOSURE]
+    if light[at.VIGNETTE] > 0.0:
         for k in range(count):
-            row, column = (first + k) // size[1], (first + k) % size[1]
-            below, beside = (row + 0.5) / size[0] - 0.5, (column + 0.5) / size[1] - 0.5
-            gains[k] *= 1.0 - 2.0 * light[VIGNETTE] * (below * below + beside * beside)
-    _develop(count, light, tone, seen, shades[FAR], gains, shades[RED], shades[GREEN], shades[BLUE], picture)
+            row, column = (first + k) // width, (first + k) % width
+            below, beside = (row + 0.5) / view.height - 0.5, (column + 0.5) / width - 0.5
+            gains[k] *= 1.0 - 2.0 * light[at.VIGNETTE] * (below * below + beside * beside)
+    rgb = shades[at.RED], shades[at.GREEN], shades[at.BLUE]
+    _develop(light, tone, seen, shades[at.FAR], gains, rgb, picture)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _develop(
-    count: int, light: Float64, tone: Float32, seen: Int32, far: Float32, gains: Float32, red: Float32,
-    green: Float32, blue: Float32, picture: UInt8,
-) -> None:  # fmt: skip
+    light: Float64, tone: Float32, seen: Int32, far: Float32, gains: Float32, rgb: Triple, picture: UInt8
+) -> None:
     """Blend what is far away with the light of the horizon; write the levels of linear light."""
-    haze = single(light[HAZE])
-    r, g, b = single(light[HORIZON]), single(light[HORIZON + 1]), single(light[HORIZON + 2])
+    (red, green, blue), count = rgb, len(seen)
+    haze = single(light[at.HAZE])
+    r, g, b = singles(light, at.HORIZON)
     for k in range(count):
-        mist = 0.0 if seen[k] == NOTHING else far[k] * haze
+        mist = 0.0 if seen[k] == codes.NOTHING else far[k] * haze
         clear, gain = 1.0 / (1.0 + mist * (1.0 + 0.5 * mist)), gains[k]
         picture[3 * k] = level_of((r + clear * (red[k] - r)) * gain, tone)
         picture[3 * k + 1] = level_of((g + clear * (green[k] - g)) * gain, tone)

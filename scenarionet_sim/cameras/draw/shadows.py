@@ -7,17 +7,8 @@ import math
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
-from scenarionet_sim.cameras.draw.layout import (
-    CX,
-    CY,
-    DOWN,
-    EYE,
-    FORWARD,
-    FX,
-    FY,
-    RIGHT,
-    SUN,
-)
+from scenarionet_sim.cameras.draw import columns as at
+from scenarionet_sim.cameras.draw.structures import FrameView
 from scenarionet_sim.cameras.draw.vertices import NEAREST
 
 SHADOW_REACH = 120.0
@@ -28,18 +19,16 @@ LEAST_SHADOW = 0.6
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def add_shadow(
-    box: Float64, pose: Float64, lens: Float64, width: int, height: int, light: Float64, shadows: Float64,
-    num_shadows: int,
-) -> int:  # fmt: skip
+def add_shadow(box: Float64, view: FrameView, shadows: Float64, num_shadows: int) -> int:
     """Add the shadow of a box on the ground; return the new number of shadows."""
-    wx, wy = box[0] - pose[EYE], box[1] - pose[EYE + 1]
+    pose, lens, light, width, height = view.pose, view.lens, view.light, view.width, view.height
+    wx, wy = box[0] - pose[at.EYE], box[1] - pose[at.EYE + 1]
     if num_shadows >= len(shadows):
         return num_shadows
     cos, sin = math.cos(box[3]), math.sin(box[3])
-    length = box[6] / larger(light[SUN + 2], 0.2)
-    sweep_x = -length * (cos * light[SUN] + sin * light[SUN + 1])
-    sweep_y = -length * (cos * light[SUN + 1] - sin * light[SUN])
+    length = box[6] / larger(light[at.SUN + 2], 0.2)
+    sweep_x = -length * (cos * light[at.SUN] + sin * light[at.SUN + 1])
+    sweep_y = -length * (cos * light[at.SUN + 1] - sin * light[at.SUN])
     pad = 0.45
     low_x, high_x = smaller(sweep_x, 0.0) - 0.5 * box[4] - pad, larger(sweep_x, 0.0) + 0.5 * box[4] + pad
     low_y, high_y = smaller(sweep_y, 0.0) - 0.5 * box[5] - pad, larger(sweep_y, 0.0) + 0.5 * box[5] + pad
@@ -50,10 +39,10 @@ def add_shadow(
         y = low_y if corner < 2 or corner == 4 else high_y
         if corner == 4:
             x = low_x
-        dx, dy, dz = wx + cos * x - sin * y, wy + sin * x + cos * y, box[2] - pose[EYE + 2]
-        ax = pose[RIGHT] * dx + pose[RIGHT + 1] * dy + pose[RIGHT + 2] * dz
-        ay = pose[DOWN] * dx + pose[DOWN + 1] * dy + pose[DOWN + 2] * dz
-        az = pose[FORWARD] * dx + pose[FORWARD + 1] * dy + pose[FORWARD + 2] * dz
+        dx, dy, dz = wx + cos * x - sin * y, wy + sin * x + cos * y, box[2] - pose[at.EYE + 2]
+        ax = pose[at.RIGHT] * dx + pose[at.RIGHT + 1] * dy + pose[at.RIGHT + 2] * dz
+        ay = pose[at.DOWN] * dx + pose[at.DOWN + 1] * dy + pose[at.DOWN + 2] * dz
+        az = pose[at.FORWARD] * dx + pose[at.FORWARD + 1] * dy + pose[at.FORWARD + 2] * dz
         for step in range(2):
             px, py, pz = ax, ay, az
             if step == 0:
@@ -62,7 +51,7 @@ def add_shadow(
                 share = (NEAREST - bz) / (az - bz)
                 px, py, pz = bx + share * (ax - bx), by + share * (ay - by), NEAREST
             if pz >= NEAREST:
-                column, row = lens[FX] * px / pz + lens[CX], lens[FY] * py / pz + lens[CY]
+                column, row = lens[at.FX] * px / pz + lens[at.CX], lens[at.FY] * py / pz + lens[at.CY]
                 left, right = smaller(left, column), larger(right, column)
                 top, bottom = smaller(top, row), larger(bottom, row)
         bx, by, bz = ax, ay, az

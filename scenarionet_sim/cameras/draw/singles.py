@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.compiled.decorators import device_function
 
 
@@ -11,6 +12,12 @@ from scenarionet_data.compiled.decorators import device_function
 def single(value: float) -> float:
     """Return a number as float32."""
     return np.float32(value)  # type: ignore[return-value]  # compiled functions calculate with it as with a float
+
+
+@device_function(forceinline=True)
+def singles(values: Float64, first: int) -> tuple[float, float, float]:
+    """Return three neighbouring numbers as float32."""
+    return single(values[first]), single(values[first + 1]), single(values[first + 2])
 
 
 @device_function(forceinline=True)

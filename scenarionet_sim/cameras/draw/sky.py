@@ -9,33 +9,12 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
-from scenarionet_sim.cameras.draw.layout import (
-    BAND,
-    BLUE,
-    CLOUD,
-    CX,
-    CY,
-    DOWN,
-    FORWARD,
-    FX,
-    FY,
-    GREEN,
-    HORIZON,
-    KIND,
-    NOTHING,
-    PINHOLE,
-    RED,
-    RIGHT,
-    SHIFT,
-    SKY_STEP,
-    SKYLIGHT,
-    SUN,
-    SUNLIGHT,
-    ZENITH,
-)
-from scenarionet_sim.cameras.draw.singles import rounded_down, single
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
+from scenarionet_sim.cameras.draw.singles import rounded_down, single, singles
+from scenarionet_sim.cameras.draw.structures import BAND, SKY_STEP, FrameView, Tile, Triple
 
-_NOTHING = np.int32(NOTHING)
+_NOTHING = np.int32(codes.NOTHING)
 
 GRAIN_SIZE = 512
 """Side of the tables of noise [texels]; a power of two."""
@@ -66,36 +45,30 @@ def sky_gradient(light: Float64, z: float) -> tuple[float, float, float]:
     share = math.sqrt(larger(z, 0.0))
     share = share * (1.6 - 0.6 * share)
     return (
-        light[HORIZON] + (light[ZENITH] - light[HORIZON]) * share,
-        light[HORIZON + 1] + (light[ZENITH + 1] - light[HORIZON + 1]) * share,
-        light[HORIZON + 2] + (light[ZENITH + 2] - light[HORIZON + 2]) * share,
+        light[at.HORIZON] + (light[at.ZENITH] - light[at.HORIZON]) * share,
+        light[at.HORIZON + 1] + (light[at.ZENITH + 1] - light[at.HORIZON + 1]) * share,
+        light[at.HORIZON + 2] + (light[at.ZENITH + 2] - light[at.HORIZON + 2]) * share,
     )
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def color_sky(
-    row: int, start: int, begin: int, stop: int, size: tuple[int, int], pose: Float64, lens: Float64, rays: Float64,
-    light: Float64, grain: UInt8, seen: Int32, nodes: Float32, sky: Float32, shades: Float32,
-) -> None:  # fmt: skip
+def color_sky(row: int, start: int, pixels: tuple[int, int], view: FrameView, grain: UInt8, tile: Tile) -> None:
     """Write the light of the sky in a tile's pixels that are in a row from column ``start`` on.
 
     It is interpolated between the light in the rows above and below of the band, ``sky``, and there between nodes.
     """
+    (begin, stop), seen, shades, sky = pixels, tile.seen, tile.shades, tile.sky
     if not _is_sky_seen(begin, stop, seen):
         return
     top = row // BAND * BAND
     for side in range(2):
         if sky[side, IS_LIT, 0] == 0.0:
-            light_nodes(
-                smaller(top + side * BAND, size[0] - 1), 0, num_nodes(size[1]), size[1], pose, lens, rays, light,
-                grain, nodes,
-            )  # fmt: skip
-            _stretch(nodes, size[1], sky[side])
+            node_row = smaller(top + side * BAND, view.height - 1)
+            light_nodes(node_row, 0, num_nodes(view.width), view, grain, tile.nodes)
+            _stretch(tile.nodes, view.width, sky[side])
             sky[side, IS_LIT, 0] = 1.0
-    _blend_rows(
-        begin, stop, start - begin, single((row - top) * (1.0 / BAND)), sky[0], sky[1], seen, shades[RED],
-        shades[GREEN], shades[BLUE],
-    )  # fmt: skip
+    rgb, share = (shades[at.RED], shades[at.GREEN], shades[at.BLUE]), single((row - top) * (1.0 / BAND))
+    _blend_rows(pixels, start - begin, share, sky[0], sky[1], seen, rgb)
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
@@ -124,10 +97,11 @@ def between_nodes(nodes: Float32, channel: int, node: int, lane: int) -> float:
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _blend_rows(
-    first: int, end: int, shift: int, share: float, above: Float32, below: Float32, seen: Int32, red: Float32,
-    green: Float32, blue: Float32,
-) -> None:  # fmt: skip
+    pixels: tuple[int, int], shift: int, share: float, above: Float32, below: Float32, seen: Int32, rgb: Triple
+) -> None:
     """Write the light between two rows of pixels where the sky is seen, in pixels k in column ``k + shift``."""
+    red, green, blue = rgb
+    first, end = pixels
     for k in range(first, end):
         is_sky, column = seen[k] == _NOTHING, k + shift
         r, g, b = above[0, column], above[1, column], above[2, column]
@@ -154,27 +128,24 @@ def carry_sky(is_below: bool, width: int, sky: Float32) -> None:
 
 
 @device_function(divides_by_zero=True)
-def light_nodes(
-    row: int, first: int, end: int, width: int, pose: Float64, lens: Float64, rays: Float64, light: Float64,
-    grain: UInt8, nodes: Float32,
-) -> None:  # fmt: skip
+def light_nodes(row: int, first: int, end: int, view: FrameView, grain: UInt8, nodes: Float32) -> None:
     """Write the light of the sky along the rays of nodes of a row of pixels.
 
     Args:
         row: Of the picture.
         first, end: Nodes.
-        width: Of the picture.
-        pose, lens, rays, light, grain: Camera and light.
+        view, grain: The camera and the noise of clouds.
         nodes: (3, N) output.
     """
-    y, step = (row + 0.5 - lens[CY]) / lens[FY], 1.0 / lens[FX]
+    lens, rays, width = view.lens, view.rays, view.width
+    y, step = (row + 0.5 - lens[at.CY]) / lens[at.FY], 1.0 / lens[at.FX]
     for k in range(first, end):
         column = smaller(k * SKY_STEP, width - 1)
-        if lens[KIND] == PINHOLE:
-            nodes[0, k], nodes[1, k], nodes[2, k] = (column + 0.5 - lens[CX]) * step, y, 1.0
+        if lens[at.KIND] == codes.PINHOLE:
+            nodes[0, k], nodes[1, k], nodes[2, k] = (column + 0.5 - lens[at.CX]) * step, y, 1.0
         else:
             nodes[0, k], nodes[1, k], nodes[2, k] = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
-    _light_along(first, end, pose, light, grain[1], nodes[0], nodes[1], nodes[2])
+    _light_along(first, end, view.pose, view.light, grain[1], nodes[0], nodes[1], nodes[2])
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -182,15 +153,15 @@ def _light_along(
     first: int, end: int, pose: Float64, light: Float64, grain: UInt8, red: Float32, green: Float32, blue: Float32
 ) -> None:
     """Replace directions right, below and ahead of the camera by the linear RGB of the sky with sun and clouds."""
-    sun_x, sun_y, sun_z = single(light[SUN]), single(light[SUN + 1]), single(light[SUN + 2])
-    sun_r, sun_g, sun_b = single(light[SUNLIGHT]), single(light[SUNLIGHT + 1]), single(light[SUNLIGHT + 2])
-    sky_r, sky_g, sky_b = single(light[SKYLIGHT]), single(light[SKYLIGHT + 1]), single(light[SKYLIGHT + 2])
-    low_r, low_g, low_b = single(light[HORIZON]), single(light[HORIZON + 1]), single(light[HORIZON + 2])
-    high_r, high_g, high_b = single(light[ZENITH]), single(light[ZENITH + 1]), single(light[ZENITH + 2])
-    rx, ry, rz = single(pose[RIGHT]), single(pose[RIGHT + 1]), single(pose[RIGHT + 2])
-    dx, dy, dz = single(pose[DOWN]), single(pose[DOWN + 1]), single(pose[DOWN + 2])
-    fx, fy, fz = single(pose[FORWARD]), single(pose[FORWARD + 1]), single(pose[FORWARD + 2])
-    clouds, shift = single(light[CLOUD]), single(light[SHIFT])
+    sun_x, sun_y, sun_z = singles(light, at.SUN)
+    sun_r, sun_g, sun_b = singles(light, at.SUNLIGHT)
+    sky_r, sky_g, sky_b = singles(light, at.SKYLIGHT)
+    low_r, low_g, low_b = singles(light, at.HORIZON)
+    high_r, high_g, high_b = singles(light, at.ZENITH)
+    rx, ry, rz = singles(pose, at.RIGHT)
+    dx, dy, dz = singles(pose, at.DOWN)
+    fx, fy, fz = singles(pose, at.FORWARD)
+    clouds, shift = single(light[at.CLOUD]), single(light[at.SHIFT])
     for k in range(first, end):
         right, down, ahead = red[k], green[k], blue[k]
         per = 1.0 / math.sqrt(right * right + down * down + ahead * ahead)

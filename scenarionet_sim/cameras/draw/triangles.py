@@ -15,27 +15,11 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
-from scenarionet_sim.cameras.draw.layout import (
-    BAND,
-    BOTTOM,
-    COLUMN,
-    CX,
-    CY,
-    FX,
-    FY,
-    IS_OUTLINE,
-    KIND,
-    PINHOLE,
-    RINGS,
-    ROW,
-    TOP,
-    TRI_END,
-    TRI_FIRST,
-    VIEW,
-    FrameMemory,
-)
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.outlines import span_of_outline
 from scenarionet_sim.cameras.draw.singles import single, single_of
+from scenarionet_sim.cameras.draw.structures import BAND, FrameMemory, FrameView
 from scenarionet_sim.cameras.draw.vertices import NEAREST, STEEP
 
 RayFunction = tuple[float, float, float]
@@ -49,26 +33,24 @@ WIDE = 0.35
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
-def bound_triangle(
-    vertices: Float64, a: int, b: int, c: int, lens: Float64, rings: Float64, width: int, height: int, bounds: Int32
-) -> bool:
+def bound_triangle(vertices: Float64, a: int, b: int, c: int, view: FrameView, bounds: Int32) -> bool:
     """Write the screen bounds (4,) of a triangle; return whether its corners have places on the screen."""
-    kind = lens[KIND]
+    kind, width, height = view.lens[at.KIND], view.width, view.height
     bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, width, height
-    if kind == RINGS:
-        _bound_on_rings(vertices, a, b, c, rings, width, bounds)
+    if kind == codes.RINGS:
+        _bound_on_rings(vertices, a, b, c, view.rings, width, bounds)
         return False
-    if kind == PINHOLE:
-        ahead = vertices[VIEW + 2]
+    if kind == codes.PINHOLE:
+        ahead = vertices[at.VIEW + 2]
         if smaller(ahead[a], smaller(ahead[b], ahead[c])) < NEAREST:
             return False
     elif _is_wide(vertices, a, b) or _is_wide(vertices, b, c) or _is_wide(vertices, c, a):
         return False
-    low_x = smaller(vertices[COLUMN, a], smaller(vertices[COLUMN, b], vertices[COLUMN, c]))
-    high_x = larger(vertices[COLUMN, a], larger(vertices[COLUMN, b], vertices[COLUMN, c]))
-    low_y = smaller(vertices[ROW, a], smaller(vertices[ROW, b], vertices[ROW, c]))
-    high_y = larger(vertices[ROW, a], larger(vertices[ROW, b], vertices[ROW, c]))
-    if kind == PINHOLE:  # rows and columns whose middle is inside
+    low_x = smaller(vertices[at.COLUMN, a], smaller(vertices[at.COLUMN, b], vertices[at.COLUMN, c]))
+    high_x = larger(vertices[at.COLUMN, a], larger(vertices[at.COLUMN, b], vertices[at.COLUMN, c]))
+    low_y = smaller(vertices[at.ROW, a], smaller(vertices[at.ROW, b], vertices[at.ROW, c]))
+    high_y = larger(vertices[at.ROW, a], larger(vertices[at.ROW, b], vertices[at.ROW, c]))
+    if kind == codes.PINHOLE:  # rows and columns whose middle is inside
         bounds[0] = int(smaller(larger(math.ceil(low_x - 0.501), 0.0), width))
         bounds[1] = int(smaller(larger(math.ceil(low_y - 0.501), 0.0), height))
         bounds[2] = int(smaller(larger(math.floor(high_x + 0.501), 0.0), width))
@@ -86,12 +68,12 @@ def bound_triangle(
 def _is_wide(vertices: Float64, a: int, b: int) -> bool:
     """Whether the camera sees two vertices more than ``WIDE`` apart, or one of them from closer than ``NEAREST``."""
     dot = (
-        vertices[VIEW, a] * vertices[VIEW, b]
-        + vertices[VIEW + 1, a] * vertices[VIEW + 1, b]
-        + vertices[VIEW + 2, a] * vertices[VIEW + 2, b]
+        vertices[at.VIEW, a] * vertices[at.VIEW, b]
+        + vertices[at.VIEW + 1, a] * vertices[at.VIEW + 1, b]
+        + vertices[at.VIEW + 2, a] * vertices[at.VIEW + 2, b]
     )
-    first = vertices[VIEW, a] ** 2 + vertices[VIEW + 1, a] ** 2 + vertices[VIEW + 2, a] ** 2
-    second = vertices[VIEW, b] ** 2 + vertices[VIEW + 1, b] ** 2 + vertices[VIEW + 2, b] ** 2
+    first = vertices[at.VIEW, a] ** 2 + vertices[at.VIEW + 1, a] ** 2 + vertices[at.VIEW + 2, a] ** 2
+    second = vertices[at.VIEW, b] ** 2 + vertices[at.VIEW + 1, b] ** 2 + vertices[at.VIEW + 2, b] ** 2
     is_near = smaller(first, second) < NEAREST * NEAREST
     return bool(is_near or dot < math.cos(WIDE) * math.sqrt(first * second))
 
@@ -103,13 +85,13 @@ def _bound_on_rings(vertices: Float64, a: int, b: int, c: int, slopes: Float64, 
     The slope of an edge is a sine wave of the azimuth: between two corners it exceeds theirs by at most the inverse of
     the cosine of half the angle between them, and only away from the level.
     """
-    start, low, high = vertices[COLUMN, a], 0.0, 0.0
+    start, low, high = vertices[at.COLUMN, a], 0.0, 0.0
     for corner in (b, c):
-        turn = vertices[COLUMN, corner] - start
+        turn = vertices[at.COLUMN, corner] - start
         turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
         low, high = smaller(low, turn), larger(high, turn)
-    down = smaller(vertices[ROW, a], smaller(vertices[ROW, b], vertices[ROW, c]))
-    up = larger(vertices[ROW, a], larger(vertices[ROW, b], vertices[ROW, c]))
+    down = smaller(vertices[at.ROW, a], smaller(vertices[at.ROW, b], vertices[at.ROW, c]))
+    up = larger(vertices[at.ROW, a], larger(vertices[at.ROW, b], vertices[at.ROW, c]))
     if high - low > 3.0 or not (down > -STEEP and up < STEEP):  # above or below the lidar
         return
     bend = 1.0 / math.cos(0.5 * (high - low))
@@ -127,30 +109,29 @@ def _bound_on_rings(vertices: Float64, a: int, b: int, c: int, slopes: Float64, 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def add_triangle(
-    vertices: Float64, a: int, b: int, c: int, lens: Float64, rings: Float64, width: int, height: int, edges: Float64,
-    spans: Float64, bounds: Int32,
-) -> int:  # fmt: skip
+    vertices: Float64, a: int, b: int, c: int, view: FrameView, edges: Float64, spans: Float64, bounds: Int32
+) -> int:
     """Write edge functions (12,), spans (12,) and bounds (4,) of a triangle, if it may be in view.
 
     Returns:
         0 if it is not in view, 2 if its corners have places on the screen, else 1.
     """
-    ax, ay, az = vertices[VIEW, a], vertices[VIEW + 1, a], vertices[VIEW + 2, a]
-    bx, by, bz = vertices[VIEW, b], vertices[VIEW + 1, b], vertices[VIEW + 2, b]
-    cx, cy, cz = vertices[VIEW, c], vertices[VIEW + 1, c], vertices[VIEW + 2, c]
+    ax, ay, az = vertices[at.VIEW, a], vertices[at.VIEW + 1, a], vertices[at.VIEW + 2, a]
+    bx, by, bz = vertices[at.VIEW, b], vertices[at.VIEW + 1, b], vertices[at.VIEW + 2, b]
+    cx, cy, cz = vertices[at.VIEW, c], vertices[at.VIEW + 1, c], vertices[at.VIEW + 2, c]
     ex, ey, ez = cy * bz - cz * by, cz * bx - cx * bz, cx * by - cy * bx  # -(b x c)
     volume = ax * ex + ay * ey + az * ez
     if volume <= 1e-12:
         return 0
-    is_placed = bound_triangle(vertices, a, b, c, lens, rings, width, height, bounds)
+    is_placed = bound_triangle(vertices, a, b, c, view, bounds)
     if bounds[0] >= bounds[2] or bounds[1] >= bounds[3]:
         return 0
     fx, fy, fz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx  # -(c x a)
     gx, gy, gz = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax  # -(a x b)
     scale = 1.0 / volume
     px, py, pz = (ex + fx + gx) * scale, (ey + fy + gy) * scale, (ez + fz + gz) * scale
-    if lens[KIND] == PINHOLE:
-        write_spans((ex, ey, ez), (fx, fy, fz), (gx, gy, gz), (px, py, pz), lens, spans)
+    if view.lens[at.KIND] == codes.PINHOLE:
+        write_spans((ex, ey, ez), (fx, fy, fz), (gx, gy, gz), (px, py, pz), view.lens, spans)
     else:
         edges[0], edges[1], edges[2], edges[3], edges[4], edges[5] = ex, ey, ez, fx, fy, fz
         edges[6], edges[7], edges[8], edges[9], edges[10], edges[11] = gx, gy, gz, px, py, pz
@@ -158,22 +139,21 @@ def add_triangle(
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
-def trace_band(
-    top: int, end: int, num_instances: int, lens: Float64, rays: Float64, width: int, scratch: FrameMemory
-) -> None:
+def trace_band(top: int, end: int, num_instances: int, view: FrameView, scratch: FrameMemory) -> None:
     """Find the nearest triangle along the ray of every pixel of a band of rows."""
-    near, seen, instances, places = scratch.near, scratch.seen, scratch.instances, scratch.places
+    near, seen, instances, places = scratch.band.near, scratch.band.seen, scratch.instances, scratch.places
+    triangles, width = scratch.triangles, view.width
     for k in range((end - top) * width):
         near[k] = 0.0
     for k in range((end - top) * width):
         seen[k] = -1
-    is_pinhole = lens[KIND] == PINHOLE
+    is_pinhole = view.lens[at.KIND] == codes.PINHOLE
     for place in range(num_instances):
-        if instances[place, TOP] >= end or instances[place, BOTTOM] <= top:
+        if instances[place, at.TOP] >= end or instances[place, at.BOTTOM] <= top:
             continue
-        is_outline = instances[place, IS_OUTLINE] > 0
-        for triangle in range(instances[place, TRI_FIRST], instances[place, TRI_END]):
-            bounds, spans = scratch.bounds[triangle], scratch.spans[triangle]
+        is_outline = instances[place, at.IS_OUTLINE] > 0
+        for triangle in range(instances[place, at.TRI_FIRST], instances[place, at.TRI_END]):
+            bounds, spans = triangles.bounds[triangle], triangles.spans[triangle]
             first, last = larger(int(bounds[1]), top), smaller(int(bounds[3]), end)
             if first >= last:
                 continue
@@ -182,7 +162,7 @@ def trace_band(
             for row in range(first, last):
                 start = (row - top) * width
                 if not is_pinhole:
-                    _test(triangle, row, start, lens, rays, width, scratch.edges[triangle], bounds, near, seen)
+                    _test(triangle, row, start, view, triangles.edges[triangle], bounds, near, seen)
                 elif places[0, row - top] < places[1, row - top]:
                     left, right = int(places[0, row - top]), int(places[1, row - top])
                     inverse = spans[9] + spans[11] * row + spans[10] * left
@@ -231,9 +211,9 @@ def _cover(triangle: int, first: int, end: int, inverse: float, step: float, nea
     """Cover pixels of a row where a triangle is nearest; ``inverse`` is its inverse depth at the first one."""
     number = np.int32(triangle)
     for block in range(first, end, SHORT):
-        at = inverse + step * single(block - first)
+        first_here = inverse + step * single(block - first)
         for k in range(smaller(end - block, SHORT)):
-            here, before = at + step * single_of(k), near[block + k]
+            here, before = first_here + step * single_of(k), near[block + k]
             seen[block + k] = number if here > before else seen[block + k]
             near[block + k] = larger(before, here)
 
@@ -243,31 +223,31 @@ def write_spans(
     first: RayFunction, second: RayFunction, third: RayFunction, inverse: RayFunction, lens: Float64, spans: Float64
 ) -> None:
     """Write where the edges of a triangle cross the rows of a pinhole's picture, and its inverse depth there."""
-    per_x, per_y = 1.0 / lens[FX], 1.0 / lens[FY]
-    top = (0.5 - lens[CY]) * per_y
+    per_x, per_y = 1.0 / lens[at.FX], 1.0 / lens[at.FY]
+    top = (0.5 - lens[at.CY]) * per_y
     _write_edge(first, 0, top, per_y, lens, spans)
     _write_edge(second, 3, top, per_y, lens, spans)
     _write_edge(third, 6, top, per_y, lens, spans)
     spans[10], spans[11] = inverse[0] * per_x, inverse[1] * per_y
-    spans[9] = spans[10] * (0.5 - lens[CX]) + inverse[1] * top + inverse[2]
+    spans[9] = spans[10] * (0.5 - lens[at.CX]) + inverse[1] * top + inverse[2]
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def _write_edge(edge: RayFunction, place: int, top: float, per_y: float, lens: Float64, spans: Float64) -> None:
     slope = edge[0] if abs(edge[0]) > 1e-30 else 1e-30
-    scale = -lens[FX] / slope
-    spans[place] = (edge[1] * top + edge[2]) * scale + lens[CX] - 0.5
+    scale = -lens[at.FX] / slope
+    spans[place] = (edge[1] * top + edge[2]) * scale + lens[at.CX] - 0.5
     spans[place + 1] = edge[1] * per_y * scale
     spans[place + 2] = 1.0 if slope > 0.0 else 0.0
 
 
 @device_function(divides_by_zero=True)
 def _test(
-    triangle: int, row: int, start: int, lens: Float64, rays: Float64, width: int, edges: Float64, bounds: Int32,
-    near: Float32, seen: Int32,
-) -> None:  # fmt: skip
+    triangle: int, row: int, start: int, view: FrameView, edges: Float64, bounds: Int32, near: Float32, seen: Int32
+) -> None:
     """Cover the pixels of a row whose rays hit a triangle, for any lens."""
-    most = 1 if lens[KIND] == RINGS else 0
+    rays, width = view.rays, view.width
+    most = 1 if view.lens[at.KIND] == codes.RINGS else 0
     for turn in range(-most, most + 1):  # columns beyond the picture are those of its other side
         first, end = larger(bounds[0] + turn * width, 0), smaller(bounds[2] + turn * width, width)
         for column in range(first, end):

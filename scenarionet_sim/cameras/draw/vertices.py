@@ -7,29 +7,11 @@ import math
 from scenarionet_data.arrays.dtypes import Float32, Float64
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger
-from scenarionet_sim.cameras.draw.layout import (
-    AWAY,
-    COLUMN,
-    CX,
-    CY,
-    DOWN,
-    EYE,
-    FORWARD,
-    FX,
-    FY,
-    KIND,
-    NORMAL,
-    PINHOLE,
-    RIGHT,
-    RINGS,
-    ROW,
-    VERTEX_END,
-    VERTEX_FIRST,
-    VIEW,
-    Meshes,
-)
+from scenarionet_sim.cameras.draw import codes
+from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.lens import project
 from scenarionet_sim.cameras.draw.singles import single
+from scenarionet_sim.cameras.draw.structures import FrameView, Item, Meshes, Places, Triple
 
 NEAREST = 0.05
 """Distance [m] below which corners are not projected: the bounds are those of the picture."""
@@ -40,147 +22,91 @@ STEEP = 1e6
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def place_vertices(
-    meshes: Meshes, mesh: int, box: Float64, turn: tuple[float, float], spin: float, steer: float, pose: Float64,
-    lens: Float64, vertices: Float64, lights: Float32,
-) -> int:  # fmt: skip
-    """Write the vertices of a mesh in view, and their normals as :func:`turn_normals` takes them; return their number.
+    first: int, count: int, item: Item, view: FrameView, meshes: Meshes, vertices: Float64, lights: Float32
+) -> None:
+    """Write vertices of a mesh in view, and their normals as :func:`turn_normals` takes them.
 
     Args:
-        meshes, mesh: The mesh.
-        box: (7,) x, y, z, heading, length, width, height.
-        turn: Cosine and sine of the heading.
-        spin, steer: Of the wheels, see ``instances.wheels_of``.
-        pose, lens: The camera.
-        vertices, lights: See ``FrameMemory``.
+        first, count: Vertices of all meshes, which belong to that of the item.
+        item, view, meshes: See ``structures``.
+        vertices, lights: See ``Vertices``.
     """
-    first, source = int(meshes.ranges[mesh, VERTEX_FIRST]), meshes.vertices
-    count = meshes.ranges[mesh, VERTEX_END] - first
-    xs, ys, zs = vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2]
-    right, down, ahead = vertices[VIEW], vertices[VIEW + 1], vertices[VIEW + 2]
-    _scale(first, count, box, source[0], source[1], source[2], xs, ys, zs)
-    _scale_normals(
-        first, count, single(1.0 / box[4]), single(1.0 / box[5]), single(1.0 / box[6]), source[3], source[4],
-        source[5], lights[NORMAL], lights[NORMAL + 1], lights[NORMAL + 2],
-    )  # fmt: skip
-    if meshes.wheels[mesh, 0, 4] > 0.0:
+    source, box, pose = meshes.vertices, item.box, view.pose
+    away = vertices[at.AWAY], vertices[at.AWAY + 1], vertices[at.AWAY + 2]
+    before = vertices[at.VIEW], vertices[at.VIEW + 1], vertices[at.VIEW + 2]
+    normals = lights[at.NORMAL], lights[at.NORMAL + 1], lights[at.NORMAL + 2]
+    per = single(1.0 / box[4]), single(1.0 / box[5]), single(1.0 / box[6])
+    _scale(first, count, box, (source[0], source[1], source[2]), away)
+    _scale_normals(first, count, per, (source[3], source[4], source[5]), normals)
+    if meshes.wheels[item.mesh, 0, 4] > 0.0:
         for k in range(count):
             if meshes.part[first + k] > 0:
-                _roll(meshes, mesh, int(meshes.part[first + k]), box, spin, steer, k, vertices, lights)
-    _turn(
-        count, turn, box[0] - pose[EYE], box[1] - pose[EYE + 1], box[2] - pose[EYE + 2], pose, xs, ys, zs, right, down,
-        ahead,
-    )  # fmt: skip
-    if lens[KIND] == PINHOLE:
-        _project(count, lens, right, down, ahead, vertices[COLUMN], vertices[ROW])
+                wheel = meshes.wheels[item.mesh, meshes.part[first + k] - 1]
+                _roll(wheel, meshes.part[first + k] <= 2, item, k, vertices, lights)
+    start = box[0] - pose[at.EYE], box[1] - pose[at.EYE + 1], box[2] - pose[at.EYE + 2]
+    _turn(count, item.turn, start, pose, away, before)
+    if view.lens[at.KIND] == codes.PINHOLE:
+        _project(count, view.lens, before, vertices[at.COLUMN], vertices[at.ROW])
     else:
         for k in range(count):
-            _project_vertex(lens, k, vertices)
-    return int(count)
-
-
-@device_function(divides_by_zero=True)
-def place_vertex(
-    meshes: Meshes, mesh: int, number: int, k: int, box: Float64, turn: tuple[float, float], spin: float, steer: float,
-    pose: Float64, lens: Float64, vertices: Float64, lights: Float32,
-) -> None:  # fmt: skip
-    """Write vertex ``number`` of all meshes as vertex ``k`` in view, see :func:`place_vertices`."""
-    source = meshes.vertices
-    xs, ys, zs = vertices[AWAY], vertices[AWAY + 1], vertices[AWAY + 2]
-    _scale_vertex(number, k, box, source[0], source[1], source[2], xs, ys, zs)
-    _scale_normal(
-        number, k, single(1.0 / box[4]), single(1.0 / box[5]), single(1.0 / box[6]), source[3], source[4], source[5],
-        lights[NORMAL], lights[NORMAL + 1], lights[NORMAL + 2],
-    )  # fmt: skip
-    if meshes.part[number] > 0:
-        _roll(meshes, mesh, int(meshes.part[number]), box, spin, steer, k, vertices, lights)
-    _turn_vertex(
-        k, turn, box[0] - pose[EYE], box[1] - pose[EYE + 1], box[2] - pose[EYE + 2], pose, xs, ys, zs, vertices[VIEW],
-        vertices[VIEW + 1], vertices[VIEW + 2],
-    )  # fmt: skip
-    _project_vertex(lens, k, vertices)
-
-
-@device_function(forceinline=True, divides_by_zero=True)
-def _scale_vertex(
-    number: int, k: int, box: Float64, from_x: Float32, from_y: Float32, from_z: Float32, xs: Float64, ys: Float64,
-    zs: Float64,
-) -> None:  # fmt: skip
-    """Write a vertex scaled to the box."""
-    xs[k], ys[k], zs[k] = from_x[number] * box[4], from_y[number] * box[5], from_z[number] * box[6]
+            _project_vertex(view.lens, k, vertices)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _scale(
-    first: int, count: int, box: Float64, from_x: Float32, from_y: Float32, from_z: Float32, xs: Float64, ys: Float64,
-    zs: Float64,
-) -> None:  # fmt: skip
+def _scale(first: int, count: int, box: Float64, source: Triple, away: Places) -> None:
+    """Write vertices scaled to the box."""
+    from_x, from_y, from_z = source
+    xs, ys, zs = away
     for k in range(count):
-        _scale_vertex(first + k, k, box, from_x, from_y, from_z, xs, ys, zs)
-
-
-@device_function(forceinline=True, divides_by_zero=True)
-def _scale_normal(
-    number: int, k: int, per_x: float, per_y: float, per_z: float, from_x: Float32, from_y: Float32, from_z: Float32,
-    nx: Float32, ny: Float32, nz: Float32,
-) -> None:  # fmt: skip
-    """Write the normal of a vertex scaled to the box, of any length."""
-    nx[k], ny[k], nz[k] = from_x[number] * per_x, from_y[number] * per_y, from_z[number] * per_z
+        xs[k], ys[k], zs[k] = from_x[first + k] * box[4], from_y[first + k] * box[5], from_z[first + k] * box[6]
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _scale_normals(
-    first: int, count: int, per_x: float, per_y: float, per_z: float, from_x: Float32, from_y: Float32,
-    from_z: Float32, nx: Float32, ny: Float32, nz: Float32,
-) -> None:  # fmt: skip
+def _scale_normals(first: int, count: int, per: tuple[float, float, float], source: Triple, normals: Triple) -> None:
+    """Write the normals of vertices scaled to the box, of any length."""
+    from_x, from_y, from_z = source
+    nx, ny, nz = normals
     for k in range(count):
-        _scale_normal(first + k, k, per_x, per_y, per_z, from_x, from_y, from_z, nx, ny, nz)
+        nx[k], ny[k], nz[k] = from_x[first + k] * per[0], from_y[first + k] * per[1], from_z[first + k] * per[2]
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _roll(
-    meshes: Meshes, mesh: int, part: int, box: Float64, spin: float, steer: float, k: int, vertices: Float64,
-    lights: Float32,
-) -> None:  # fmt: skip
+def _roll(wheel: Float32, is_front: bool, item: Item, k: int, vertices: Float64, lights: Float32) -> None:
     """Roll a vertex of a wheel about its axle, and steer it if it is on a front wheel."""
-    wheel = meshes.wheels[mesh, part - 1]
+    box = item.box
     cx, cy, cz, radius = wheel[0] * box[4], wheel[1] * box[5], wheel[2] * box[6], wheel[4] * box[6]
-    angle = spin / larger(radius, 0.05)
+    angle = item.spin / larger(radius, 0.05)
     c, s = math.cos(angle), math.sin(angle)
-    x, y, z = vertices[AWAY, k], vertices[AWAY + 1, k], vertices[AWAY + 2, k]
-    nx, ny, nz = lights[NORMAL, k], lights[NORMAL + 1, k], lights[NORMAL + 2, k]
+    x, y, z = vertices[at.AWAY, k], vertices[at.AWAY + 1, k], vertices[at.AWAY + 2, k]
+    nx, ny, nz = lights[at.NORMAL, k], lights[at.NORMAL + 1, k], lights[at.NORMAL + 2, k]
     dx, dz = (x - cx) / larger(box[4] * wheel[3], 1e-3), (z - cz) / larger(radius, 1e-3)
     x, z = cx + radius * (c * dx + s * dz), cz + radius * (c * dz - s * dx)
     nx, nz = c * nx + s * nz, c * nz - s * nx
-    if part <= 2:
-        c, s = math.cos(steer), math.sin(steer)
+    if is_front:
+        c, s = math.cos(item.steer), math.sin(item.steer)
         dx, dy = x - cx, y - cy
         x, y = cx + c * dx - s * dy, cy + s * dx + c * dy
         nx, ny = c * nx - s * ny, s * nx + c * ny
-    vertices[AWAY, k], vertices[AWAY + 1, k], vertices[AWAY + 2, k] = x, y, z
-    lights[NORMAL, k], lights[NORMAL + 1, k], lights[NORMAL + 2, k] = nx, ny, nz
-
-
-@device_function(forceinline=True, divides_by_zero=True)
-def _turn_vertex(
-    k: int, turn: tuple[float, float], x: float, y: float, z: float, pose: Float64, xs: Float64, ys: Float64,
-    zs: Float64, right: Float64, down: Float64, ahead: Float64,
-) -> None:  # fmt: skip
-    """Turn a vertex into the scenario's frame, ``x``, ``y``, ``z`` from the camera, and into the camera's."""
-    cos, sin = turn
-    ax, ay, az = x + cos * xs[k] - sin * ys[k], y + sin * xs[k] + cos * ys[k], z + zs[k]
-    xs[k], ys[k], zs[k] = ax, ay, az
-    right[k] = pose[RIGHT] * ax + pose[RIGHT + 1] * ay + pose[RIGHT + 2] * az
-    down[k] = pose[DOWN] * ax + pose[DOWN + 1] * ay + pose[DOWN + 2] * az
-    ahead[k] = pose[FORWARD] * ax + pose[FORWARD + 1] * ay + pose[FORWARD + 2] * az
+    vertices[at.AWAY, k], vertices[at.AWAY + 1, k], vertices[at.AWAY + 2, k] = x, y, z
+    lights[at.NORMAL, k], lights[at.NORMAL + 1, k], lights[at.NORMAL + 2, k] = nx, ny, nz
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _turn(
-    count: int, turn: tuple[float, float], x: float, y: float, z: float, pose: Float64, xs: Float64, ys: Float64,
-    zs: Float64, right: Float64, down: Float64, ahead: Float64,
+    count: int, turn: tuple[float, float], start: tuple[float, float, float], pose: Float64, away: Places,
+    before: Places,
 ) -> None:  # fmt: skip
+    """Turn vertices into the scenario's frame, of a mesh that is at ``start`` from the camera, and the camera's."""
+    cos, sin = turn
+    x, y, z = start
+    xs, ys, zs = away
+    right, down, ahead = before
     for k in range(count):
-        _turn_vertex(k, turn, x, y, z, pose, xs, ys, zs, right, down, ahead)
+        ax, ay, az = x + cos * xs[k] - sin * ys[k], y + sin * xs[k] + cos * ys[k], z + zs[k]
+        xs[k], ys[k], zs[k] = ax, ay, az
+        right[k] = pose[at.RIGHT] * ax + pose[at.RIGHT + 1] * ay + pose[at.RIGHT + 2] * az
+        down[k] = pose[at.DOWN] * ax + pose[at.DOWN + 1] * ay + pose[at.DOWN + 2] * az
+        ahead[k] = pose[at.FORWARD] * ax + pose[at.FORWARD + 1] * ay + pose[at.FORWARD + 2] * az
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -195,21 +121,23 @@ def turn_normals(count: int, cos: float, sin: float, nx: Float32, ny: Float32, n
 @device_function(divides_by_zero=True)
 def _project_vertex(lens: Float64, k: int, vertices: Float64) -> None:
     """Write column and row of a vertex in front of the camera; for a lidar, azimuth [rad] and slope of its ray."""
-    right, down, ahead = vertices[VIEW, k], vertices[VIEW + 1, k], vertices[VIEW + 2, k]
-    if lens[KIND] == RINGS:
+    right, down, ahead = vertices[at.VIEW, k], vertices[at.VIEW + 1, k], vertices[at.VIEW + 2, k]
+    if lens[at.KIND] == codes.RINGS:
         flat = math.sqrt(right * right + ahead * ahead)
-        vertices[COLUMN, k], vertices[ROW, k] = math.atan2(-right, ahead), -down / flat if flat > NEAREST else STEEP
-    elif lens[KIND] != PINHOLE or ahead >= NEAREST:
+        vertices[at.COLUMN, k], vertices[at.ROW, k] = (
+            math.atan2(-right, ahead),
+            -down / flat if flat > NEAREST else STEEP,
+        )
+    elif lens[at.KIND] != codes.PINHOLE or ahead >= NEAREST:
         place = project(lens, right, down, ahead)
-        vertices[COLUMN, k], vertices[ROW, k] = place
+        vertices[at.COLUMN, k], vertices[at.ROW, k] = place
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _project(
-    count: int, lens: Float64, right: Float64, down: Float64, ahead: Float64, columns: Float64, rows: Float64
-) -> None:
+def _project(count: int, lens: Float64, before: Places, columns: Float64, rows: Float64) -> None:
     """Write columns and rows of vertices in the picture of a pinhole, see :func:`_project_vertex`."""
-    fx, fy, cx, cy = lens[FX], lens[FY], lens[CX], lens[CY]
+    fx, fy, cx, cy = lens[at.FX], lens[at.FY], lens[at.CX], lens[at.CY]
+    right, down, ahead = before
     for k in range(count):
         per = 1.0 / ahead[k]
         columns[k], rows[k] = fx * (right[k] * per) + cx, fy * (down[k] * per) + cy

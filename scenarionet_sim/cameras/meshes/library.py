@@ -7,8 +7,9 @@ from functools import lru_cache
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32
-from scenarionet_sim.cameras.draw import layout as at
-from scenarionet_sim.cameras.draw.layout import Meshes
+from scenarionet_sim.cameras.draw import codes as at
+from scenarionet_sim.cameras.draw import columns
+from scenarionet_sim.cameras.draw.structures import Meshes
 from scenarionet_sim.cameras.meshes import far_vehicles, people, things, vehicles
 from scenarionet_sim.cameras.meshes.materials import MATERIAL_COLORS, PAINTS
 from scenarionet_sim.cameras.shapes import Shape, box, joined, tube, with_normals
@@ -97,7 +98,7 @@ def library() -> Meshes:
     ranges = np.zeros((len(sources), 8), np.int32)
     wheels: Float32 = np.zeros((len(sources), 4, 5), np.float32)
     vertices, parts, corners, materials = [], [], [], []
-    outlines: Float32 = np.zeros((len(sources), at.NUM_OUTLINE), np.float32)
+    outlines: Float32 = np.zeros((len(sources), columns.NUM_OUTLINE), np.float32)
     for mesh, outline in _OUTLINES.items():
         outlines[mesh] = outline
     num_vertices = num_triangles = 0

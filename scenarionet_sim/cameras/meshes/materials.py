@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarionet_sim.cameras.draw import layout as at
+from scenarionet_sim.cameras.draw import codes as at
 
 MATERIAL_COLORS = {
     at.BODY: (0.5, 0.5, 0.5),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_sim.cameras.draw import layout as at
+from scenarionet_sim.cameras.draw import codes as at
 from scenarionet_sim.cameras.shapes import Shape, ball, box, tube
 
 

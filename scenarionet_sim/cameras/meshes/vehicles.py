@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from scenarionet_sim.cameras.draw import layout as at
+from scenarionet_sim.cameras.draw import codes as at
 from scenarionet_sim.cameras.shapes import Shape, box, loft, outward, tube
 
 

@@ -45,7 +45,6 @@ def picture(name):
     return CAMERAS[name].frames(drive.batch, drive.state, np.array([[0, 0]], np.int32))["rgb"][0]
 
 
-@pytest.mark.long  # compiles the camera
 @pytest.mark.parametrize("name", CAMERAS)
 def test_pictures_look_like_the_stored_ones(name):
     stored = np.array(Image.open(FOLDER / f"{name}.png"))
@@ -55,7 +54,6 @@ def test_pictures_look_like_the_stored_ones(name):
     assert similarity(found, np.roll(stored, 2, axis=1)) < 0.99
 
 
-@pytest.mark.long
 def test_outlines_cover_the_pixels_of_their_meshes(monkeypatch):
     street = simulate(generated(7))
     camera, agents = Camera(84, 84, channels=("rgb", "depth", "semantic")), street.agents[:1]

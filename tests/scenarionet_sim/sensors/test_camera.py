@@ -26,7 +26,6 @@ BARE = Camera(width=96, height=64, fov=1.3, mount=Mount(1.0, 0.2, 1.6, 0.15, -0.
               are_boxes=True, channels=("depth", "semantic", "instance", "normals", "flow"))  # fmt: skip
 
 
-@pytest.mark.long  # compiles for half a minute
 class TestCamera(SensorConformance):
     sensor = Camera(width=32, height=20, noise=2.0)
 
@@ -85,7 +84,6 @@ def oracle(camera, drive, row=0):
     return best, instance
 
 
-@pytest.mark.long
 def test_depth_and_instances_match_boxes_and_plane(drive):
     found = seen(BARE, drive)
     depth, instance = oracle(BARE, drive)
@@ -95,7 +93,6 @@ def test_depth_and_instances_match_boxes_and_plane(drive):
     np.testing.assert_allclose(found["depth"][same], depth[same], atol=1e-3)
 
 
-@pytest.mark.long
 def test_flow_is_the_projected_motion(drive):
     found, state = seen(BARE, drive), drive.state
     eye, way, axes = rays(BARE, drive)
@@ -122,7 +119,6 @@ def test_flow_is_the_projected_motion(drive):
     np.testing.assert_allclose(found["flow"][is_near], expected[is_near], atol=0.02)
 
 
-@pytest.mark.long
 def test_edges_of_road_are_those_of_the_map(drive):
     """The road of this drive is the strip -1.75 < y < 5.25, with sidewalks of 2.4 m."""
     semantic = seen(BARE, drive)["semantic"]
@@ -142,7 +138,6 @@ def test_edges_of_road_are_those_of_the_map(drive):
     assert set(np.unique(semantic[grass])) == {SemanticClass.TERRAIN}
 
 
-@pytest.mark.long
 def test_normals_are_unit_vectors_of_faces(drive):
     found = seen(BARE, drive)
     ground = found["semantic"] == SemanticClass.ROAD
@@ -153,7 +148,6 @@ def test_normals_are_unit_vectors_of_faces(drive):
     assert (found["normals"][found["semantic"] == SemanticClass.SKY] == 0).all()
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("lens", ["pinhole", "fisheye"])
 def test_pictures_do_not_depend_on_threads(simulation, lens):  # noqa: F811
     camera = Camera(width=64, height=48, fov=1.5, lens=lens, channels=("rgb", "depth", "instance"))
@@ -179,7 +173,6 @@ def test_rays_are_the_inverse_of_the_projection(kind, k):
     np.testing.assert_allclose(found, np.stack([columns, rows], axis=-1), atol=1e-6)
 
 
-@pytest.mark.long
 def test_fisheye_and_distortion_agree_with_the_pinhole_on_distance(drive):
     """The distance of a point does not depend on the lens: compare where their rays are the same."""
     wide = replace(BARE, lens="fisheye", fov=2.6, channels=("depth", "instance"))
@@ -195,7 +188,6 @@ def test_fisheye_and_distortion_agree_with_the_pinhole_on_distance(drive):
     assert (found["instance"] >= 0).sum() > 20
 
 
-@pytest.mark.long
 def test_channels_share_one_observation(drive):
     camera = replace(BARE, channels=("rgb", "semantic"))
     assert camera.space().dtype == np.uint8
@@ -232,7 +224,6 @@ def test_bad_cameras_are_refused(wrong):
         Camera(**wrong)
 
 
-@pytest.mark.long
 def test_camera_inside_a_box_sees_through_it(drive):
     """The faces of a box are not seen from behind."""
     ahead, heading = drive.state.motion[0, 1], drive.state.heading[0, 0]
@@ -248,7 +239,6 @@ def test_camera_inside_a_box_sees_through_it(drive):
     assert found["rgb"].std() > 5
 
 
-@pytest.mark.long
 def test_edges_of_a_curved_road_are_those_of_the_map():
     """Half a ring around (0, 22), from 20 to 24 m: classes are right farther than a pixel from its outline."""
     turn = np.linspace(-np.pi / 2, np.pi / 2, 721)
@@ -274,7 +264,6 @@ def test_edges_of_a_curved_road_are_those_of_the_map():
     assert set(np.unique(semantic[clear & ~on_road])) == {SemanticClass.TERRAIN}
 
 
-@pytest.mark.long
 def test_ring_covers_all_directions(drive):
     ring = camera_ring(Camera(width=16, height=9, channels=("instance",), has_scenery=False))
     rows = np.unique([seen(camera, drive)["instance"] for camera in ring])
@@ -282,7 +271,6 @@ def test_ring_covers_all_directions(drive):
     assert set(rows) == {-1, 1, 2, 3, 4}
 
 
-@pytest.mark.long
 def test_broken_maps_give_pictures(drive):
     """Outlines that cross themselves or have no area, heights that are not numbers, lines of one point."""
     world = drive.batch.worlds[0]
@@ -307,7 +295,6 @@ def test_heights_ignore_points_that_are_not_numbers():
     assert Heights.from_map(features, 3.0) is None
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("broken", ["no map", "crossing", "not a number"])
 def test_broken_scenarios_give_pictures(broken):
     scenario = make_drive(others=(Other(12.0, 1.0),), has_map=broken != "no map")

@@ -23,7 +23,6 @@ BARE = SceneLidar(
 ME = np.array([[0, 0]], np.int32)
 
 
-@pytest.mark.long  # compiles the camera
 class TestSceneLidar(SensorConformance):
     sensor = replace(BARE, elevations=(0.0, -0.1, -0.3), azimuths=64, noise=0.1, dropout=0.05)
 
@@ -38,7 +37,6 @@ def observed(sensor, drive, seed=0):
     return sensor.observe(drive.batch, drive.state, ME, np.random.default_rng(seed), sensor.empty(1))[0]
 
 
-@pytest.mark.long
 def test_ranges_are_those_of_boxes_and_plane(drive):
     found = observed(BARE, drive)
     expected = observed(RINGS, drive)[::-1]
@@ -51,7 +49,6 @@ def test_ranges_are_those_of_boxes_and_plane(drive):
     assert ((hits[:, 3] > 0) & (hits[:, 3] <= 1)).mean() > 0.95
 
 
-@pytest.mark.long
 def test_boxes_right_beside_the_lidar_are_seen_whole():
     """Their faces extend over more than a right angle, and behind the first azimuth."""
     near = simulate(make_drive(speed=8.0, others=(Other(0.5, 2.3), Other(5.2, 0.3), Other(-0.5, -2.4))), steps=1)
@@ -61,7 +58,6 @@ def test_boxes_right_beside_the_lidar_are_seen_whole():
     assert (np.abs(found[..., 0] - expected) * 60.0 < 2e-3).mean() > 0.99  # rays through an edge
 
 
-@pytest.mark.long
 def test_dropout_and_threads(drive):
     whole = observed(BARE, drive)
     np.testing.assert_array_equal(whole, observed(replace(BARE, threads=3), drive))
