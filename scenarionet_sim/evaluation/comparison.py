@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 import polars as pl
 
 from scenarionet_data import Lake
-from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.storage import evaluation_runs
+from scenarionet_sim.evaluation.intervals import mean_interval
 
 METRICS: Mapping[str, str] = {
     "success": "success::INTEGER",
@@ -47,10 +47,6 @@ CONDITIONS = (
 ALL = "all"
 """Group of all scenarios."""
 
-_CONFIDENCE = 0.95
-_MANY = 2000
-"""Number of scenarios from which the interval is that of the normal distribution, which bootstrapping approaches."""
-
 
 @dataclass(frozen=True)
 class PairedChange:
@@ -58,7 +54,7 @@ class PairedChange:
 
     Attributes:
         mean: Its value.
-        low, high: 95 % interval, by bootstrapping the scenarios.
+        low, high: 95 % interval of Student's t over the scenarios.
         scenarios: Number of scenarios.
     """
 
@@ -139,8 +135,6 @@ def compare_runs(
     by: str | None = None,
     event: str | None = None,
     judged_by: str = JUDGED_BY,
-    resamples: int = 2000,
-    seed: int = 0,
 ) -> RunComparison:
     """Compare the results of runs; rollouts of a scenario are averaged first.
 
@@ -151,8 +145,6 @@ def compare_runs(
         by: Expression over ``results`` and ``metadata`` to group the scenarios by, such as ``dataset``.
         event: Event to group the scenarios by, as for filters: those in which it happens, and the others.
         judged_by: Expression over ``results``, higher is better.
-        resamples: Number of bootstrap samples.
-        seed: Seed of the bootstrap.
 
     Raises:
         BadParameter: Fewer than two runs, one that the lake does not have, or both ``by`` and ``event``.
@@ -172,9 +164,8 @@ def compare_runs(
         happens = pl.col("scenario_id").is_in(ids)
         rows = rows.with_columns(group=pl.when(happens).then(pl.lit(event)).otherwise(pl.lit(f"without {event}")))
     groups = [ALL] if by is None and event is None else [ALL, *sorted(rows["group"].unique().to_list())]
-    rng = np.random.default_rng(seed)
     metrics = [
-        _compared(rows if group == ALL else rows.filter(pl.col("group") == group), runs, metric, group, resamples, rng)
+        _compared(rows if group == ALL else rows.filter(pl.col("group") == group), runs, metric, group)
         for group in groups
         for metric in METRICS
     ]
@@ -207,29 +198,17 @@ def _rows(lake: Lake, runs: Sequence[str], where: str, by: str | None, judged_by
     return lake.sql(query, {"runs": list(runs)})
 
 
-def _compared(
-    rows: pl.DataFrame, runs: Sequence[str], metric: str, group: str, resamples: int, rng: np.random.Generator
-) -> ComparedMetric:
+def _compared(rows: pl.DataFrame, runs: Sequence[str], metric: str, group: str) -> ComparedMetric:
     of_runs = [rows.filter(pl.col("run") == run).select("scenario_id", metric).drop_nulls() for run in runs]
     changes: list[PairedChange | None] = [None]
     for each in of_runs[1:]:
         pairs = of_runs[0].join(each, on="scenario_id", suffix="_then")
         difference = (pairs[f"{metric}_then"] - pairs[metric]).cast(pl.Float64).to_numpy()
-        changes.append(_change(difference, resamples, rng) if len(difference) else None)
+        changes.append(
+            PairedChange(**asdict(mean_interval(difference)), scenarios=len(difference)) if len(difference) else None
+        )
     means = tuple(float(np.mean(each[metric].to_numpy())) if len(each) else None for each in of_runs)
     return ComparedMetric(metric, group, means, tuple(map(len, of_runs)), tuple(changes))
-
-
-def _change(difference: Float64, resamples: int, rng: np.random.Generator) -> PairedChange:
-    """Mean of differences with its interval."""
-    count, mean = len(difference), float(difference.mean())
-    if count > _MANY:
-        reach = 1.96 * float(difference.std(ddof=1)) / np.sqrt(count)
-        return PairedChange(mean, mean - reach, mean + reach, count)
-    drawn = difference[rng.integers(count, size=(resamples, count))].mean(axis=1)
-    rest = 0.5 * (1.0 - _CONFIDENCE)
-    low, high = np.quantile(drawn, [rest, 1.0 - rest]).tolist()
-    return PairedChange(mean, low, high, count)
 
 
 def _changed(rows: pl.DataFrame, runs: Sequence[str]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:

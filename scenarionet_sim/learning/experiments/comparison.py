@@ -14,8 +14,9 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
+from scenarionet_sim.evaluation.intervals import Interval, mean_interval
 from scenarionet_sim.learning.config import LearnerConfig
-from scenarionet_sim.learning.experiments.statistics import Interval, Verdict, bootstrap, has_flattened, verdict
+from scenarionet_sim.learning.experiments.statistics import CEILING, Verdict, has_flattened, verdict
 from scenarionet_sim.rollouts.parts import run_parts
 
 
@@ -205,18 +206,20 @@ def table(found: ComparisonResult, comparison: Comparison, test: str) -> dict[st
     """Return the interval over seeds of each metric by arm."""
     rows = found.chosen.filter(pl.col("test") == test)
     return {
-        arm.name: {name: bootstrap(_by_seed(rows, arm.name, name)) for name in comparison.metrics}
+        arm.name: {name: mean_interval(_by_seed(rows, arm.name, name)) for name in comparison.metrics}
         for arm in comparison.arms
     }
 
 
-def judge(found: ComparisonResult, claim: Claim) -> tuple[Verdict, Interval, str]:
-    """Return the verdict about a claim, the paired difference, and why."""
+def judge(found: ComparisonResult, claim: Claim, claims: int = 1) -> tuple[Verdict, Interval, str]:
+    """Return the verdict about one of a number of claims, the paired difference, and why."""
     rows = found.chosen.filter(pl.col("test") == claim.test)
     better, worse = (_by_seed(rows, arm, claim.metric) for arm in (claim.better, claim.worse))
     tested = found.curves.filter(pl.col("test") == claim.test)
     moving = [arm for arm in (claim.better, claim.worse) if not has_flattened(curve(tested, arm, claim.metric))]
-    said, interval = verdict(better - worse, are_flat=not moving)
+    said, interval = verdict(better - worse, are_flat=not moving, claims=claims)
+    if claim.metric == "success" and min(better.mean(), worse.mean()) >= CEILING:
+        return "inconclusive", interval, f"both succeed in {CEILING:.0%} or more: the test cannot tell"
     why = f"the curve of {' and of '.join(moving)} has not flattened" if moving else "all curves have flattened"
     return said, interval, why
 

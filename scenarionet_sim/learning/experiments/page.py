@@ -21,7 +21,7 @@ from scenarionet_sim.learning.experiments.comparison import (
     source_statistics,
     table,
 )
-from scenarionet_sim.learning.experiments.statistics import FLAT, RESAMPLES
+from scenarionet_sim.learning.experiments.statistics import CEILING, FLAT
 
 
 def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: str) -> Path:
@@ -69,8 +69,8 @@ def _settings(comparison: Comparison, commit: str) -> list[str]:
         f"Configuration of commit `{commit}`, fixed before the first run: {arms}; seeds "
         f"{', '.join(map(str, comparison.seeds))}; {counts} steps of agents a run. "
         "The table shows each run at the checkpoint with the highest success on the validation split of its own "
-        "training scenarios (the latest of equals). Intervals are 95 % bootstrap intervals over seeds "
-        f"({RESAMPLES:,} resamples); with so few seeds they are narrower than the uncertainty."
+        "training scenarios (the latest of equals). Intervals are 95 % intervals of Student's t over seeds; the "
+        "tests have the same scenarios for all seeds, which are not resampled."
     )
     first = comparison.arms[0]
     values = ", ".join(f"{name} {value}" for name, value in describe_config(first.config).items())
@@ -90,11 +90,13 @@ def _verdicts(found: ComparisonResult, comparison: Comparison) -> list[str]:
     """Return the claims with their verdicts."""
     rows = []
     for claim in comparison.claims:
-        said, interval, why = judge(found, claim)
+        said, interval, why = judge(found, claim, len(comparison.claims))
         rows.append({"claim": claim.text, "verdict": f"**{said}**", "paired difference": str(interval), "because": why})
     how = (
         "A claim is supported if the whole interval of the paired difference (same seeds) is above 0, not supported if "
-        "it is below, otherwise inconclusive; inconclusive in any case if a curve has not flattened, that is if its "
+        "it is below, otherwise inconclusive; the intervals of all claims together hold with 95 % (Bonferroni). "
+        f"It is inconclusive in any case if both arms succeed in {CEILING:.0%} or more, which no test can tell apart, "
+        "or if a curve has not flattened, that is if its "
         f"mean over the last quarter of the checkpoints differs from the quarter before by more than {FLAT}."
     )
     return ["## Claims of the paper", how, _markdown(rows)]

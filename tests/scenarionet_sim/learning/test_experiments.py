@@ -13,6 +13,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.opening import open_files
 from scenarionet_sim.learning.config import make_learner_config
+from scenarionet_sim.learning.experiments import comparison as comparisons
 from scenarionet_sim.learning.experiments.comparison import (
     Claim,
     Comparison,
@@ -24,14 +25,7 @@ from scenarionet_sim.learning.experiments.comparison import (
 from scenarionet_sim.learning.experiments.cross_dataset import cross_dataset
 from scenarionet_sim.learning.experiments.multi_agent import multi_agent
 from scenarionet_sim.learning.experiments.page import write_page
-from scenarionet_sim.learning.experiments.statistics import bootstrap, has_flattened, verdict
-
-
-def test_intervals_contain_the_mean_and_shrink():
-    narrow, wide = bootstrap([0.5] * 5), bootstrap([0.1, 0.9, 0.2, 0.8, 0.5])
-    assert (narrow.low, narrow.mean, narrow.high) == (0.5, 0.5, 0.5)
-    assert wide.low < 0.35 < wide.mean < 0.65 < wide.high
-    assert str(narrow) == "0.500 [0.500, 0.500]"
+from scenarionet_sim.learning.experiments.statistics import has_flattened, verdict
 
 
 @pytest.mark.parametrize(
@@ -45,6 +39,12 @@ def test_intervals_contain_the_mean_and_shrink():
 )
 def test_verdicts(differences, are_flat, expected):
     assert verdict(differences, are_flat=are_flat)[0] == expected
+
+
+def test_several_claims_have_wider_intervals():
+    differences = [0.2, 0.3, 0.1, 0.25, 0.02]
+    assert verdict(differences, are_flat=True)[0] == "supported"
+    assert verdict(differences, are_flat=True, claims=5)[0] == "inconclusive"
 
 
 def test_curves_flatten():
@@ -108,12 +108,21 @@ def test_tests_count_at_the_checkpoint_of_the_best_validation(finished):
     assert interval.mean == pytest.approx(0.4, abs=1e-6) and why == "all curves have flattened"
 
 
+def test_a_test_that_all_arms_pass_cannot_tell_them_apart(finished, monkeypatch):
+    lake, made = finished
+    found = read_comparison(lake, made)
+    assert judge(found, made.claims[0])[0] == "supported"
+    monkeypatch.setattr(comparisons, "CEILING", 0.5)
+    said, _, why = judge(found, made.claims[0])
+    assert said == "inconclusive" and why.startswith("both succeed in 50% or more")
+
+
 def test_the_page_has_tables_verdicts_and_the_commit(finished, tmp_path):
     pytest.importorskip("matplotlib")
     lake, made = finished
     text = write_page(lake, made, tmp_path / "out", "abc1234").read_text("utf-8")
     assert "commit `abc1234`" in text and "| Good is better | **supported** |" in text
-    assert "| good | 0.910 [0.900, 0.920] |" in text and "| all | 6 |" in text
+    assert "| good | 0.910 [0.885, 0.935] |" in text and "| all | 6 |" in text
     assert "| good | success | Table 9 | 0.500 | 0.910 [0.900, 0.920] |" in text
     assert "| the paper: PG |  |  |  | 226 |" in text
     assert {path.name for path in (tmp_path / "out").iterdir()} == {

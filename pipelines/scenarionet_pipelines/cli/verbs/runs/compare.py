@@ -18,7 +18,7 @@ class CompareVerb(LakeVerb):
     """Compare two or more runs of `scenarionet sim`.
 
     For every metric there are the share of scenarios or the mean of each run with its number of scenarios, and the
-    mean difference from the first run over the scenarios that both have, with a 95 % interval by bootstrapping.
+    mean difference from the first run over the scenarios that both have, with a 95 % interval of Student's t.
 
     --fail-if is an SQL expression over the names of the metrics, the values of the last run, and the same names with
     _change.
