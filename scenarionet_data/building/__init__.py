@@ -8,14 +8,16 @@ from __future__ import annotations
 from scenarionet_data.building.features import flat_points, make_features
 from scenarionet_data.building.map_builder import MapBuilder, meets
 from scenarionet_data.building.precision import METRES, make_origin, offsets_from, rounded
-from scenarionet_data.building.resampling import Resampling, resample, short_gaps
+from scenarionet_data.building.resampling import EGO_GAP, Resampling, bridge_gaps, resample
 from scenarionet_data.building.tracks import StateGrid, make_tracks
 
 __all__ = [
+    "EGO_GAP",
     "METRES",
     "MapBuilder",
     "Resampling",
     "StateGrid",
+    "bridge_gaps",
     "flat_points",
     "make_features",
     "make_origin",
@@ -24,5 +26,4 @@ __all__ = [
     "offsets_from",
     "resample",
     "rounded",
-    "short_gaps",
 ]

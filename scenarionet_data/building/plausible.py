@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
 
 MAX_DISTANCE = 10_000.0
 """Distance from the ego [m]; sensors of cars reach some 300 m."""
@@ -20,6 +20,9 @@ MAX_SIZE = 200.0
 
 MAX_SPEED = 150.0
 """Speed [m/s], 540 km/h."""
+
+MAX_STOP = 5.0
+"""Speed [m/s] from which no road user stops within a timestep, nor reaches it; a check has it as well."""
 
 MAX_MAP_DISTANCE = 200_000.0
 """Distance of a point of a map from the median of its points [m]; the largest city maps have 50 km."""
@@ -116,6 +119,32 @@ def find_jumps(position: Float64, seen: Bool, seconds: Array) -> Bool:
     return found
 
 
+def find_dead_ends(
+    position: Array, velocity: Array, valid: Bool, seconds: Array, fastest: float = MAX_STOP
+) -> tuple[Int64, Int64, Int64]:
+    """Find velocities of exactly 0 in the first and last state of objects that move there.
+
+    Args:
+        position: (N, T, 2 or more) [m].
+        velocity: (N, T, 2) [m/s].
+        valid: (N, T).
+        seconds: (T,) strictly increasing.
+        fastest: Speed [m/s] that the neighbouring state, and the step between the two, have to exceed.
+
+    Returns:
+        Object and timestep of each such state, and the timestep of the neighbouring one.
+    """
+    rows = np.tile(np.flatnonzero(valid.any(axis=1)), 2)
+    first, last = valid.argmax(axis=1), valid.shape[1] - 1 - valid[:, ::-1].argmax(axis=1)
+    end = np.where(np.arange(len(rows)) < len(rows) // 2, first[rows], last[rows])
+    near = np.clip(np.where(np.arange(len(rows)) < len(rows) // 2, end + 1, end - 1), 0, valid.shape[1] - 1)
+    moved = np.hypot(*np.moveaxis(position[rows, near, :2] - position[rows, end, :2], -1, 0))
+    is_moving = np.hypot(*np.moveaxis(velocity[rows, near], -1, 0)) > fastest
+    is_moving &= moved > fastest * np.abs(seconds[near] - seconds[end])
+    chosen = is_moving & valid[rows, near] & ~velocity[rows, end].any(axis=-1)
+    return rows[chosen], end[chosen], near[chosen]
+
+
 def find_bad_geometry(points: Array, centre: Array) -> str | None:
     """Return why the points of a map feature cannot be: what was expected and found. None if they can.
 
@@ -134,4 +163,4 @@ def find_bad_geometry(points: Array, centre: Array) -> str | None:
 
 
 def _shown(values: Array) -> str:
-    return ", ".join(f"{value:g}" for value in np.atleast_1d(values))
+    return ", ".join("no number" if np.isnan(value) else f"{value:g}" for value in np.atleast_1d(values))

@@ -16,6 +16,8 @@ _SAME_TIME = 1e-6
 """Times closer than this are the same [s]."""
 _TOLERANCE = 0.05
 """Recorded times may be this many timesteps away from the regular ones (5 ms at 10 Hz) and are kept."""
+EGO_GAP = 0.5
+"""Longest time between usable rows of the ego between which it is interpolated [s]."""
 _LONGEST_GAP = 1.0
 """Longest time between adjacent recorded times that is bridged [s], at least 1.5 timesteps of the recording."""
 
@@ -135,18 +137,27 @@ def _over(factor: Float64, values: Array) -> Float64:
     return factor.reshape(*factor.shape, *[1] * (values.ndim - 2))
 
 
-def short_gaps(times: Float64, known: Bool, longest_gap: float) -> Bool:
-    """(T,) unknown states that lie between two known ones which are at most ``longest_gap`` seconds apart.
+def bridge_gaps(
+    times: Float64, known: Bool, values: Float64, angle: int | None = None, longest_gap: float = EGO_GAP
+) -> tuple[Float64, Bool]:
+    """Interpolate the ego where its rows cannot be used: the one rule of all converters.
 
     Args:
         times: (T,) [s].
-        known: (T,).
-        longest_gap: [s].
+        known: (T,) whether its row can be used.
+        values: (T, C) of its rows; those of unknown rows are ignored.
+        angle: Column of ``values`` with an angle [rad].
+        longest_gap: Longest time between the two known rows around unknown ones [s].
+
+    Returns:
+        (T, C) values, NaN where unknown; and (T,) rows that are interpolated.
     """
     (rows,) = np.nonzero(known)
     after = np.searchsorted(rows, np.arange(len(times)))
-    is_between = ~known & (after > 0) & (after < len(rows))
-    first = rows[np.where(is_between, after - 1, 0)] if len(rows) else 0
-    second = rows[np.where(is_between, after, 0)] if len(rows) else 0
-    found: Bool = is_between & (times[second] - times[first] <= longest_gap)
-    return found
+    filled = ~known & (after > 0) & (after < len(rows))
+    filled[filled] = times[rows[after[filled]]] - times[rows[after[filled] - 1]] <= longest_gap
+    found = np.where(known[:, None], values, np.nan)
+    for column in range(values.shape[1] if filled.any() else 0):
+        told = values[known, column].astype(np.float64)
+        found[filled, column] = np.interp(times[filled], times[known], np.unwrap(told) if column == angle else told)
+    return found, filled

@@ -75,6 +75,9 @@ def _id(form: str | None, identifier: str) -> Any:
 def _tracks(scenario: ScenarioDescription, layout: Mapping[str, Any], origin: Float64) -> Iterator[tuple[Any, Any]]:
     tracks, columns, count = scenario.tracks, layout["tracks"], len(scenario.tracks)
     valid = tracks.valid[..., None]
+    velocity = tracks.velocity.copy()
+    for row, step in columns.get("stops", ()):
+        velocity[row, step] = 0.0
     length, width, height = np.moveaxis(tracks.size, -1, 0).copy()
     if columns["is_ego_swapped"]:
         ego = scenario.ego_index
@@ -82,7 +85,7 @@ def _tracks(scenario: ScenarioDescription, layout: Mapping[str, Any], origin: Fl
     arrays = {
         "position": np.where(valid, tracks.position + origin, 0.0),
         "heading": tracks.heading,
-        "velocity": tracks.velocity,
+        "velocity": velocity,
         "valid": tracks.valid,
         **dict(zip(SIZES, (length, width, height), strict=True)),
     }

@@ -46,6 +46,10 @@ class Defects:
         """Count rows or features that are kept with an assumed value; arguments as for :meth:`drop`."""
         self._add(table, file, locations, field, "assumed", reason)
 
+    def assume_empty_map(self, file: str) -> None:
+        """Say that a scenario that should have a map has no features in it."""
+        self.assume("maps", file, ["the whole map"], "features", "expected a map around the ego's path, found none")
+
     def found(self) -> tuple[Defect, ...]:
         """Return the defects in the order in which they were found."""
         return tuple(

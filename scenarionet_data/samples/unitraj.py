@@ -82,8 +82,9 @@ def unitraj(scenes: Scenes, choices: Choices) -> dict[str, Array]:
 
 
 def _regular(scenario: ScenarioDescription, dt: float) -> ScenarioDescription:
-    """A scenario of another nominal timestep on timesteps of ``dt``; recorded times are ignored otherwise, as there."""
-    return scenario if abs(scenario.dt - dt) <= 0.05 * dt else resample(scenario, dt)
+    """A scenario on timesteps of ``dt``; recorded times within one timestep of these are ignored, as there."""
+    drift = np.abs(scenario.timestamps - np.arange(scenario.num_timesteps) * dt).max()
+    return scenario if abs(scenario.dt - dt) <= 0.05 * dt and drift <= dt else resample(scenario, dt)
 
 
 def _sample(

@@ -16,8 +16,9 @@ from scenarionet_data.scenario.description import ScenarioDescription
 def content_hash(scenario: ScenarioDescription) -> int:
     """64-bit XXH3 hash of the scenario's arrays and description; detects changes, not forgery.
 
-    Scenarios of equal content have equal hashes, regardless of id, split and lake. A shared map contributes its id and
-    window, not its features; ``extras["pickle"]``, which tells how a pickle was written, does not contribute.
+    Scenarios of equal content have equal hashes, regardless of id, split and lake; content is equal if tracks, lights
+    and features are in the same order, too. A shared map contributes its id and window, not its features;
+    ``extras["pickle"]``, which tells how a pickle was written, does not contribute.
     """
     source = scenario.source
     description = [

@@ -134,7 +134,10 @@ class ScenarioDescription(ScenarioPart, HasCard):
         validator.check(steps > 0, "timestamps", "wanted at least one timestep, found none")
         validator.finite(self.timestamps, "timestamps")
         validator.check(self.timestamps[0] == 0, "timestamps", f"wanted the first 0, found {self.timestamps[0]}")
-        validator.check((np.diff(self.timestamps) > 0).all(), "timestamps", "wanted strictly increasing times")
+        is_later = np.append(np.diff(self.timestamps) > 0, True)
+        place = int(is_later.argmin())
+        found = f"found {self.timestamps[place : place + 2].tolist()} s at timesteps {place} and {place + 1}"
+        validator.check(bool(is_later.all()), "timestamps", f"wanted strictly increasing times, {found}")
         validator.check(0 < self.dt < np.inf, "dt", f"wanted a positive timestep, found {self.dt}")
         current = self.current_timestep
         validator.check(0 <= current < steps, "current_timestep", f"wanted 0 ... {steps - 1}, found {current}")

@@ -7,7 +7,8 @@
 -- min_duration = 1.0
 WITH walkers AS (
     SELECT
-        s.scenario_id, s.track_id, s.timestep, m.dt, m.dataset, m.version, m.map_id,
+        s.scenario_id, s.track_id, s.timestep, m.dataset, m.version, m.map_id,
+        coalesce(m.timestamps[s.timestep + 1], s.timestep * m.dt) AS seconds,
         s.x + m.origin_x AS x,
         s.y + m.origin_y AS y
     FROM states AS s JOIN metadata_rows AS m USING (scenario_id)
@@ -45,7 +46,7 @@ squares AS (
     )
 ),
 on_road AS (
-    SELECT DISTINCT p.scenario_id, p.track_id, p.timestep, p.dt, p.x, p.y
+    SELECT DISTINCT p.scenario_id, p.track_id, p.timestep, p.seconds, p.x, p.y
     FROM (SELECT *, floor(x / 10)::BIGINT AS square_x, floor(y / 10)::BIGINT AS square_y FROM walkers) AS p
     JOIN squares AS l USING (scenario_id, square_x, square_y)
     WHERE segment_gap(p.x - l.x, p.y - l.y, l.dx, l.dy) <= $half_width
@@ -86,7 +87,7 @@ SELECT
     NULL::VARCHAR AS other_id,
     min(timestep) AS first_timestep,
     max(timestep) AS last_timestep,
-    (max(timestep) - min(timestep)) * any_value(dt) AS value
+    max(seconds) - min(seconds) AS value
 FROM off
 GROUP BY scenario_id, track_id, run
 HAVING value >= $min_duration - 1e-6

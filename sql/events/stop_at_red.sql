@@ -21,7 +21,7 @@ stops AS (
         min(before) AS value
     FROM standing
     GROUP BY scenario_id, track_id, light_id, lane_id, run
-    HAVING (max(timestep) - min(timestep)) * any_value(dt) >= $min_duration - 1e-6
+    HAVING max(seconds) - min(seconds) >= $min_duration - 1e-6
 )
 SELECT
     scenario_id,

@@ -9,7 +9,7 @@
 -- min_speed = 2.0
 -- ego_only = false
 WITH lefts AS (
-    SELECT t.*, m.dt, m.ego_id
+    SELECT t.*, m.dt, m.timestamps, m.ego_id
     FROM turns AS t JOIN metadata_rows AS m USING (scenario_id)
     WHERE degrees(angle) BETWEEN 45 AND 135 AND object_type = 'VEHICLE' AND (is_ego OR NOT $ego_only)
 ),
@@ -28,7 +28,9 @@ oncoming AS (
         b.scenario_id, b.track_id, o.track_id AS other_id, b.first_timestep, b.last_timestep,
         min((o.x - b.x) * cos(b.heading) + (o.y - b.y) * sin(b.heading)) AS ahead
     FROM begun AS b JOIN states AS o ON o.scenario_id = b.scenario_id
-        AND o.timestep BETWEEN b.first_timestep AND b.first_timestep + ceil($within / b.dt)
+        AND o.timestep >= b.first_timestep
+        AND coalesce(b.timestamps[o.timestep + 1] - b.timestamps[b.first_timestep + 1], (o.timestep - b.first_timestep) * b.dt)
+            <= $within + 1e-6
     WHERE
         o.track_id <> b.track_id AND o.object_type = 'VEHICLE' AND o.speed > $min_speed
         AND cos(o.heading - b.heading) <= -cos(pi() / 6)

@@ -31,5 +31,5 @@ beside AS (
     JOIN near AS l USING (scenario_id, timestep, square_x, square_y)
     WHERE abs("left") <= 2 AND abs(before) <= 20 AND abs(turn) <= pi() / 4
 )
-SELECT b.*, m.ego_id, m.dt
+SELECT b.*, m.ego_id, m.dt, coalesce(m.timestamps[b.timestep + 1], b.timestep * m.dt) AS seconds
 FROM beside AS b JOIN metadata_rows AS m USING (scenario_id);

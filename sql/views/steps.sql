@@ -16,6 +16,7 @@ SELECT
     y[i + 1] - y[i] AS dy,
     (vx[i] + vx[i + 1]) / 2 AS vx,
     (vy[i] + vy[i + 1]) / 2 AS vy,
-    i > 1 AND i + 1 < len(x) AND (valid IS NULL OR (valid[i - 1] AND valid[i + 2])) AS is_inner
+    i > 1 AND i + 1 < len(x) AND (valid IS NULL OR (valid[i - 1] AND valid[i + 2])) AS is_inner,
+    is_velocity_estimated
 FROM spans
 WHERE valid IS NULL OR (valid[i] AND valid[i + 1]);

@@ -109,7 +109,7 @@ class Argoverse1(Converter[RawItem]):
             city = _city(recording.city, path, options) if options.has_map else None
         except CorruptSource as error:  # of this file or its map: continue with the other files
             raise InvalidScenario(scenario_id, "source", str(error)) from error
-        return describe(shard, scenario_id, record.name, recording, city, options, self.licence, defects.found())
+        return describe(shard, scenario_id, record.name, recording, city, options, self.licence, defects)
 
     def passed_over(
         self, raw: str, split: str, options: Argoverse1Options, shards: Sequence[Shard]

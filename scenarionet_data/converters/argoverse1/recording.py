@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
-from scenarionet_data.building import short_gaps
+from scenarionet_data.building import bridge_gaps
 from scenarionet_data.building.plausible import find_bad_rows, find_repeated_rows
 from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED, OTHER, CsvRows, read_rows
 from scenarionet_data.errors import CorruptSource
@@ -19,8 +19,6 @@ _LENGTHS = (NUM_OBSERVED, 50)
 """Recorded times: the test split ends with the history."""
 _LONGEST = 60.0
 """Longest time between a row and the middle one [s]; recordings with lost frames last up to 14 s."""
-_LONGEST_STEP = 0.5
-"""Longest gap in the ego's rows that is interpolated [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,21 +165,16 @@ class _Cleaning:
     ) -> tuple[Int64, Int64, Float64, Bool]:
         """Interpolate the ego's rows that were dropped; every whole recording has one at each time."""
         (own,) = np.nonzero(track == ego)
-        own = own[np.argsort(frame[own])]
-        known = np.zeros(len(times), np.bool_)
-        known[frame[own]] = True
-        (missing,) = np.nonzero(short_gaps(times, known, _LONGEST_STEP))
-        if not len(missing):
-            return track, frame, position, np.zeros(len(track), np.bool_)
-        filled = np.column_stack(
-            [np.interp(times[missing], times[frame[own]], position[own, axis]) for axis in range(2)]
-        )
+        known, path = np.zeros(len(times), np.bool_), np.zeros((len(times), 2))
+        known[frame[own]], path[frame[own]] = True, position[own]
+        path, is_filled = bridge_gaps(times, known, path)
+        (missing,) = np.nonzero(is_filled)
         reason = "expected the ego at every time, found times without it, which are interpolated"
         self.defects.assume("tracks", self.file, [f"{times[each]:.3f} s" for each in missing], "X", reason)
         return (
             np.append(track, np.full(len(missing), ego)),
             np.append(frame, missing),
-            np.concatenate([position, filled]),
+            np.concatenate([position, path[missing]]),
             np.append(np.zeros(len(track), np.bool_), np.ones(len(missing), np.bool_)),
         )
 

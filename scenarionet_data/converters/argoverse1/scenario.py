@@ -14,8 +14,8 @@ from scenarionet_data.converters.argoverse1.motion import DT, Motion, estimate_m
 from scenarionet_data.converters.argoverse1.options import Argoverse1Options
 from scenarionet_data.converters.argoverse1.recording import Argoverse1Recording
 from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED
+from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import Shard
-from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
 
@@ -34,7 +34,7 @@ def describe(
     city: Argoverse1City | None,
     options: Argoverse1Options,
     licence: str,
-    defects: tuple[Defect, ...],
+    defects: Defects,
 ) -> ScenarioDescription:
     """Convert a recording to a scenario.
 
@@ -57,6 +57,8 @@ def describe(
     origin = make_origin(position[ego], motion.valid[ego], has_z=False)
     crop = None if city is None else _window(motion, ego, origin, options.radius)
     roads = None if city is None or crop is None else _roads(city, crop, origin)
+    if roads is not None and not len(roads):
+        defects.assume_empty_map(file)
     return ScenarioDescription(
         id=scenario_id,
         dataset=shard.dataset,
@@ -87,7 +89,7 @@ def describe(
             "num_recorded_times": len(times),
             "longest_step": float(np.diff(times).max()),
         },
-        defects=defects,
+        defects=defects.found(),
     )
 
 

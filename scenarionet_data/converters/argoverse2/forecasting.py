@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
-from scenarionet_data.building import make_origin, make_tracks
+from scenarionet_data.building import bridge_gaps, make_origin, make_tracks
 from scenarionet_data.building.plausible import find_bad_rows, find_repeated_rows
 from scenarionet_data.converters.argoverse2.map_features import Argoverse2Map, read_map
 from scenarionet_data.converters.argoverse2.polylines import ground_height
@@ -90,7 +90,8 @@ class _Table:
         timestamps: (T,) [s] from the start.
         current_timestep: The last observed one.
         grid: N tracks by T timesteps.
-        motion: (R, 5) x, y [m], heading [rad], velocity x, y [m/s] of each row.
+        motion: (N, T, 5) x, y [m], heading [rad], velocity x, y [m/s].
+        is_interpolated: (N, T) states of the ego whose row cannot be used.
         types, categories: (N,) values of the source.
         defects: The other rows, and those with assumed values.
     """
@@ -116,7 +117,7 @@ class _Table:
         )
         self.current_timestep = int(timestep[kept][observed[kept] != 0].max(initial=0))
         self.grid = TrackGrid(tracks.take(kept), timestep[kept], count)
-        self.motion = motion[kept]
+        self.motion, self.is_interpolated = self._bridged(self.grid.place(motion[kept]), file)
         first = kept[self.grid.first]
         types, _ = text(rows, path, "object_type")
         self.types: list[str] = types.take(first).to_pylist()
@@ -128,6 +129,16 @@ class _Table:
             self.defects.assume("tracks", file, [f"track {self.focal}"], "focal_track_id", wanted)
         categories, _ = integers(rows, path, "object_category")
         self.categories = [TRACK_CATEGORIES.get(number, str(number)) for number in categories[first].tolist()]
+
+    def _bridged(self, motion: Float64, file: str) -> tuple[Float64, Bool]:
+        """Interpolate the ego; also returns (N, T) where."""
+        ego, is_interpolated = self.grid.ids.index(EGO), np.zeros_like(self.grid.valid)
+        bridged, filled = bridge_gaps(self.timestamps, self.grid.valid[ego], motion[ego], angle=2)
+        reason = "expected usable rows of the ego at every timestep, found none; interpolated"
+        steps = [f"timestep {step}" for step in np.flatnonzero(filled)]
+        self.defects.assume("tracks", file, steps, "position_x", reason)
+        motion[ego, filled], self.grid.valid[ego, filled], is_interpolated[ego] = bridged[filled], True, filled
+        return motion, is_interpolated
 
     def _usable(
         self, file: str, path: Path, timestep: Int64, has_time: Bool, tracks: Any, has_track: Bool, motion: Float64
@@ -212,14 +223,14 @@ def _kind(track: str, word: str) -> TypeMapping:
 
 def _positions(table: _Table, kinds: list[TypeMapping], roads: Argoverse2Map) -> Float64:
     """(N, T, 3) box centres in the city frame, half a height above the map's ground."""
-    places = table.motion[:, :2]
-    height = table.grid.place(ground_height(roads.ground, places))
-    height += np.array([kind.size[2] / 2.0 for kind in kinds])[:, None]
-    return np.concatenate([table.grid.place(places), height[..., None]], axis=-1)
+    position, valid = np.pad(table.motion[..., :2], ((0, 0), (0, 0), (0, 1))), table.grid.valid
+    position[valid, 2] = ground_height(roads.ground, position[valid, :2])
+    position[..., 2] += np.array([kind.size[2] / 2.0 for kind in kinds])[:, None]
+    return position
 
 
 def _tracks(table: _Table, kinds: list[TypeMapping], position: Float64, origin: Float64) -> Tracks:
-    motion = table.grid.place(table.motion)
+    motion = table.motion
     return make_tracks(
         table.grid.ids,
         [kind.type for kind in kinds],
@@ -232,5 +243,6 @@ def _tracks(table: _Table, kinds: list[TypeMapping], position: Float64, origin: 
         source_type=table.types,
         is_size_assumed=True,
         is_type_assumed=[kind.is_assumed for kind in kinds],
+        is_interpolated=table.is_interpolated,
         extras=[{"object_category": word} for word in table.categories],
     )

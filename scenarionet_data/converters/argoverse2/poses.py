@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
+from scenarionet_data.building import EGO_GAP
 from scenarionet_data.building.plausible import MAX_DISTANCE
 from scenarionet_data.converters.argoverse2.table import integers, numbers, read_feather
 from scenarionet_data.errors import CorruptSource
@@ -57,9 +58,12 @@ class RecordedPoses:
     bad_rows: Int64
 
     def covers(self, times: Int64) -> Bool:
-        """Whether each of some times (R,) [ns] is within the recorded ones, or at most 0.1 s before or after them."""
-        inside: Bool = (times >= self.times[0] - _MARGIN) & (times <= self.times[-1] + _MARGIN)
-        return inside
+        """Whether each of some times (R,) [ns] has a pose, is in a short gap, or at most 0.1 s before or after all."""
+        inside = (times >= self.times[0] - _MARGIN) & (times <= self.times[-1] + _MARGIN)
+        after = np.searchsorted(self.times, times).clip(0, len(self.times) - 1)
+        gap = self.times[after] - self.times[np.maximum(after - 1, 0)]
+        covered: Bool = inside & ((gap <= EGO_GAP * 1e9) | (self.times[after] <= times))
+        return covered
 
     def at(self, times: Int64) -> Poses:
         """Return the poses at ``times`` (S,) [ns]: recorded, interpolated between the adjacent two, or the nearest."""

@@ -307,8 +307,13 @@ def _defects(window: Argoverse2Window) -> tuple[Defect, ...]:
         act("tracks", log.file, bad.rows[inside].tolist(), bad.field, bad.reason)
     if window.first == 0:
         poses = (PurePosixPath(log.file).parent / _POSES).as_posix()
-        wanted = "expected a pose near the others, interpolated between the adjacent ones, found another"
-        defects.assume("tracks", poses, log.bad_poses.tolist(), "tx_m", wanted)
+        wanted = "expected a pose near the others, found another"
+        defects.drop("tracks", poses, log.bad_poses.tolist(), "tx_m", wanted)
+    part = slice(window.first, window.last)
+    sweeps = [f"sweep {time}" for time in log.sweeps[part][log.is_interpolated[part]]]
+    poses = (PurePosixPath(log.file).parent / _POSES).as_posix()
+    wanted = "expected a pose at each annotated sweep, found none; interpolated between the adjacent ones"
+    defects.assume("tracks", poses, sweeps, "timestamp_ns", wanted)
     return (*defects.found(), *log.roads.defects)
 
 

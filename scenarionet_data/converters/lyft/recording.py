@@ -214,8 +214,10 @@ class LyftRecording:
         lengths = np.diff(ranges, axis=1)[:, 0]
         is_run = (ranges[1:, 0] == ranges[:-1, 1]).all() and (lengths >= 0).all()
         if not (is_run and 0 <= first <= last <= len(table)):
+            place = int(np.append(~((ranges[1:, 0] == ranges[:-1, 1]) & (lengths[1:] >= 0)), True).argmax())
             wanted = f"expected consecutive ranges of rows within 0 to {len(table)}"
-            raise InvalidScenario(where, f"frames.{name}", f"{wanted}, found {first} ... {last}")
+            found = f"found {first} ... {last}, with {ranges[place : place + 2].tolist()} from frame {place} on"
+            raise InvalidScenario(where, f"frames.{name}", f"{wanted}, {found}")
         return lengths, first, last
 
 

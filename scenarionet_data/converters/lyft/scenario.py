@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool
-from scenarionet_data.building import make_origin
+from scenarionet_data.building import bridge_gaps, make_origin
 from scenarionet_data.building.plausible import find_bad_rows
 from scenarionet_data.converters.lyft.lights import lights
 from scenarionet_data.converters.lyft.map_features import LyftCity
@@ -67,12 +67,15 @@ def describe(shard: Shard, window: LyftWindow, licence: str) -> ScenarioDescript
     where = make_scenario_id(shard.dataset, shard.version, scene.name, f"frame{window.first}")
     content = recording.read(window.first, window.last, where)
     file, defects = recording.path.relative_to(shard.root).as_posix(), Defects()
-    has_ego = _known_egos(content, where, file, defects)
+    is_known, is_filled = _known_egos(content, where, file, defects)
+    has_ego = is_known | is_filled
     content = drop_bad_rows(content, file, defects)
     origin = make_origin(content.ego, has_ego, has_z=False)
-    objects, num_repaired = tracks(content, has_ego, recording.labels, origin, options.keep_unknown)
+    objects, num_repaired = tracks(content, has_ego, is_filled, recording.labels, origin, options.keep_unknown)
     city = window.city
     roads, crop = city.around(content.ego, options.radius, origin) if city else (None, None)
+    if roads is not None and not len(roads):
+        defects.assume_empty_map(file)
     return ScenarioDescription(
         id=make_scenario_id(shard.dataset, shard.version, scene.name, int(content.times[0])),
         dataset=shard.dataset,
@@ -108,8 +111,8 @@ def describe(shard: Shard, window: LyftWindow, licence: str) -> ScenarioDescript
     )
 
 
-def _known_egos(content: LyftContent, where: str, file: str, defects: Defects) -> Bool:
-    """(T,) whether the ego's pose is known; the others are dropped and interpolated, as a reference for agents.
+def _known_egos(content: LyftContent, where: str, file: str, defects: Defects) -> tuple[Bool, Bool]:
+    """(T,) whether the ego's pose is known, and is interpolated; others are a reference for agents only.
 
     Raises:
         InvalidScenario: No pose can be used.
@@ -124,6 +127,11 @@ def _known_egos(content: LyftContent, where: str, file: str, defects: Defects) -
         rows = content.first + np.flatnonzero(bad.mask)
         defects.drop("tracks", f"{file}/frames", rows.tolist(), f"ego_{bad.field}", bad.reason)
         known &= ~bad.mask
+    bridged, filled = bridge_gaps((content.times - content.times[0]) * 1e-9, known, content.ego, angle=2)
+    reason = "expected usable poses of the ego, found others, which are interpolated"
+    lost = (content.first + np.flatnonzero(filled)).tolist()
+    defects.assume("tracks", f"{file}/frames", lost, "ego_translation", reason)
     for column in content.ego.T:
         column[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), column[known])
-    return known
+    content.ego[filled] = bridged[filled]
+    return known, filled

@@ -11,7 +11,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import StateGrid, make_tracks
-from scenarionet_data.building.plausible import find_bad_rows, find_repeated_rows
+from scenarionet_data.building.plausible import find_bad_rows, find_dead_ends, find_repeated_rows
 from scenarionet_data.converters.lyft.recording import LyftContent, is_text
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.scenario.description import Tracks
@@ -85,7 +85,7 @@ def drop_bad_rows(content: LyftContent, file: str, defects: Defects) -> LyftCont
 
 
 def tracks(
-    content: LyftContent, has_ego: Bool, labels: Sequence[str], origin: Float64, keep_unknown: bool
+    content: LyftContent, has_ego: Bool, is_filled: Bool, labels: Sequence[str], origin: Float64, keep_unknown: bool
 ) -> tuple[Tracks, int]:
     """Build the agents followed by the ego; return the number of repaired velocities as well.
 
@@ -94,7 +94,8 @@ def tracks(
 
     Args:
         content: T frames, without unusable rows.
-        has_ego: (T,) whether the ego's pose is known.
+        has_ego: (T,) whether the ego's pose is known or interpolated.
+        is_filled: (T,) whether it is interpolated.
         labels: Names of the labels.
         origin: (3,) [m].
         keep_unknown: Whether to keep objects of unknown type.
@@ -109,21 +110,28 @@ def tracks(
     track = np.concatenate([rows.track, np.full(len(ego), count)])
     grid = StateGrid(track, np.concatenate([rows.frame, np.flatnonzero(has_ego)]), (count + 1, len(times)))
     ego_velocity = estimate_velocity(content.ego[None, :, :2], has_ego[None], times)[0, has_ego]
+    place = grid.place(np.concatenate([agents["centroid"], ego[:, :2]]))
+    motion = grid.place(np.concatenate([velocity, ego_velocity]))
+    dead, step, near = find_dead_ends(place, motion, grid.valid, times)
+    motion[dead, step] = motion[dead, near]
+    is_estimated = np.append(np.bincount(rows.track, is_repaired, count) > 0, True)
+    is_estimated[dead] = True
     made = make_tracks(
         [*map(str, rows.ids.tolist()), EGO],
         [*kinds, ObjectType.VEHICLE],
-        grid.place(np.pad(np.concatenate([agents["centroid"], ego[:, :2]]), ((0, 0), (0, 1)))),
+        np.pad(place, ((0, 0), (0, 0), (0, 1))),
         grid.place(np.concatenate([agents["yaw"], ego[:, 2]])),
-        grid.place(np.concatenate([velocity, ego_velocity])),
+        motion,
         grid.place(np.concatenate([agents["extent"], np.tile(np.array(EGO_SIZE, np.float32), (len(ego), 1))])),
         grid.valid,
         origin=origin,
         source_type=[*rows.words, "EGO"],
         is_size_assumed=[False] * count + [True],
         is_type_assumed=[*rows.is_word_varied.tolist(), False],
-        is_velocity_estimated=[*(np.bincount(rows.track, is_repaired, count) > 0).tolist(), True],
+        is_velocity_estimated=is_estimated,
+        is_interpolated=grid.place(np.concatenate([np.zeros(len(rows.track), np.bool_), is_filled[has_ego]])),
     )
-    return made, int(is_repaired.sum())
+    return made, int(is_repaired.sum()) + len(dead)
 
 
 class _Rows:

@@ -19,15 +19,14 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
-from scenarionet_data.arrays.geometry import rotate, wrap_angle, yaw_from_quaternion
+from scenarionet_data.arrays.geometry import rotate, yaw_from_quaternion
+from scenarionet_data.building import bridge_gaps
 from scenarionet_data.building.plausible import find_bad_rows, find_jumps
 from scenarionet_data.converters.nuplan.types import REAR_AXLE_TO_CENTER
 from scenarionet_data.errors import CorruptSource
 
 SWEEP = 50_000
 """Nominal time between sweeps [us]."""
-_GAP = 1_000_000
-"""Longest gap between poses over which the ego is interpolated [us]."""
 _SLACK = 1_000_000
 """Time beyond its length within which the sweeps of a scene are [us]."""
 _SWEEPS = """
@@ -237,20 +236,8 @@ def _repaired(ego: Float64, times: Int64) -> tuple[Float64, Bool]:
         rows = np.flatnonzero(good)
         jumps = find_jumps(ego[None, rows, :2], np.ones((1, len(rows)), np.bool_), times[rows] * 1e-6)[0]
         good[rows[jumps]] = False
-    if good.all() or not good.any():
-        return np.where(good[:, None], ego, np.nan), ~good
-    known, lost = np.flatnonzero(good), np.flatnonzero(~good)
-    after = np.searchsorted(known, lost)
-    is_inside = (after > 0) & (after < len(known))
-    before, after = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
-    span = (times[after] - times[before]).astype(np.float64)
-    is_bridged = is_inside & (span <= _GAP)
-    share = ((times[lost] - times[before]) / np.where(span > 0, span, 1.0))[:, None]
-    change = ego[after] - ego[before]
-    change[:, 2] = wrap_angle(change[:, 2])
-    filled: Float64 = ego.copy()
-    filled[lost] = np.where(is_bridged[:, None], ego[before] + share * change, np.nan)
-    return filled, ~good
+    seconds = (times - times[0]) * 1e-6
+    return bridge_gaps(seconds, good, ego, angle=2)[0], ~good
 
 
 def _read_scenes(database: sqlite3.Connection) -> Iterator[NuPlanScene]:

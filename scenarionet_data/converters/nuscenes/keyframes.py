@@ -14,11 +14,10 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.arrays.geometry import wrap_angle
+from scenarionet_data.building import EGO_GAP
 
 HEADING = 3
 """Column of boxes and poses with an angle."""
-_GAP = 1e6
-"""Shortest gap between poses over which the ego is not interpolated [us]; their usual spacing is 0.05 s."""
 _REACH = 1e5
 """Longest time from a step before the first pose, or after the last, over which the ego keeps that pose [us]."""
 _PERIOD = 0.5
@@ -94,7 +93,7 @@ def poses_at(times: Float64, pose_times: Float64, poses: Float64) -> tuple[Float
     before = np.where(pose_times[after] > times, np.maximum(after - 1, 0), after)
     span = pose_times[after] - pose_times[before]
     share = np.where(span > 0, (times - pose_times[before]) / np.where(span > 0, span, 1.0), 0.0)
-    valid = (span <= _GAP) & is_covered(times, pose_times)
+    valid = (span <= EGO_GAP * 1e6) & is_covered(times, pose_times)
     return _blend(poses[before], poses[after], share), valid, pose_times[before] != times
 
 

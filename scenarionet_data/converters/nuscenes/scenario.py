@@ -33,6 +33,7 @@ from scenarionet_data.ingest.defects import Defect, Defects, merge_defects
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import (
     Lights,
+    MapFeatures,
     ScenarioDescription,
     Source,
     Tracks,
@@ -108,7 +109,7 @@ def describe(
             "keyframe_timesteps": steps.at_keyframes.tolist(),
             "start_timestamp_us": round(start),
         },
-        defects=merge_defects([*recording.defects, *defects, *_unknown_targets(window)]),
+        defects=merge_defects([*recording.defects, *defects, *_findings(window, shard.items[0].name, roads)]),
         num_recorded_rows=recording.num_rows,
     )
 
@@ -164,9 +165,11 @@ def _tracks(
     )
 
 
-def _unknown_targets(window: NuScenesWindow) -> tuple[Defect, ...]:
-    """Report the objects to predict that are not annotated in the scene."""
+def _findings(window: NuScenesWindow, file: str, roads: MapFeatures | None) -> tuple[Defect, ...]:
+    """Report an empty map, and the objects to predict that are not annotated in the scene."""
     defects = Defects()
+    if roads is not None and not len(roads):
+        defects.assume_empty_map(file)
     unknown = [token for token in window.targets if token not in window.recording.objects.tokens]
     reason = "expected objects of the scene, found another; it is not among the tracks to predict"
     defects.assume("tracks", CHALLENGE.as_posix(), unknown, window.recording.name, reason)

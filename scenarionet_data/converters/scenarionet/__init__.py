@@ -74,7 +74,8 @@ class ScenarioNetPickles(Converter[RawItem]):
         description = load(path, record.name)
         for key, kind in _FORM.items():
             if key not in description:
-                raise InvalidScenario(record.name, key, "is missing")
+                wanted = f"expected a {kind.__name__} named {key!r}, as in pickles since MetaDrive 0.3 (spring 2023)"
+                raise InvalidScenario(record.name, key, f"{wanted}, found none; convert older ones' recordings again")
             if not isinstance(description[key], kind):
                 found = type(description[key]).__name__
                 raise InvalidScenario(record.name, key, f"expected {kind.__name__}, found {found}")

@@ -224,6 +224,8 @@ def _states_form(name: str, value: Any) -> str:
     """Form of a light's state; the oldest have their stop points in it, too."""
     if name != "object_state" or not isinstance(value, list | tuple | np.ndarray):
         return literal(value)
+    if any(isinstance(state, int | np.integer) for state in value):
+        return literal(value)
     return value.dtype.str if isinstance(value, np.ndarray) else type(value).__name__
 
 

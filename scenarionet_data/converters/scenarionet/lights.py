@@ -54,6 +54,11 @@ def _codes(light: Mapping[str, Any], lane: str, length: int, where: str) -> list
     path = f"dynamic_map_states[{lane!r}].state.object_state"
     if len(words) != length:
         raise InvalidScenario(where, path, f"expected {length} states, found {len(words)}")
+    if all(isinstance(word, int | np.integer) for word in words):
+        # MetaDrive of spring 2023: Waymo's codes, which are one less than the lake's.
+        seen = np.asarray(light["state"].get("lane", np.ones(length))).reshape(-1).astype(bool)
+        is_seen = [known and 0 <= code < 9 for code, known in zip(words, seen, strict=True)]
+        return [code + 1 if known else LightState.ABSENT for code, known in zip(words, is_seen, strict=True)]
     unknown = set(words) - set(_LIGHT_STATES)
     if unknown:
         raise InvalidScenario(where, path, f"expected names of LightState or None, found {sorted(unknown)[0]!r}")

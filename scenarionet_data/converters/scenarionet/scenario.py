@@ -27,6 +27,7 @@ from scenarionet_data.converters.scenarionet.tracks import (
     is_wider,
     make_pickled_tracks,
     read_states,
+    repair_ends,
     restore_ego_size,
 )
 from scenarionet_data.converters.scenarionet.usable import build_usable, drop_bad_states
@@ -87,7 +88,7 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
         )
     ego = ids.index(ego_id)
     _assume_types(tracks, where, defects)
-    drop_bad_states(states, ids, ego, where, defects)
+    drop_bad_states(states, ids, ego, times, where, defects)
     features, has_heights = build_usable("maps", description["map_features"], _have_heights, where, defects)
     has_heights = has_heights or bool(states.position[..., 2][states.valid].any())
     frame = find_frame(description, states.position[ego], states.valid[ego], has_heights)
@@ -102,12 +103,15 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
         where,
         defects,
     )
+    is_nuscenes = frame.dataset == "nuscenes" or description["version"].startswith("nuscenesv1.0")
+    repaired = repair_ends(states, times, is_nuscenes and not frame.is_ours)
     own: list[dict[str, Any]] = [{} for _ in tracks]
     track_columns = {} if frame.is_ours else describe_tracks(tracks, states.is_size_assumed, own)
-    is_nuscenes = frame.dataset == "nuscenes" or description["version"].startswith("nuscenesv1.0")
     is_swapped = is_nuscenes and is_wider(states, ego)
     if is_swapped:
         restore_ego_size(states, ego)
+    if map_features is None and not frame.is_ours:
+        defects.assume_empty_map(where)
     name = str(description.get("id", metadata.get("scenario_id")))
     scenario = ScenarioDescription(
         id=make_scenario_id(shard.dataset, shard.version, f"{frame.dataset}_{name}"),
@@ -135,7 +139,7 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
         unknown = {key: feature for key, feature in features.items() if not is_known(feature)}
         layout = {
             **describe_pickle(description),
-            "tracks": {**track_columns, "is_ego_swapped": is_swapped},
+            "tracks": {**track_columns, "is_ego_swapped": is_swapped, **({"stops": repaired} if repaired else {})},
             "lights": light_columns,
             "map": {**map_columns, "moved": frame.moved.tolist()},
             "unknown_features": to_plain(unknown),

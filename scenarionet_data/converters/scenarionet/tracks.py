@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, UInt8
 from scenarionet_data.building import make_tracks
+from scenarionet_data.building.plausible import MAX_STOP, find_dead_ends
 from scenarionet_data.converters.scenarionet.frame import Frame
 from scenarionet_data.converters.scenarionet.layout import LAYOUT
 from scenarionet_data.errors import InvalidScenario
@@ -42,6 +43,8 @@ class States:
         size: (N, T, 3) [m].
         valid: (N, T).
         is_size_assumed: (N,) whether the pickle has no size for the track.
+        is_interpolated: (N, T) states of the ego that were dropped.
+        is_velocity_repaired: (N,) whether :func:`repair_ends` replaced one of its velocities.
     """
 
     object_type: UInt8
@@ -51,6 +54,8 @@ class States:
     size: Array
     valid: Bool
     is_size_assumed: Bool
+    is_interpolated: Bool
+    is_velocity_repaired: Bool
 
 
 def read_states(tracks: TrackDicts, length: int, where: str) -> States:
@@ -70,8 +75,8 @@ def read_states(tracks: TrackDicts, length: int, where: str) -> States:
     valid: Bool = stack.scalars("valid") > 0.5
     types = np.array([_object_type(track) for track in tracks.values()], dtype=np.uint8)
     size = np.stack([stack.scalars(name, is_optional=True) for name in ("length", "width", "height")], axis=-1)
-    # 0 at a valid step: the recorded simulator had no size for the object.
-    unknown = np.asarray((valid & ~(size > 0).all(axis=-1)).any(axis=1), dtype=np.bool_)
+    # 0 at a valid step: the recorded simulator had no size for the object. States of a negative size are dropped later.
+    unknown = np.asarray((valid & (size == 0).any(axis=-1)).any(axis=1), dtype=np.bool_)
     for row in np.flatnonzero(unknown):
         size[row] = _ASSUMED_SIZES.get(int(types[row]), _ASSUMED_SIZE)
     return States(
@@ -82,6 +87,8 @@ def read_states(tracks: TrackDicts, length: int, where: str) -> States:
         size=size,
         valid=valid,
         is_size_assumed=unknown,
+        is_interpolated=np.zeros_like(valid),
+        is_velocity_repaired=np.zeros(len(types), np.bool_),
     )
 
 
@@ -146,6 +153,18 @@ def is_wider(states: States, ego: int) -> bool:
     return bool((states.size[ego, :, 1] > states.size[ego, :, 0]).any())
 
 
+def repair_ends(states: States, times: Float64, is_nuscenes: bool) -> list[list[int]]:
+    """Replace impossible velocities of 0 at the ends of tracks by their neighbours', in place; return [track, step].
+
+    ScenarioNet's nuScenes converter takes differences to the next position, and leaves 0 where there is none.
+    """
+    fastest = 0.01 if is_nuscenes else MAX_STOP  # above what rounding in the lake changes
+    rows, steps, near = find_dead_ends(states.position, states.velocity, states.valid, times, fastest)
+    states.velocity[rows, steps] = states.velocity[rows, near]
+    states.is_velocity_repaired[rows] = True
+    return [list(place) for place in zip(rows.tolist(), steps.tolist(), strict=True)]
+
+
 def restore_ego_size(states: States, ego: int) -> None:
     """Swap the ego's length and width in place, which ScenarioNet's nuScenes converter exchanges."""
     length, width = states.size[ego, :, 0], states.size[ego, :, 1]
@@ -178,8 +197,10 @@ def make_pickled_tracks(
         source_type=[_source_type(track) for track in tracks.values()],
         is_size_assumed=states.is_size_assumed | _flags(metadata, "is_size_assumed", frame.quirks == "av2"),
         is_type_assumed=_flags(metadata, "is_type_assumed", False),
-        is_velocity_estimated=_flags(metadata, "is_velocity_estimated", frame.quirks == "nuscenes"),
-        is_interpolated=np.stack(
+        is_velocity_estimated=states.is_velocity_repaired
+        | _flags(metadata, "is_velocity_estimated", frame.quirks == "nuscenes"),
+        is_interpolated=states.is_interpolated
+        | np.stack(
             [
                 _interpolated(described, states.valid.shape[1], frame.quirks == "nuscenes" and row != ego)
                 for row, described in enumerate(metadata)

@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.building import bridge_gaps
 from scenarionet_data.building.plausible import find_bad_rows
 from scenarionet_data.converters.scenarionet.tracks import States
 from scenarionet_data.errors import InvalidScenario
@@ -68,17 +70,19 @@ def _location(track_id: Any, step: int) -> str:
     return f"track {track_id} at step {step}"
 
 
-def drop_bad_states(states: States, ids: list[str], ego: int, where: str, defects: Defects) -> None:
-    """Mark the states that cannot be as not valid, in place.
+def drop_bad_states(states: States, ids: list[str], ego: int, times: Float64, where: str, defects: Defects) -> None:
+    """Mark the states that cannot be as not valid, and interpolate the ego's, in place.
 
     Args:
         states: Of all tracks.
         ids: (N,) of the tracks.
         ego: Row of the ego.
+        times: (T,) [s].
         where: Name of the pickle.
         defects: Takes what is dropped.
     """
     rows, steps = np.nonzero(states.valid)
+    was_valid = states.valid[ego].copy()
     path = states.position[ego][states.valid[ego]][:, :2]
     path = path[np.isfinite(path).all(axis=1)]
     reference = np.median(path, axis=0) if len(path) else np.zeros(2)
@@ -87,3 +91,13 @@ def drop_bad_states(states: States, ids: list[str], ego: int, where: str, defect
         found = list(zip(rows[bad.mask].tolist(), steps[bad.mask].tolist(), strict=True))
         defects.drop("tracks", where, [_location(ids[row], step) for row, step in found], bad.field, bad.reason)
         states.valid[rows[bad.mask], steps[bad.mask]] = False
+    own = (states.position[ego], states.velocity[ego], states.size[ego], states.heading[ego, :, None])
+    bridged, filled = bridge_gaps(times, states.valid[ego], np.concatenate(own, axis=1), angle=8)
+    filled &= was_valid
+    for values, part in zip(own, np.split(bridged, (3, 5, 8), axis=1), strict=True):
+        values[filled] = part[filled]
+    states.valid[ego, filled], states.is_interpolated[ego, filled] = True, True
+    reason = "expected usable states of the ego, found others, which are interpolated"
+    defects.assume(
+        "tracks", where, [_location(ids[ego], step) for step in np.flatnonzero(filled).tolist()], "state", reason
+    )

@@ -42,22 +42,6 @@ _OBJECT_TYPES = np.array(
 )
 """``ObjectType`` by Track.ObjectType 0 to 4."""
 
-_LIGHT_STATES = np.array(
-    [
-        LightState.LANE_STATE_UNKNOWN,
-        LightState.LANE_STATE_ARROW_STOP,
-        LightState.LANE_STATE_ARROW_CAUTION,
-        LightState.LANE_STATE_ARROW_GO,
-        LightState.LANE_STATE_STOP,
-        LightState.LANE_STATE_CAUTION,
-        LightState.LANE_STATE_GO,
-        LightState.LANE_STATE_FLASHING_STOP,
-        LightState.LANE_STATE_FLASHING_CAUTION,
-    ],
-    np.uint8,
-)
-"""``LightState`` by TrafficSignalLaneState.State 0 to 8."""
-
 
 class Waymo(Converter[TfRecord]):
     """One shard per file; a record is one scenario, in file order."""
@@ -116,6 +100,8 @@ class Waymo(Converter[TfRecord]):
         features = map_features(message.map, find_bad_features(message.map, file, defects), origin)
         unknown = ["features"] * message.map.num_unknown
         defects.drop("maps", file, unknown, "feature_data", "expected a kind that map.proto of v1.2 has, found another")
+        if features is None:
+            defects.assume_empty_map(file)
         lights = usable_lights(message.lights, len(message.timestamps), origin, file, defects)
         return ScenarioDescription(
             id=scenario_id,
@@ -161,7 +147,7 @@ def _lights(lights: WireLights, num_timesteps: int, features: MapFeatures | None
     order = np.argsort(first)
     rank = np.argsort(order)
     state = np.full((len(lanes), num_timesteps), LightState.ABSENT, np.uint8)
-    state[rank[row], lights.step] = _LIGHT_STATES[lights.state]
+    state[rank[row], lights.step] = lights.state + LightState.LANE_STATE_UNKNOWN  # Waymo's order
     ids = strings(lanes[order].tolist())
     known = set() if features is None else set(features.ids)
     return Lights(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
-from scenarionet_data.building import short_gaps
+from scenarionet_data.building import bridge_gaps
 from scenarionet_data.building.plausible import (
     MAX_DISTANCE,
     MAX_MAP_DISTANCE,
@@ -20,8 +20,6 @@ from scenarionet_data.converters.waymo.wire import WaymoWireMap, WireLights, Wir
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.defects import Defects
 
-_LONGEST_GAP = 0.5
-"""Longest gap that dropped states of the ego leave and that is interpolated [s]."""
 _MAX_SPEED_LIMIT = 200.0
 """[mph]"""
 
@@ -130,19 +128,15 @@ def _is_all_plausible(tracks: WireTracks, valid: Bool) -> bool:
 
 def _complete_ego(tracks: WireTracks, ego: int, is_bad: Bool, times: Float64) -> tuple[WireTracks, Bool]:
     """Interpolate the ego's states that were dropped; also returns (T,) which."""
-    known = tracks.valid[ego]
-    filled = is_bad & short_gaps(times, known, _LONGEST_GAP)
-    if not filled.any():
-        return tracks, filled
-    tracks = replace(
-        tracks, **{name: getattr(tracks, name).copy() for name in ("center", "size", "heading", "velocity")}
-    )
-    for values in (tracks.center[ego], tracks.size[ego], tracks.velocity[ego]):
-        for axis in range(values.shape[1]):
-            values[filled, axis] = np.interp(times[filled], times[known], values[known, axis])
-    turned = np.unwrap(tracks.heading[ego, known].astype(np.float64))
-    tracks.heading[ego, filled] = np.interp(times[filled], times[known], turned)
-    tracks.valid[ego] |= filled
+    parts = ("center", "size", "velocity", "heading")
+    states = np.column_stack([getattr(tracks, name)[ego] for name in parts])
+    states, filled = bridge_gaps(times, tracks.valid[ego], states, angle=8)
+    filled &= is_bad
+    if filled.any():
+        tracks = replace(tracks, **{name: getattr(tracks, name).copy() for name in parts})
+        tracks.center[ego, filled], tracks.size[ego, filled] = states[filled, :3], states[filled, 3:6]
+        tracks.velocity[ego, filled], tracks.heading[ego, filled] = states[filled, 6:8], states[filled, 8]
+        tracks.valid[ego] |= filled
     return tracks, filled
 
 

@@ -70,7 +70,7 @@ def test_later_rows_of_a_track_and_time_are_repeated():
 def test_geometry_that_cannot_be():
     line = np.array([[0.0, 0.0, 0.0], [5.0, 5.0, 0.0]])
     assert find_bad_geometry(line, np.zeros(2)) is None
-    assert "finite metres, found nan, 1" in find_bad_geometry(np.array([[np.nan, 1.0]]), np.zeros(2))
+    assert "finite metres, found no number, 1" in find_bad_geometry(np.array([[np.nan, 1.0]]), np.zeros(2))
     assert "within 200,000 m of the map's centre, found 1e+12" in find_bad_geometry(line + 1e12, np.zeros(2))
 
 

@@ -198,7 +198,7 @@ def in_cell(name: str, value: str) -> Callable[[str], str]:
     ("change", "field", "reason"),
     [
         (lambda line: line + ",?", "row", "expected 6 cells, found 7"),
-        (in_cell("X", ""), "position", "expected finite metres, found nan"),
+        (in_cell("X", ""), "position", "expected finite metres, found no number"),
         (in_cell("Y", "nan"), "position", "expected finite metres"),
         (in_cell("X", "1e12"), "position", "expected a position within 10,000 m of the ego, found 1e+12"),
         (in_cell("X", "far"), "position", "expected finite metres"),
@@ -283,8 +283,8 @@ def test_city_without_a_map_is_quarantined_and_the_rest_continues(raw: Path, tmp
         ('lane_id="9600010"', 'lane_id="9600000"', "lane_id", "expected an id that no other lane has"),
         ('lane_id="9600010"', 'lane_id="x"', "lane_id", "expected the number of a lane, found x"),
         ('k="l_neighbor_id"', 'k="neighbor"', "l_neighbor_id", "expected the number of a lane, found none"),
-        ('<node id="3" x="', '<node id="3" x="a', "node", "expected finite metres, found nan"),
-        ('<node id="3" x="', '<node id="3" x="nan" z="', "node", "expected finite metres, found nan"),
+        ('<node id="3" x="', '<node id="3" x="a', "node", "expected finite metres, found no number"),
+        ('<node id="3" x="', '<node id="3" x="nan" z="', "node", "expected finite metres, found no number"),
         ('<node id="3" x="', '<node id="3" x="1e9" z="', "node", "expected points within 200,000 m"),
     ],
 )

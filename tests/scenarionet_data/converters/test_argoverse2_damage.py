@@ -173,8 +173,10 @@ def test_one_bad_pose_is_interpolated(log: Path, field: str, value: float) -> No
     change(path, **{field: (row, value)})
     (scenario,) = scenarios(CONVERTER, log.parent)
     assert scenario.extras["num_interpolated_poses"] == whole.extras["num_interpolated_poses"] + 1
-    (defect,) = scenario.defects
-    assert (defect.action, defect.location, defect.count) == ("assumed", f"row {row:,}", 1)
+    bad, filled = scenario.defects
+    assert (bad.action, bad.location, bad.count) == ("dropped", f"row {row:,}", 1)
+    assert (filled.action, filled.location, filled.count) == ("assumed", f"sweep {times[row]}", 1)
+    assert scenario.tracks.is_interpolated[-1].sum() == 1
     np.testing.assert_allclose(scenario.tracks.position, whole.tracks.position, atol=0.01)
 
 

@@ -100,10 +100,10 @@ def without_ego(table: pa.Table) -> pa.Table:
 
 
 BAD_ROWS: dict[str, tuple[Callable[[pa.Table], pa.Table], str, str]] = {
-    "NaN": (lambda t: with_value(t, "position_x", 7, float("nan")), "position_x", "finite metres, found nan"),
+    "NaN": (lambda t: with_value(t, "position_x", 7, float("nan")), "position_x", "finite metres, found no number"),
     "infinite": (lambda t: with_value(t, "velocity_y", 7, float("inf")), "velocity_x", "up to 150 m/s"),
     "far": (lambda t: with_value(t, "position_y", 7, 1e12), "position_x", "within 10,000 m of the ego"),
-    "null": (lambda t: with_value(t, "heading", 7, None), "heading", "finite radians, found nan"),
+    "null": (lambda t: with_value(t, "heading", 7, None), "heading", "finite radians, found no number"),
     "null id": (lambda t: with_value(t, "track_id", 7, None), "track_id", "the id of a track, found null"),
     "late": (lambda t: with_value(t, "timestep", 7, 110), "timestep", "a timestep of the scenario"),
     "early": (lambda t: with_value(t, "timestep", 7, -1), "timestep", "a timestep of the scenario"),

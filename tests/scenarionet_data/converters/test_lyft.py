@@ -348,7 +348,7 @@ def _break(tables: dict[str, np.ndarray], what: str) -> None:
     elif what == "time that stands still":
         frames["timestamp"][first + 4] = frames["timestamp"][first + 3]
     elif what == "an ego nowhere at the current time":
-        frames["ego_translation"][first + 10] = np.nan
+        frames["ego_translation"][first + 7 : first + 14] = np.nan
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,11 @@ def test_repeated_row_is_dropped_and_one_bad_pose_costs_one_state(tmp_path):
     report = convert("lyft", raw, tmp_path / "lake")
     assert report.converted == 1
     found = [(d.file.rpartition("/")[2], d.field, d.location) for d in report.defects if d.table == "tracks"]
-    assert sorted(found) == [("agents", "track_id", f"row {last - 1:,}"), ("frames", "ego_position", "row 20")]
+    assert sorted(found) == [
+        ("agents", "track_id", f"row {last - 1:,}"),
+        ("frames", "ego_position", "row 20"),
+        ("frames", "ego_translation", "row 20"),
+    ]
 
 
 def test_bad_map_element_costs_its_feature(tmp_path):

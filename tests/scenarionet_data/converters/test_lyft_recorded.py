@@ -67,7 +67,9 @@ def test_recorded_zero_velocities(whole: ScenarioDescription, content: LyftConte
     tracks, count = whole.tracks, whole.extras["num_repaired_velocities"]
     assert 300 < count < 500
     kinds = set(tracks.object_type[tracks.is_velocity_estimated].tolist())
-    assert kinds <= {ObjectType.VEHICLE, ObjectType.CYCLIST, ObjectType.PEDESTRIAN}
+    assert kinds <= {ObjectType.VEHICLE, ObjectType.CYCLIST, ObjectType.PEDESTRIAN, ObjectType.OTHER}
+    unknown = tracks.is_velocity_estimated & (tracks.object_type == ObjectType.OTHER)
+    assert np.count_nonzero(unknown) == 2  # they start at 17 m/s
 
 
 def test_recorded_ego_moves_along_its_heading(whole: ScenarioDescription) -> None:

@@ -118,7 +118,8 @@ def found(tmp_path: Path, payload: bytes) -> ScenarioDescription:
     return scenario
 
 
-STEPS = b"".join(field(1, 0.1 * k) for k in range(5))
+SIGN = field(8, field(1, 900) + field(7, field(2, field(1, 0.0) + field(2, 0.0) + field(3, 0.0))))
+STEPS = b"".join(field(1, 0.1 * k) for k in range(5)) + SIGN
 EGO = field(2, field(1, 8) + field(2, 1) + b"".join(state(float(k)) for k in range(5)))
 
 
@@ -210,7 +211,7 @@ def test_bad_feature_costs_that_feature(tmp_path: Path) -> None:
         feature(4, 5.0, 9.0, limit=1e9),
         field(8, field(1, 6) + field(15, b"later")),
     ]
-    scenario = found(tmp_path, STEPS + EGO + field(5, "x") + field(6, 0) + b"".join(features))
+    scenario = found(tmp_path, STEPS.removesuffix(SIGN) + EGO + field(5, "x") + field(6, 0) + b"".join(features))
     assert scenario.map is not None
     assert scenario.map.ids.tolist() == ["1", "4"]
     assert scenario.map.polyline[0][:, 0].tolist() == [0.0, 5.0]
@@ -248,3 +249,13 @@ def test_timestamps_that_do_not_increase(tmp_path: Path):
     assert (
         refused(tmp_path, scenario_bytes(6, num_steps=3).replace(field(1, 0.0), field(1, 7.0), 1)).field == "timestamps"
     )
+
+
+def test_record_without_map_is_said(tmp_path: Path) -> None:
+    (defect,) = found(tmp_path, STEPS.removesuffix(SIGN) + EGO + field(5, "x") + field(6, 0)).defects
+    assert (defect.table, defect.action, defect.location) == ("maps", "assumed", "the whole map")
+
+
+def test_times_that_do_not_increase_are_named(tmp_path: Path) -> None:
+    error = refused(tmp_path, STEPS.replace(field(1, 0.1 * 3), field(1, 0.1)) + EGO + field(5, "x") + field(6, 0))
+    assert error.reason == "wanted strictly increasing times, found [0.2, 0.1] s at timesteps 2 and 3"

@@ -55,6 +55,7 @@ VIOLATIONS = [
     ),
     ("velocity_is_motion", scaled_velocity, "% of "),
     ("heading_is_direction", changed("tracks", heading=((0, slice(0, 9)), 1.5)), "9 of "),
+    ("nobody_stops_dead", changed("tracks", velocity=((0, -1), 0)), "track t0 at timestep 30, at 10"),
     ("nobody_teleports", jump, "track t0 at 9"),
 ]
 

@@ -48,7 +48,17 @@ def ego_now(scenario: ScenarioDescription) -> tuple[int, int]:
 
 def faster(scenario: ScenarioDescription) -> ScenarioDescription:
     velocity = scenario.tracks.velocity + np.float32(60) * scenario.tracks.valid[..., None]
-    return replace(scenario, tracks=replace(scenario.tracks, velocity=velocity))
+    recorded = np.zeros(len(scenario.tracks), np.bool_)
+    return replace(scenario, tracks=replace(scenario.tracks, velocity=velocity, is_velocity_estimated=recorded))
+
+
+def stopped(scenario: ScenarioDescription) -> ScenarioDescription:
+    """The ego's last velocity is 0, though it drives at 20 m/s."""
+    velocity, position, ego = scenario.tracks.velocity.copy(), scenario.tracks.position.copy(), scenario.ego_index
+    near, end = np.flatnonzero(scenario.tracks.valid[ego])[-2:]
+    velocity[ego, [near, end], :] = [[20, 0], [0, 0]]
+    position[ego, end, :2] = position[ego, near, :2] + [20 * np.diff(scenario.timestamps[[near, end]])[0], 0]
+    return replace(scenario, tracks=replace(scenario.tracks, velocity=velocity, position=position))
 
 
 def turned(scenario: ScenarioDescription) -> ScenarioDescription:
@@ -110,6 +120,7 @@ BROKEN: list[tuple[str, str, Callable[[ScenarioDescription], ScenarioDescription
     ("states_are_plausible", "huge", changed("size", lambda s: (s.ego_index, slice(None), 0), 201)),
     ("velocity_is_motion", "faster", faster),
     ("heading_is_direction", "turned", turned),
+    ("nobody_stops_dead", "stops", stopped),
     ("nobody_teleports", "jumps", changed("position", ego_now, 900)),
     ("lights_refer_to_lanes", "lit", lit),
     ("lane_links_are_mutual", "one-way", mapped(*ONE_WAY)),
