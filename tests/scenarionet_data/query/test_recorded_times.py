@@ -15,9 +15,10 @@ from tests.fixtures.scenarios import make_scenario
 
 
 def test_mean_and_longest_step_are_those_of_the_recording(tmp_path: Path) -> None:
-    regular, late = make_scenario(1, num_steps=11), make_scenario(2, num_steps=11)
-    times = late.timestamps + np.where(np.arange(11) > 4, 0.37, 0.0)
-    lake = Lake(write_lake(tmp_path, [regular, replace(late, timestamps=times)]))
+    steps = np.arange(11) * 0.1
+    clocks = steps, steps + np.where(steps > 0.45, 0.37, 0.0)
+    scenarios = [replace(make_scenario(k, num_steps=11), timestamps=clock) for k, clock in enumerate(clocks)]
+    lake = Lake(write_lake(tmp_path, scenarios))
     found = lake.sql("SELECT mean_step, longest_step FROM metadata ORDER BY scenario_id").rows()
     assert found == [pytest.approx((0.1, 0.1)), pytest.approx((0.137, 0.47))]
     assert lake.sql("SELECT sum(num_timesteps * mean_step) AS s FROM metadata")["s"][0] == pytest.approx(1.1 + 1.507)
