@@ -36,7 +36,7 @@ def print_table(rows: Iterable[Iterable[Any]], columns: Iterable[str] = (), max_
         rows: Cells of each row.
         columns: Column headers; without them no header line is printed.
         max_cell: Maximum length of a cell on a terminal; longer texts are shortened. Files and pipes get the whole
-            value, and so does a single word, because it may be an id.
+            value, wider than its column, and so does a single word, because it may be an id.
     """
     head = [*columns]
     longest = max_cell if sys.stdout.isatty() else None
@@ -46,7 +46,7 @@ def print_table(rows: Iterable[Iterable[Any]], columns: Iterable[str] = (), max_
     if not lines:
         return
     words = [*zip(*lines, strict=True)]
-    widths = [max(map(len, column)) for column in words]
+    widths = [max(min(len(text), max_cell or len(text)) for text in column) for column in words]
     is_right = [all(map(is_number, column[bool(head) :])) for column in words]
     for line in lines:
         cells = [t.rjust(w) if r else t.ljust(w) for t, w, r in zip(line, widths, is_right, strict=True)]

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 from dataclasses import asdict
 from functools import partial
-from importlib.abc import MetaPathFinder
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,6 +13,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.conversion_report import passed_over_rows, print_report, stale_row
 from scenarionet_pipelines.cli.interrupt import keeping, stop
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
+from scenarionet_pipelines.cli.pandas_free import leave_pandas_out
 from scenarionet_pipelines.cli.parameters import pairs, seconds
 from scenarionet_pipelines.cli.verb import Distributed, argument, option
 
@@ -181,25 +180,6 @@ class ConvertVerb(Distributed):
             measured = f"measured on {count(pace.inputs, 'input')} with {count(pace.scenarios, 'scenario')}"
             rows += [("would take", f"about {duration(time)} with {count(processes, 'worker')}, {measured}")]
         print_table(rows + stale_row(plan.num_stale) + passed_over_rows(plan.passed_over))
-
-
-class WithoutPandas(MetaPathFinder):
-    """Imports do not find pandas."""
-
-    def find_spec(self, fullname: str, *_: object) -> None:
-        """Find nothing; raise for pandas."""
-        if fullname == "pandas":
-            raise ModuleNotFoundError(fullname)
-
-
-def leave_pandas_out() -> None:
-    """Let Arrow look for pandas while there is none to be found: it imports it, in 0.3 s, to recognise its objects."""
-    finder = WithoutPandas()
-    sys.meta_path.insert(0, finder)
-    try:
-        importlib.import_module("pyarrow").array([])
-    finally:
-        sys.meta_path.remove(finder)
 
 
 def is_interactive() -> bool:

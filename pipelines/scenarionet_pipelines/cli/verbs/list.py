@@ -35,13 +35,18 @@ class ListVerb(LakeVerb):
 
 def describe(lake: Lake) -> dict[str, Any]:
     """Return the content of a lake as it is printed by ``--json``."""
+    from scenarionet_data.query.named_sql import ANALYTICS
+
+    queries = [ANALYTICS.load(name) for name in ("summary", "quarantine_reasons", "defect_reasons")]
+    # As Arrow tables: Polars takes 0.2 s to import.
+    splits, quarantine, defects = (lake.arrow(query.text, query.bind({})) for query in queries)
     databases = [lake.database(name) for name in lake.databases]
     return {
         "lake": str(lake.root),
         "snapshot": lake.snapshot.number,
-        "splits": lake.summary().to_dicts(),
-        "quarantined": int(lake.named_query("quarantine_reasons")["scenarios"].sum()),
-        "defects": int(lake.named_query("defect_reasons")["rows"].sum()),
+        "splits": splits.to_pylist(),
+        "quarantined": sum(quarantine["scenarios"].to_pylist()),
+        "defects": sum(defects["rows"].to_pylist()),
         "databases": [{"name": db.name, "reference": db.reference} | asdict(db.lineage) for db in databases],
         "snapshots": [
             {"number": found.number, "created_at": found.created_at, "operation": found.operation}

@@ -27,12 +27,13 @@ class ShowVerb(LakeVerb):
     replace: bool = REPLACE
 
     def run(self) -> None:
-        from scenarionet_data import Lake, ScenarioLoader
+        from scenarionet_data import Lake
         from scenarionet_data.schema import tables
 
         opened = Lake(self.lake, self.snapshot)
         facts = opened.describe(self.scenario_id)
         if self.picture:
+            from scenarionet_data import ScenarioLoader
             from scenarionet_data.plots import scenario_figure, write_figure
 
             path = output_path(self.picture, "a picture", replace=self.replace)
