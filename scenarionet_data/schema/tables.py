@@ -182,10 +182,28 @@ class Table:
         Args:
             sample: The first rows of the file, which show the columns with most bytes; all list columns without it.
         """
-        texts = [column for column in self.columns if column.element == "json" and self.name not in _LOADED]
+        numbers = [column for column in self.columns if column.is_list and _is_number(column.element)]
+        texts = [column for column in self.columns if column.element == "json"]
+        is_large = [sample is None or sample.column(column.name).nbytes >= _BULKY for column in texts]
         # In zstd, scenarios would be a tenth smaller, and take three times as long to load.
-        bulky = [c.path for c in texts if sample is None or sample.column(c.name).nbytes >= _BULKY]
-        return dict(_writer_options(self.name, tuple(bulky)))
+        bulky = [c.path for c, large in zip(texts, is_large, strict=True) if large and self.name not in _LOADED]
+        return {
+            "compression": {c.path: "zstd" if c.path in bulky else "lz4" for c in self.columns},
+            "compression_level": dict.fromkeys(bulky, 2) or None,
+            # Ids are unique: a dictionary would save nothing.
+            "use_dictionary": [c.path for c in self.columns if c.element == "dictionary"],
+            # Not all readers support BYTE_STREAM_SPLIT for integers.
+            "column_encoding": {
+                c.path: "BYTE_STREAM_SPLIT" if c.element.startswith("float") else "PLAIN" for c in numbers
+            },
+            "write_statistics": [column.path for column in self.columns if column.statistics],
+            "version": "2.6",
+            # One page per column chunk: the kernels of the loader require it, and queries are as fast.
+            "data_page_size": 2**26,
+            "write_page_checksum": True,  # for other readers
+            # Arrow's copy of the schema is half of a small file's footer and redundant.
+            "store_schema": False,
+        }
 
     def writer(
         self, path: Path, footer: Mapping[str, str], sample: pa.Table | pa.RecordBatch | None = None
@@ -267,25 +285,3 @@ def reads_content(tag: str) -> bool:
 
 def _is_number(element: str) -> bool:
     return element not in ("string", "dictionary", "json")
-
-
-@cache
-def _writer_options(name: str, bulky: tuple[str, ...]) -> dict[str, Any]:
-    """Return the options of a table's files, with some columns in zstd."""
-    columns = load(name).columns
-    numbers = [column for column in columns if column.is_list and _is_number(column.element)]
-    return {
-        "compression": {c.path: "zstd" if c.path in bulky else "lz4" for c in columns},
-        "compression_level": dict.fromkeys(bulky, 2) or None,
-        # Ids are unique: a dictionary would save nothing.
-        "use_dictionary": [c.path for c in columns if c.element == "dictionary"],
-        # Not all readers support BYTE_STREAM_SPLIT for integers.
-        "column_encoding": {c.path: "BYTE_STREAM_SPLIT" if c.element.startswith("float") else "PLAIN" for c in numbers},
-        "write_statistics": [column.path for column in columns if column.statistics],
-        "version": "2.6",
-        # One page per column chunk: the kernels of the loader require it, and queries are as fast.
-        "data_page_size": 2**26,
-        "write_page_checksum": True,  # for other readers
-        # Arrow's copy of the schema is half of a small file's footer and redundant.
-        "store_schema": False,
-    }
