@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scenarionet_data.databases.record import Lineage
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage.files.errors import reading, writing
+from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.integrity import sealed_json
 from scenarionet_data.storage.integrity.sealed_json import NewerFormat
@@ -51,8 +51,7 @@ def parse(files: LakeFiles) -> tuple[PackOrigins, bool]:
     """
     path = files.path(FILE)
     try:
-        with reading(path):
-            content, is_sealed = sealed_json.read(path.read_bytes(), files.place(FILE))
+        content, is_sealed = sealed_json.read(files.content(FILE), files.place(FILE))
         lineages = {reference: Lineage.from_dict(how) for reference, how in content["lineages"].items()}
         return PackOrigins(content["packed"], lineages), is_sealed
     except NewerFormat as error:

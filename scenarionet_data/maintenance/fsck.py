@@ -102,7 +102,7 @@ def fsck(
     """
     files = open_files(lake)
     snapshots.check_is_lake(files)
-    found = Findings()
+    found = Findings([Damage(name, f"{what}, expected a file") for name, what in files.strange().items()])
     readable = _read_snapshots(files, found)
     lists = _read_manifests(files, readable, found, is_deep=is_deep)
     written = _written(lists)

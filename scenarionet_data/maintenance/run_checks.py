@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.schema import tables
-from scenarionet_data.storage import evaluation_runs
+from scenarionet_data.storage import checkpoints, evaluation_runs
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.integrity.file_checks import Damage, Written, check_file
 
@@ -18,6 +18,7 @@ def check(files: LakeFiles, found: Findings, *, is_deep: bool) -> None:
         for table in files.folders(f"results/{run}"):
             if table in evaluation_runs.RUN_TABLES:
                 _check_parts(files, f"results/{run}/{table}", table, found, is_deep=is_deep)
+        _check_checkpoints(files, f"results/{run}/checkpoints", found, is_deep=is_deep)
         with found.of(description):
             _check_complete(files, run, found)
 
@@ -28,6 +29,13 @@ def _check_parts(files: LakeFiles, folder: str, table: str, found: Findings, *, 
         with found.of(name):
             intact = check_file(files, name, Written(), table=table, is_deep=is_deep)
             found.saw(name, is_older=intact.is_older)
+
+
+def _check_checkpoints(files: LakeFiles, folder: str, found: Findings, *, is_deep: bool) -> None:
+    found.refuse_folders(files, folder)
+    for name in files.names(folder) if is_deep else ():
+        with found.of(name):
+            checkpoints.verify_file(files, name)
 
 
 def _check_complete(files: LakeFiles, run: str, found: Findings) -> None:

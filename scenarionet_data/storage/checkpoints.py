@@ -24,7 +24,6 @@ from xxhash import xxh3_128, xxh3_128_hexdigest
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.integrity import sealed_json
 from scenarionet_data.storage.integrity.seals import Place
@@ -127,7 +126,7 @@ def load(files: LakeFiles, run: str, number: int | None = None) -> Checkpoint | 
     path = files.path(name)
     try:
         is_older = name.endswith(".json")
-        return Checkpoint(number, *(_read_older(files, name) if is_older else _read(path, files.place(name))))
+        return Checkpoint(number, *(_read_older(files, name) if is_older else _read(files, name)))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise LakeError(
             f"{path}: a damaged checkpoint, {error}; remove this file to continue with the checkpoint before it"
@@ -148,6 +147,20 @@ def verify(files: LakeFiles, run: str) -> None:
     """
     for number in numbers(files, run):
         load(files, run, number)
+
+
+def verify_file(files: LakeFiles, name: str) -> None:
+    """Verify every byte of a file among the checkpoints of a run.
+
+    Raises:
+        LakeError: It is damaged, not the file that was published under its name, or not of a checkpoint.
+    """
+    _, run, _, file = name.split("/")
+    found = _FILE.fullmatch(file)
+    if found:
+        load(files, run, int(found[1] or found[2]))
+    elif not re.fullmatch(r"\d+\.safetensors", file):  # the first file of two in an earlier version
+        raise LakeError("not a file of a checkpoint; remove it")
 
 
 def encode(arrays: Mapping[str, Array], metadata: Mapping[str, str] | None = None) -> bytes:
@@ -188,10 +201,9 @@ def _digest(blank: bytes, place: Place) -> bytes:
     return digest.hexdigest().encode()
 
 
-def _read(path: Path, place: Place) -> tuple[dict[str, Any], dict[str, Array]]:
+def _read(files: LakeFiles, name: str) -> tuple[dict[str, Any], dict[str, Array]]:
     """Return facts and arrays of a checkpoint."""
-    with reading(path):
-        data = path.read_bytes()
+    data, place = files.content(name), files.place(name)
     arrays, metadata = decode(data)
     written = metadata["digest"].encode()
     if len(written) != len(_ZEROS) or written != _digest(data.replace(written, _ZEROS, 1), place):
@@ -201,11 +213,8 @@ def _read(path: Path, place: Place) -> tuple[dict[str, Any], dict[str, Array]]:
 
 def _read_older(files: LakeFiles, name: str) -> tuple[dict[str, Any], dict[str, Array]]:
     """Return facts and arrays of a checkpoint of two files."""
-    path, tensors = files.path(name), files.path(name.removesuffix(".json") + ".safetensors")
-    with reading(path):
-        facts, _ = sealed_json.read(path.read_bytes(), files.place(name))
-    with reading(tensors):
-        data = tensors.read_bytes()
+    facts, _ = sealed_json.read(files.content(name), files.place(name))
+    data = files.content(name.removesuffix(".json") + ".safetensors")
     if xxh3_128_hexdigest(data) != facts["tensors"]:
         raise ValueError("its tensors differ from those that were written")
     return facts, decode(data)[0]

@@ -16,7 +16,6 @@ import pyarrow as pa
 
 from scenarionet_data.errors import BadParameter, LakeError, SchemaMismatch
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.integrity import sealed_json
 from scenarionet_data.storage.integrity.sealed_json import NewerFormat
@@ -121,8 +120,7 @@ def parse(files: LakeFiles, name: str) -> tuple[dict[str, Any], bool]:
     """
     path = files.path(file_name(name))
     try:
-        with reading(path):
-            content, is_sealed = sealed_json.read(path.read_bytes(), files.place(file_name(name)))
+        content, is_sealed = sealed_json.read(files.content(file_name(name)), files.place(file_name(name)))
         if not all(isinstance(tag, str) for tag in content["tables"]):
             raise ValueError("its tables are no texts")
         return content, is_sealed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -49,6 +50,17 @@ def damaged(url: Path | str, reason: str) -> LakeError:
         f"cannot read {url}: {reason}; `scenarionet maintain check` lists the affected scenarios: restore the file "
         "from a copy of the lake, or `scenarionet maintain fsck --repair` and convert its recordings again"
     )
+
+
+def check_is_file(path: Path) -> None:
+    """Raise unless a path is missing or a file: a pipe would be read for ever.
+
+    Raises:
+        LakeError: It is something else.
+    """
+    with reading(path), suppress(FileNotFoundError):
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise damaged(path, "it is no file")
 
 
 def _reason(error: Exception) -> str:

@@ -21,7 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage.files.errors import reading
+from scenarionet_data.storage.files.errors import check_is_file, reading
 from scenarionet_data.storage.integrity import sealed_json, verifying
 from scenarionet_data.storage.integrity.seals import FileEnd, Place
 
@@ -74,13 +74,12 @@ class LakeFiles(ABC):
         if not _BOUND.fullmatch(name):
             return Place(name)
         if self._identity is None and self.has(IDENTITY):
-            path = self.path(IDENTITY)
             try:
-                with reading(path):
-                    content, _ = sealed_json.read(path.read_bytes(), Place(IDENTITY))
+                content, _ = sealed_json.read(self.content(IDENTITY), Place(IDENTITY))
                 self._identity = str(content["id"]), bool(content["has_older_files"])
             except (ValueError, KeyError, sealed_json.NewerFormat) as error:
-                raise LakeError(f"{path}: damaged, it holds no id of a lake; restore it from a copy of it") from error
+                remedy = "damaged, it holds no id of a lake; restore it from a copy of it"
+                raise LakeError(f"{self.url(IDENTITY)}: {remedy}") from error
         return Place(name, *(self._identity or ("", True)))
 
     def place_to_write(self, name: str) -> Place:
@@ -104,6 +103,10 @@ class LakeFiles(ABC):
     def listing(self, folder: str) -> list[Listed]:
         """Every file below a folder, at any depth, in any order."""
 
+    def strange(self) -> dict[str, str]:
+        """What is neither a file nor a folder, by name, with what it is: pipes, links to nothing or in a circle."""
+        return {}
+
     @abstractmethod
     def size(self, name: str) -> int | None:
         """Bytes of a file; None when it does not exist."""
@@ -126,6 +129,17 @@ class LakeFiles(ABC):
     @abstractmethod
     def path(self, name: str) -> Path:
         """Local path of a file: the lake's own file, or a copy of it."""
+
+    def content(self, name: str) -> bytes:
+        """Bytes of a small file.
+
+        Raises:
+            LakeError: It is missing, or no file.
+        """
+        path = self.path(name)
+        check_is_file(path)
+        with reading(path):
+            return path.read_bytes()
 
     def paths(self, names: Sequence[str]) -> list[Path]:
         """Call :meth:`path` for many files."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -30,12 +31,12 @@ class LocalLakeFiles(LakeFiles):
 
     def names(self, folder: str, suffix: str = "") -> list[str]:
         """Files directly in ``folder``, sorted; empty when the folder does not exist."""
-        found = [entry.name for entry in self._entries(folder) if entry.is_file()]
-        return sorted(f"{folder}/{name}" for name in found if name.endswith(suffix))
+        found = [entry.name for entry in self._entries(folder) if entry.name.endswith(suffix)]
+        return sorted(f"{folder}/{name}" for name in found if (self._folder / folder / name).is_file())
 
     def folders(self, folder: str) -> list[str]:
         """Names of the folders directly in ``folder``, sorted."""
-        return sorted(entry.name for entry in self._entries(folder) if entry.is_dir())
+        return sorted(entry.name for entry in self._entries(folder) if Path(entry).is_dir())
 
     def listing(self, folder: str) -> list[Listed]:
         """Every file below a folder, at any depth, in any order."""
@@ -45,9 +46,29 @@ class LocalLakeFiles(LakeFiles):
             if entry.is_dir(follow_symlinks=False):
                 found += self.listing(name)
                 continue
-            with suppress(FileNotFoundError):  # removed since it was listed
+            with suppress(OSError):  # removed since it was listed, or a link to nothing
                 state = entry.stat()
                 found.append(Listed(name, state.st_size, state.st_mtime))
+        return found
+
+    def strange(self) -> dict[str, str]:
+        """What is neither a file nor a folder, by name, with what it is."""
+        found = {}
+        for folder, names, files in os.walk(self._folder):
+            links = [path for path in map(Path(folder).joinpath, names) if path.is_symlink()]
+            for path in (*links, *map(Path(folder).joinpath, files)):
+                name = path.relative_to(self._folder).as_posix()
+                try:
+                    mode, target = path.stat().st_mode, path.resolve()
+                except FileNotFoundError:
+                    found[name] = "a link to nothing"
+                except (OSError, RuntimeError):
+                    found[name] = "a link in a circle"
+                else:
+                    if stat.S_ISDIR(mode) and path.parent.resolve().is_relative_to(target):
+                        found[name] = "a link in a circle"
+                    elif not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+                        found[name] = "a pipe, a socket or a device"
         return found
 
     def _entries(self, folder: str) -> list[os.DirEntry[str]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.storage.files.errors import reading
+from scenarionet_data.storage.files.errors import check_is_file, reading
 from scenarionet_data.storage.integrity import older_files, seals
 from scenarionet_data.storage.integrity.seals import FileEnd, Place
 
@@ -24,6 +24,7 @@ def open_end(path: Path, place: Place) -> FileEnd:
     Raises:
         LakeError: It is missing or damaged, or not the file that was published at this place.
     """
+    check_is_file(path)
     with reading(path), path.open("rb") as file:
         tail, size = seals.last(file)
     end = seals.check_end(tail, size, place, path)
@@ -66,6 +67,7 @@ def verify_again(path: Path, place: Place, url: Path | str | None = None) -> boo
         url: Its path or URL for errors, if it is a copy.
     """
     where = url or path
+    check_is_file(path)
     with reading(where), path.open("rb") as file:
         tail, size = seals.last(file)
         end = seals.check_end(tail, size, place, where)

@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 from typing import Any
 
 from scenarionet_data.errors import LakeError, NoSuchSnapshot
-from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.integrity import sealed_json
 from scenarionet_data.storage.integrity.sealed_json import NewerFormat
@@ -115,8 +114,7 @@ def parse(files: LakeFiles, number: int) -> tuple[Snapshot, bool]:
     name = file_name(number)
     path = files.path(name)
     try:
-        with reading(path):
-            content, is_sealed = sealed_json.read(path.read_bytes(), files.place(name))
+        content, is_sealed = sealed_json.read(files.content(name), files.place(name))
         return _of_content(content, number), is_sealed
     except NewerFormat as error:
         raise NoSuchSnapshot(f"{path}: {error}, by a newer version of this software; update it") from error

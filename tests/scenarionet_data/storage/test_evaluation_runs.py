@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, SchemaMismatch
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.local import LocalLakeFiles
+from scenarionet_data.storage.integrity import sealed_json
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
@@ -73,7 +73,8 @@ def test_run_of_another_schema_is_named(tmp_path, lake):
     run = evaluation_runs.claim(lake.files, "old", ("results",), {})
     run.publish(0, {"results": []})
     description = tmp_path / "lake" / "results" / "old" / "run.json"
-    description.write_text(json.dumps({"tables": ["results/0"]}))
+    place = lake.files.place("results/old/run.json")
+    description.write_bytes(sealed_json.seal({"tables": ["results/0"]}, place))
     with pytest.raises(SchemaMismatch, match=r"results/old: written under another version .* reads results/2"):
         Lake(tmp_path / "lake").sql("SELECT * FROM results")
 
