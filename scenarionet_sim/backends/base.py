@@ -51,7 +51,7 @@ class Drive:
     braking: float = 8.0
     max_speed: float = 40.0
     wheelbase: float = 0.6
-    steering_rate: float = math.inf
+    steering_rate: float = math.radians(45.0)
     drag: float = 0.0
     rolling: float = 0.0
     reverse: float = 0.0

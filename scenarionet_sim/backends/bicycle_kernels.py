@@ -25,8 +25,9 @@ def drive_bicycles(
     """Advance agents by one control step; axles at equal distance from the centre, front wheels steered.
 
     Rajamani, Vehicle Dynamics and Control (2012), section 2.2; midpoint rule in the heading. What engine, brakes and
-    bend ask of the tyres together is cut to the friction circle; where the bend is wider than the front wheels point,
-    they slide, and the part of their force against the motion slows the vehicle down. Air drag grows with the square
+    the change of the course, which is heading and slip angle together, ask of the tyres is cut to the friction circle;
+    where the bend is wider than the front wheels point, they slide, and the part of their force against the motion
+    slows the vehicle down. Air drag grows with the square
     of the speed, and rolling resistance and engine brake are constant.
 
     Args:
@@ -50,27 +51,31 @@ def drive_bicycle(
     """Advance one agent, the row (7,) of its motion; see :func:`drive_bicycles`."""
     h = dt / substeps
     heading, vx, vy = row[HEADING], row[VX], row[VY]
-    speed = np.copysign(np.hypot(vx, vy), np.cos(heading) * vx + np.sin(heading) * vy)
+    forward, left = np.cos(heading) * vx + np.sin(heading) * vy, np.cos(heading) * vy - np.sin(heading) * vx
+    speed = np.copysign(np.hypot(vx, vy), forward)
+    slip = np.arctan(left / forward) if forward != 0.0 else 0.0
     wheelbase, grip = vehicle[WHEELBASE] * larger(length, 1.0), vehicle[GRIP]
     wanted, reach = vehicle[MAX_STEER] * steering, vehicle[STEER_RATE] * h
-    angle, sharpest, slip, turn = np.nan, 0.0, 0.0, 0.0
+    angle, sharpest, steered, turn = np.nan, 0.0, 0.0, 0.0
     for _ in range(substeps):
         steer = smaller(larger(wanted, vehicle[ANGLE] - reach), vehicle[ANGLE] + reach)
         if steer != angle:
             angle, slope = steer, np.tan(steer)
-            vehicle[ANGLE], sharpest = steer, slope * np.cos(np.arctan(slope / 2.0)) / wheelbase
+            steered = np.arctan(slope / 2.0)
+            vehicle[ANGLE], sharpest = steer, slope * np.cos(steered) / wheelbase
         push = _push(speed, throttle, h, vehicle)
-        bend = abs(sharpest) * speed * speed
-        asked = np.hypot(push, bend)
-        share = 1.0 if asked <= grip else grip / asked
-        curvature = abs(sharpest) * share
-        if share < 1.0:
-            sliding = larger(abs(angle) - np.arctan(curvature * wheelbase), 0.0)
+        swing = speed * sharpest * h + steered - slip  # change of the course that the wheels ask for [rad]
+        bend = abs(swing * speed) / h
+        asked, curvature, before, slip = np.hypot(push, bend), sharpest, slip, steered
+        if asked > grip:
+            share = grip / asked
+            slip = (before + share * swing) / (1.0 + 2.0 * speed * h / wheelbase)
+            curvature = 2.0 * np.sin(slip) / wheelbase
+            sliding = larger(abs(angle) - abs(np.arctan(curvature * wheelbase)), 0.0)
             push = share * push - np.copysign(0.5 * share * bend * np.sin(sliding), speed)
         resisting = smaller((vehicle[DRAG] * speed * speed + vehicle[ROLLING]) * h, abs(speed))
         speed += push * h - np.copysign(resisting, speed)
-        turn = speed * np.copysign(curvature, sharpest)
-        slip = np.copysign(np.arcsin(smaller(curvature * wheelbase / 2.0, 1.0)), sharpest)
+        turn = speed * curvature
         course = heading + turn * h / 2.0 + slip
         row[X] += speed * np.cos(course) * h
         row[Y] += speed * np.sin(course) * h

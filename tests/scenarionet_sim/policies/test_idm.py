@@ -187,3 +187,28 @@ def test_a_speed_before_a_stop_by_hand():
     """3 m/s² over 6 m need 6 m/s: after a step of 0.1 s from 6 m/s it is 5.7 m/s, after 0.585 m."""
     assert speed_before_stop.py_func(6.0, 6.0, 3.0, 0.1) == pytest.approx(5.7)
     assert speed_before_stop.py_func(-1.0, 2.0, 3.0, 0.1) == 0.0
+
+
+def speed_after_a_step(scenario):
+    """Speed of the ego, which IDM drives at 10 m/s, after a step from the beginning."""
+    simulation = Simulation([World.from_scenario(scenario)], (Replay(), Idm(objects=ego)))
+    simulation.step()
+    return float(np.hypot(*simulation.state.velocity[0, 0]))
+
+
+def test_one_step_before_a_red_light_is_the_law_with_the_gap_to_the_front():
+    law = Idm(objects=ego)
+    gap = 60.0 - 4.6 / 2.0  # of the front: the light is 60 m ahead of the centre
+    dynamic = 10.0 * law.headway + 10.0 * 10.0 / (2.0 * np.sqrt(law.acceleration * law.deceleration))
+    braking = law.acceleration * ((law.standstill + dynamic) / gap) ** 2
+    speed = speed_after_a_step(make_drive(num_steps=121, red=True))
+    assert speed == pytest.approx(10.0 - 0.1 * braking, abs=2e-4)  # at its desired speed it does not accelerate
+
+
+def test_one_step_behind_a_leader_is_the_law_with_the_gap_between_bumpers():
+    law = Idm(objects=ego)
+    gap, closing = 30.0 - 4.6, 10.0 - 6.0
+    dynamic = 10.0 * law.headway + 10.0 * closing / (2.0 * np.sqrt(law.acceleration * law.deceleration))
+    braking = law.acceleration * ((law.standstill + dynamic) / gap) ** 2
+    speed = speed_after_a_step(make_drive(num_steps=121, others=(Other(30.0, vx=6.0),)))
+    assert speed == pytest.approx(10.0 - 0.1 * braking, abs=2e-4)
