@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float32, Int32
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, IntP
 from scenarionet_sim.arrays.log import ARC, thin
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.path_kernels import find_stops
@@ -26,7 +26,8 @@ class Paths:
 
     Attributes:
         path: (P, 5) float32 x, y, z [m] of the box's centre, heading [rad] as recorded (an object may drive
-            backwards), distance from the path's first point [m]. Points are at least ``SPACING`` apart.
+            backwards), distance from the path's first point [m]. Points are at least ``SPACING`` apart, and no path
+            turns back: see :func:`without_cusps`.
         path_offsets: (N + 1,) int32.
     """
 
@@ -55,6 +56,7 @@ class Paths:
         """Return the paths of a log (T, N, 8)."""
         is_kept = np.empty((log.shape[1], log.shape[0]), np.bool_)
         thin(log, SPACING, is_kept)
+        _drop_cusps(log, is_kept)
         track, step = np.nonzero(is_kept)
         states = log[step, track]
         offsets = np.concatenate([[0], np.cumsum(is_kept.sum(axis=1))]).astype(np.int32)
@@ -62,6 +64,40 @@ class Paths:
         total = np.cumsum(hops)
         arc = total - np.repeat(total[np.minimum(offsets[:-1], max(len(total) - 1, 0))], np.diff(offsets))
         return cls(np.column_stack([states[:, :4], arc[: len(states)].astype(np.float32)]), offsets)
+
+
+def _drop_cusps(log: Float32, is_kept: Bool) -> None:
+    """Keep fewer points (N, T) of a log (T, N, 8), where the path of an object has cusps."""
+    track, step = np.nonzero(is_kept)
+    hops, starts = np.diff(log[step, track, :2].astype(np.float64), axis=0), track[:-2]
+    turns_back = (hops[1:] * hops[:-1]).sum(axis=1) < 0.0
+    for n in np.unique(starts[turns_back & (starts == track[2:])]).tolist():
+        steps = np.flatnonzero(is_kept[n])
+        is_kept[n] = False
+        is_kept[n, steps[without_cusps(log[steps, n, :2].astype(np.float64))]] = True
+
+
+def without_cusps(points: Float64) -> IntP:
+    """Return which points (P, 2) to keep, so that a path nowhere turns by more than a right angle.
+
+    An object that steps back once would have a path that leads back at full speed. The shortest way between two cusps
+    is dropped, until none is left; after one in the middle, the path goes on ahead of where that began.
+    """
+    kept = np.arange(len(points))
+    while True:
+        hops = np.diff(points[kept], axis=0)
+        cusps = np.flatnonzero((hops[1:] * hops[:-1]).sum(axis=1) < 0.0) + 1
+        if not len(cusps):
+            return kept
+        ends = np.array([0, *cusps, len(kept) - 1])
+        shortest = int(np.argmin(np.diff(np.append(0.0, np.cumsum(np.hypot(*hops.T)))[ends])))
+        first, last = ends[shortest : shortest + 2].tolist()
+        if shortest == 0:
+            kept = kept[last:]
+            continue
+        ahead = (points[kept[last:]] - points[kept[first]]) @ hops[first - 1] > 0.0
+        goes_on = last + int(np.argmax(ahead)) if ahead.any() and last < len(kept) - 1 else len(kept)
+        kept = np.concatenate([kept[: first + 1], kept[goes_on:]])
 
 
 @dataclass(frozen=True, eq=False)
