@@ -11,11 +11,11 @@ from scenarionet_sim.arrays.minmax import larger, smaller
 
 @kernel(allocates=False)
 def clip_actions(actions: Float64) -> int:
-    """Clip actions (A, 2) to [-1, 1] in place; return the first row with a NaN, or -1."""
+    """Clip actions (A, 2) to [-1, 1] in place; return the first row that is not finite, or -1."""
     invalid = -1
     for a in range(len(actions) - 1, -1, -1):
         for k in range(2):
-            if np.isnan(actions[a, k]):
+            if not np.isfinite(actions[a, k]):
                 invalid = a
             elif actions[a, k] > 1.0:
                 actions[a, k] = 1.0
@@ -34,7 +34,7 @@ def place_actions(rows: Int32, given: Float64, actions: Float64) -> int:
         actions: (W * K, 2) output; zero at other places.
 
     Returns:
-        The first row of ``given`` with a NaN, or -1.
+        The first row of ``given`` that is not finite, or -1.
     """
     invalid, num_given = -1, len(given) // len(rows)
     for w in range(len(rows) - 1, -1, -1):
@@ -42,7 +42,7 @@ def place_actions(rows: Int32, given: Float64, actions: Float64) -> int:
             a, at = w * rows.shape[1] + k, w * num_given + k
             for axis in range(2):
                 value = given[at, axis] if k < num_given and rows[w, k] >= 0 else 0.0
-                if np.isnan(value):
+                if not np.isfinite(value):
                     invalid = at
                 actions[a, axis] = smaller(larger(value, -1.0), 1.0)
     return invalid

@@ -103,10 +103,10 @@ def checked_actions(actions: npt.ArrayLike) -> Float64:
     """Return actions as (A, 2) float64, clipped to [-1, 1].
 
     Raises:
-        BadParameter: An action is NaN.
+        BadParameter: An action is not finite.
     """
     clipped: Float64 = np.array(actions, np.float64, order="C").reshape(-1, 2)
     invalid = clip_actions(clipped)
     if invalid >= 0:
-        raise BadParameter(f"an action is not a number: {clipped[invalid].tolist()}")
+        raise BadParameter(f"an action is not finite: {clipped[invalid].tolist()}")
     return clipped

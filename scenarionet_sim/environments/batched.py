@@ -139,7 +139,7 @@ class BatchedEnvironment:
             actions: (A, 2) steering and throttle; ignored without an ``External`` policy.
 
         Raises:
-            BadParameter: The number of actions differs from that of agents, or one is NaN.
+            BadParameter: The number of actions differs from that of agents, or one is not finite.
         """
         self.simulation.step(actions if self._has_actions else None)
 

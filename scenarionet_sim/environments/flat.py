@@ -127,7 +127,7 @@ class FlatEnv:
 
         Raises:
             ResetNeeded: No episode has begun.
-            BadParameter: The actions have another shape, or that of an agent is NaN.
+            BadParameter: The actions have another shape, or that of an agent is not finite.
         """
         core = self._episodes.core
         if self._past is not None:

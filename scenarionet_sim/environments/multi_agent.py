@@ -103,7 +103,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
 
         Raises:
             ResetNeeded: No agent is left, or no episode has begun.
-            BadParameter: An agent has no action, there is an action for an unknown agent, or one is NaN.
+            BadParameter: An agent has no action, there is an action for an unknown agent, or one is not finite.
         """
         if not self.agents:
             raise ResetNeeded("no agent is left; call reset first")

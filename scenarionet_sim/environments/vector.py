@@ -111,7 +111,7 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
 
         Raises:
             ResetNeeded: No episode has begun.
-            BadParameter: An action is NaN.
+            BadParameter: An action is not finite.
             LakeError: The next scenario cannot be read.
         """
         core = self.core

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
@@ -15,6 +16,7 @@ from scenarionet_sim.arrays.log import HEADING, VALID, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.backends.base import Backend, Session, checked_actions
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.planners.base import Planner, Trajectory
+from scenarionet_sim.planners.supervision import supervised
 from scenarionet_sim.planners.tracking import Lqr, TrackedVehicle, Tracker
 from scenarionet_sim.planners.view import View
 from scenarionet_sim.policies.base import Policy
@@ -36,6 +38,7 @@ class Planned(Policy):
         objects: Selects the objects; by default the ego.
         tracker: Follows trajectories: nuPlan's ``Lqr()``, or ``PerfectTracking()``.
         backend: Vehicle dynamics for actions.
+        step_limit, episode_limit: Longest time that a planner may take for an answer and for an episode [s].
 
     Example:
         evaluate("lake", policy="my_planner:MyPlanner")  # by name, or as a policy of an environment
@@ -46,6 +49,8 @@ class Planned(Policy):
     objects: ObjectMask = ego
     tracker: Tracker = field(default_factory=Lqr)
     backend: Backend = field(default_factory=Kinematic)
+    step_limit: float = 60.0
+    episode_limit: float = 1800.0
 
     @property
     def history(self) -> int:
@@ -77,9 +82,11 @@ class _Seat:
         speed: A step before [m/s]; None in the first.
         arc: Last known distance along the route [m].
         acceleration, steering: Of the tracked vehicle, see ``TrackedVehicle``.
+        left: Time that the planner may still take in this episode [s].
     """
 
     planner: Planner
+    left: float
     speed: float | None = None
     arc: float = math.nan
     acceleration: float = 0.0
@@ -106,9 +113,12 @@ class _Drives:
                 continue
             seat = self._seats.get((slot, row))
             if seat is None:
-                seat = self._seats[slot, row] = _Seat(self._policy.planner())
+                seat = self._seats[slot, row] = _Seat(self._policy.planner(), self._policy.episode_limit)
             view = View(worlds[slot], now, slot, row, seat.planner.frame, seat.speed, seat.arc, skip=1)
-            answer = seat.planner.act(view)
+            started = time.perf_counter()
+            with supervised(f"{type(seat.planner).__name__}.act", min(self._policy.step_limit, seat.left)):
+                answer = seat.planner.act(view)
+            seat.left = max(seat.left + started - time.perf_counter(), 1e-3)
             if isinstance(answer, Trajectory):
                 self._track(view, answer, seat, then.motion[slot, row], dt)
             else:

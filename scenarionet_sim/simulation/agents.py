@@ -108,7 +108,7 @@ class DrivenAgents:
             num_given: S.
 
         Raises:
-            BadParameter: The actions have another shape, or that of an agent is NaN.
+            BadParameter: The actions have another shape, or that of an agent is not finite.
         """
         given = np.asarray(actions, np.float64, order="C")
         if given.shape != (len(self.row_at) * num_given, 2):
@@ -116,7 +116,7 @@ class DrivenAgents:
             raise BadParameter(f"{len(given)} actions for {expected} agents; pass one per agent, shape ({expected}, 2)")
         invalid = place_actions(self.row_at, given, self.actions)
         if invalid >= 0:
-            raise BadParameter(f"an action is not a number: {given[invalid].tolist()}")
+            raise BadParameter(f"an action is not finite: {given[invalid].tolist()}")
 
     def remove(self, worlds: Int32, rows: Int32) -> None:
         """Free the places of agents (K,), by world and row."""

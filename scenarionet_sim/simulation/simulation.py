@@ -229,7 +229,7 @@ class Simulation:
             actions: (A, 2) steering and throttle in [-1, 1] for each of ``agents``, clipped; None for zeros.
 
         Raises:
-            BadParameter: The number of actions differs from that of agents, or one is NaN.
+            BadParameter: The number of actions differs from that of agents, or one is not finite.
         """
         self._agents.actions[:] = 0.0
         if actions is not None:

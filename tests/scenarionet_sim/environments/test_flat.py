@@ -106,7 +106,7 @@ def test_actions_are_checked(only):
     flat.reset(seed=0)
     with pytest.raises(BadParameter, match=r"3 actions for 2 agents"):
         flat.step(np.zeros((3, 2)))
-    with pytest.raises(BadParameter, match=r"not a number: \[0.0, nan\]"):
+    with pytest.raises(BadParameter, match=r"not finite: \[0.0, nan\]"):
         flat.step([[0.0, 0.0], [0.0, np.nan]])
 
 

@@ -94,11 +94,11 @@ def test_five_hundred_objects_of_which_many_are_agents(lake):
     assert all(values in env.observation_space(agent) for agent, values in seen.items())
 
 
-@pytest.mark.parametrize("action", [(np.nan, 0.0), (0.0, np.nan)])
+@pytest.mark.parametrize("action", [(np.nan, 0.0), (0.0, np.inf)])
 def test_nan_action_raises_error(lake, action):
     env = ScenarioNetEnv(scenarios=Scenarios(lake, ["made/v1/red"]), backend=Kinematic())
     env.reset()
-    with pytest.raises(BadParameter, match="not a number"):
+    with pytest.raises(BadParameter, match="not finite"):
         env.step(action)
     assert env.step((0.0, 0.0))[4]["timestep"] == 1  # state unchanged
 
@@ -108,7 +108,7 @@ def test_nan_action_raises_error(lake, action):
 )
 def test_action_out_of_range_is_clipped(lake, backend):
     results = []
-    for action in ((-1.0, 1.0), (-7.0, 55.0), (-np.inf, np.inf)):
+    for action in ((-1.0, 1.0), (-7.0, 55.0), (-1e300, 1e300)):
         env = ScenarioNetEnv(scenarios=Scenarios(lake, ["made/v1/no_map"]), backend=backend)
         env.reset()
         results.append([env.step(action) for _ in range(3)])

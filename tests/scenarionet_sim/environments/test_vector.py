@@ -182,7 +182,7 @@ def test_invalid_actions_do_not_skip_a_scenario(only):
     envs.reset(seed=0)
     other.reset(seed=0)
     for step in range(70):
-        with pytest.raises(BadParameter, match="not a number"):
+        with pytest.raises(BadParameter, match="not finite"):
             envs.step(np.full((2, 2), np.nan))
         np.testing.assert_equal(envs.step(actions(step, 2)), other.step(actions(step, 2)))
 
@@ -259,7 +259,7 @@ def test_invalid_calls_are_rejected(only):
     with pytest.raises(ResetNeeded):
         envs.step(np.zeros((2, 2)))
     envs.reset()
-    with pytest.raises(BadParameter, match="not a number"):
+    with pytest.raises(BadParameter, match="not finite"):
         envs.step(np.array([[0.0, 0.0], [np.nan, 0.0]]))
     with pytest.raises(BadParameter, match="1 actions for 2 agents"):
         envs.step(np.zeros((1, 2)))

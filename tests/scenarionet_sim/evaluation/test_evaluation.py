@@ -204,7 +204,7 @@ def test_failing_scenario_does_not_end_the_run(lake):
     report = evaluate(lake, policy=own("Confused"), backend="kinematic", name="confused")
     failed = lake.sql("SELECT scenario_id, error FROM results WHERE error IS NOT NULL ORDER BY ALL")
     assert failed["scenario_id"].to_list() == [scenario.id for scenario in SCENARIOS[1::2]], "each part's second"
-    assert failed["error"][0].startswith("BadParameter: an action is not a number")
+    assert failed["error"][0].startswith("BadParameter: an action is not finite")
     assert sorted(report.broken) == failed.rows()
     assert lake.named_query("runs").select("scenarios", "not_simulated").rows() == [(5, 2)]
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -109,3 +112,33 @@ def test_planners_of_ones_own_by_name():
     assert drivers.policies[-1] == Planned(planner=Wrong, tracker=PerfectTracking(), route=LaneRoute())
     with pytest.raises(BadParameter, match="unknown tracker 'magic'; choose from lqr, perfect"):
         resolve_drivers("idm-planner", tracker="magic")
+
+
+class Ending(Planner):
+    """Answers by a function, from its third call on."""
+
+    calls = 0
+
+    def __init__(self, answer):
+        self._answer = answer
+
+    def act(self, view):
+        self.calls += 1
+        return self._answer() if self.calls > 2 else [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("answer", "limits", "kind", "message"),
+    [
+        (sys.exit, {}, BadParameter, r"Ending.act called exit\(None\)"),
+        (lambda: os._exit(3), {}, BadParameter, r"exit\(3\)"),
+        (lambda: [np.inf, 0.0], {}, BadParameter, "not finite"),
+        (lambda: time.sleep(60), {"step_limit": 0.05}, TimeoutError, "more than 0.05 s"),
+        (lambda: time.sleep(0.02) or [0.0, 0.0], {"episode_limit": 0.1}, TimeoutError, "raise step_limit or episode"),
+    ],
+)
+def test_planners_end_neither_the_process_nor_never(answer, limits, kind, message):
+    at_exit, started = os._exit, time.perf_counter()
+    with pytest.raises(kind, match=message):
+        drive(lambda: Ending(answer), make_drive("end"), **limits)
+    assert time.perf_counter() - started < 30.0 and os._exit is at_exit

@@ -199,7 +199,7 @@ def test_actions_are_checked():
     simulation = Simulation([drive(), drive()])
     with pytest.raises(BadParameter, match="1 actions for 2 agents"):
         simulation.step([[0.0, 0.0]])
-    with pytest.raises(BadParameter, match="not a number"):
+    with pytest.raises(BadParameter, match="not finite"):
         simulation.step([[0.0, 0.0], [np.nan, 0.0]])
     simulation.step([[7.0, 3.0], [1.0, 1.0]])
     np.testing.assert_array_equal(simulation.state.position[0], simulation.state.position[1])
