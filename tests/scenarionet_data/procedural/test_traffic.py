@@ -56,9 +56,31 @@ def test_equilibrium_gap(speed):
     assert free_acceleration(speed, desired, accel, 2.0) - braking == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "wanted"),
+    [
+        ((10.0, 20.0, 2.0), 1.944872),  # 2 + 15 + 20 / (2 sqrt 3) = 22.7735 m wanted: 1.5 (22.7735 / 20)^2
+        ((10.0, 20.0, -10.0), 0.015),  # the leader pulls away: 2 m wanted
+        ((0.0, 4.0, 0.0), 0.375),
+        ((0.0, 0.0, 0.0), 600.0),  # a gap of 0 counts as 0.1 m
+    ],
+)
+def test_interaction_by_hand(arguments, wanted):
+    assert interaction(*arguments, 1.5, 1.5, 2.0, 2.0) == pytest.approx(wanted, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("speed", "wanted"), [(0.0, 1.5), (10.0, 1.40625), (20.0, 0.0), (22.0, -0.69615), (30.0, -2.0)]
+)
+def test_free_acceleration_by_hand(speed, wanted):
+    assert free_acceleration(speed, 20.0, 1.5, 2.0) == pytest.approx(wanted, abs=1e-9)
+
+
 def test_lane_change_must_outweigh_its_cost_to_others():
     assert is_worth_changing(1.0, 1.0, 0.5, 0.3)
     assert not is_worth_changing(1.0, 2.0, 0.5, 0.3)
+    assert not is_worth_changing(1.0, 1.5, 0.5, 0.25)  # equal to the threshold
+    assert is_worth_changing(0.5, -1.0, 0.5, 0.9)  # the new follower gains
 
 
 def test_lights_of_one_junction_are_never_green_together():

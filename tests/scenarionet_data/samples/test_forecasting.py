@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from scenarionet_data import Agents, Augmentation, ObjectType, Polylines, Samples, Targets, TimeWindow, resample
 from scenarionet_data.arrays.geometry import rotate, wrap_angle
+from tests.fixtures.drives import Other, make_drive
+from tests.fixtures.lakes import write_lake
 from tests.scenarionet_data.samples.conftest import made
 
 WINDOW = TimeWindow(history=0.4, future=1.2)
@@ -212,3 +215,29 @@ def test_a_layout_is_a_function(lake):
 
     samples = Samples(lake, window=WINDOW, layout=positions)
     np.testing.assert_array_equal(samples[0]["ego"], made(seed_of(samples, 0)).tracks.position[0, 0])
+
+
+def test_two_vehicles_by_hand(tmp_path):
+    """The ego drives north at 10 m/s through (3, 4) now; another stands 5 m ahead and 2 m to its left, facing east."""
+    drive = make_drive(num_steps=21, others=(Other(50.0),), has_map=False)
+    steps = np.arange(21, dtype=np.float32)
+    position = np.zeros((2, 21, 3), np.float32)
+    position[0, :, 0], position[0, :, 1] = 3.0, 4.0 + (steps - 10)
+    position[1, :, :2] = 1.0, 9.0
+    heading = np.zeros((2, 21), np.float32)
+    heading[0] = np.pi / 2
+    velocity = np.zeros((2, 21, 2), np.float32)
+    velocity[0, :, 1] = 10.0
+    tracks = replace(drive.tracks, position=position, heading=heading, velocity=velocity)
+    root = write_lake(tmp_path / "lake", [replace(drive, tracks=tracks, current_timestep=10)]).root
+    samples = Samples(root, window=(0.2, 0.3), targets="ego", agents=Agents(count=3), polylines=Polylines(count=0))
+    batch = samples.batch([0])
+    assert batch["history"][0, 0] == pytest.approx(
+        np.array([[-2, 0, 0, 10, 0], [-1, 0, 0, 10, 0], [0, 0, 0, 10, 0]]), abs=1e-5
+    )
+    assert batch["future"][0, 0] == pytest.approx(np.array([[x, 0, 0, 10, 0] for x in (1, 2, 3)]), abs=1e-5)
+    assert batch["history"][0, 1] == pytest.approx(np.array([[5, 2, -np.pi / 2, 0, 0]] * 3), abs=1e-5)
+    assert batch["pose"][0] == pytest.approx([3, 4, np.pi / 2, 1], abs=1e-5)
+    assert batch["is_target"][0].tolist() == [True, False, False]
+    assert batch["history_valid"][0].all(axis=1).tolist() == [True, True, False]
+    assert not batch["history"][0, 2].any() and batch["agent_row"][0].tolist() == [0, 1, -1]
