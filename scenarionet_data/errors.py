@@ -47,13 +47,13 @@ class MissingDependency(SourceError):
 
     Args:
         need: What needs which package, for example ``"pictures need matplotlib"``.
-        extra: The extra that installs it.
+        extra: The extra that installs it; empty if nothing does, for this version of Python.
         alternative: Another solution, if there is one.
     """
 
     def __init__(self, need: str, extra: str, alternative: str = "") -> None:
         install = f"pip install 'scenarionet-lake[{extra}]', or in a checkout pip install -e '.[{extra}]'"
-        super().__init__(f"{need}: {install}{f'; {alternative}' if alternative else ''}")
+        super().__init__(f"{need}: {'; '.join(filter(None, (install if extra else '', alternative)))}")
 
 
 class InvalidScenario(ScenarioNetError):

@@ -81,6 +81,7 @@ def lake_of_three(tmp_path):
 def test_methods_are_defined_in_place_with_docstrings(kind):
     classes = [each for each in kind.__mro__ if each.__module__.startswith("scenarionet_data")]
     methods = {name: value for each in classes for name, value in vars(each).items() if inspect.isfunction(value)}
+    methods.pop("__replace__", None)  # of dataclasses, from Python 3.13 on
     wrong = [name for name, value in methods.items() if not value.__qualname__.endswith(f".{name}")]
     assert wrong == []
     assert [name for name, value in methods.items() if not name.startswith("_") and not value.__doc__] == []

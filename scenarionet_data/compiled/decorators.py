@@ -57,7 +57,7 @@ def kernel(
         options = {"nogil": nogil, "error_model": "numpy" if divides_by_zero else "python"}
         if uses_internals():
             return cast(Function, dispatchers.as_kernel(plain, options, allocates=allocates, is_wide=is_wide))
-        compiled = _njit(**options)(plain)
+        compiled = _njit(_nrt=allocates, **options)(plain)  # kernels that count references crash
         with suppress(AttributeError, RuntimeError):  # NUMBA_DISABLE_JIT; no folder to write to
             compiled.enable_caching()
         return cast(Function, compiled)
@@ -106,6 +106,6 @@ def device_function(
             return cast(
                 Function, dispatchers.as_device_function(plain, options, allocates=allocates, in_lanes=in_lanes)
             )
-        return cast(Function, _njit(**options)(plain))
+        return cast(Function, _njit(_nrt=allocates, **options)(plain))
 
     return decorate if function is None else decorate(function)

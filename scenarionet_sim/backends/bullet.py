@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import math
 import os
+import sys
 import weakref
 from dataclasses import dataclass, field
 from types import ModuleType
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from scenarionet_sim.worlds.world_batch import WorldBatch
 
 _GRAVITY = 9.81  # [m/s²]
+_NO_WHEEL = 3, 12
+"""First version of Python that pybullet has no wheel for."""
 
 
 @dataclass(frozen=True)
@@ -167,11 +170,11 @@ def _import_bullet() -> ModuleType:
         os.dup2(quiet, 2)
         return importlib.import_module("pybullet")
     except ImportError as error:
-        raise MissingDependency(
-            "the Bullet backend needs pybullet",
-            "sim",
-            "its wheels are for CPython 3.11; or use the backend Kinematic, which needs no extra package",
-        ) from error
+        python, use_another = ".".join(map(str, sys.version_info[:2])), "use the backend Kinematic, the default"
+        if sys.version_info >= _NO_WHEEL:
+            need = f"the Bullet backend needs pybullet, which has no wheel for Python {python}, only for 3.11"
+            raise MissingDependency(need, "", use_another) from error
+        raise MissingDependency("the Bullet backend needs pybullet", "sim", f"or {use_another}") from error
     finally:
         os.dup2(error_output, 2)
         os.close(quiet)

@@ -8,7 +8,6 @@ from typing import Any, Literal
 from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.base import Backend
-from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.external import External
@@ -56,7 +55,7 @@ class EnvConfig:
 
     scenarios: Scenarios
     policies: tuple[Policy, ...] = (Replay(), External())
-    backend: Backend = field(default_factory=Bullet)
+    backend: Backend = field(default_factory=Kinematic)
     sensors: tuple[Sensor, ...] = PAPER_OBSERVATION
     observation: Literal["flat", "dict"] = "flat"
     reward: Reward = SINGLE_AGENT[0]
@@ -84,13 +83,12 @@ class EnvConfig:
 
 @dataclass(frozen=True, repr=False)
 class VectorConfig(EnvConfig):
-    """``EnvConfig`` with the fast ``Kinematic`` backend as default.
+    """``EnvConfig`` of many worlds that step together.
 
     Attributes:
         threads: Largest number of threads over worlds; 0 for all cores that the process may use.
     """
 
-    backend: Backend = field(default_factory=Kinematic)
     threads: int = 0
 
 

@@ -66,7 +66,7 @@ class Evaluation:
     snapshot: int
     policy: str
     traffic: str = "replay"
-    backend: str = "bullet"
+    backend: str = "kinematic"
     seed: int = 0
     rollouts: int = 1
     episode: str = "log"
@@ -144,7 +144,7 @@ def evaluate(
     policy: str,
     name: str | None = None,
     traffic: str = "replay",
-    backend: str | None = None,
+    backend: str = "kinematic",
     seed: int = 0,
     num_rollouts: int = 1,
     episode: str = "log",
@@ -167,7 +167,7 @@ def evaluate(
             ``runs/NAME`` of a training run, or ``module:Class`` for one of your own.
         name: Name of the run; None for database, policy, traffic and backend joined by hyphens.
         traffic: Driver of all other objects: a name in ``drivers.by_name.TRAFFIC``.
-        backend: ``bullet`` or ``kinematic``; None for ``bullet`` if actions drive the ego, else ``kinematic``.
+        backend: ``kinematic`` or ``bullet``, for an ego driven by actions.
         seed: Seed of stochastic policies and of the sensors' noise.
         num_rollouts: Rollouts of each scenario.
         episode: ``log`` (the whole recording), ``nuplan`` (15 s) or ``wosac`` (8 s after the history).
@@ -208,7 +208,7 @@ def plan_evaluation(
     policy: str,
     *,
     traffic: str = "replay",
-    backend: str | None = None,
+    backend: str = "kinematic",
     seed: int = 0,
     num_rollouts: int = 1,
     episode: str = "log",
@@ -222,9 +222,8 @@ def plan_evaluation(
         raise BadParameter(f"unknown episode {episode!r}; choose from {', '.join(EPISODES)}")
     lake = lake if isinstance(lake, Lake) else Lake(lake)
     if policy.startswith(PREFIX):
-        policy, backend = pinned(lake.files, policy), backend or "kinematic"  # with which it was trained
-    drivers = resolve_drivers(policy, traffic, backend or "kinematic", tracker, route, str(lake.root))
-    backend = backend or ("kinematic" if drivers.driver is None else "bullet")
+        policy = pinned(lake.files, policy)
+    resolve_drivers(policy, traffic, backend, tracker, route, str(lake.root))  # raises if one is unknown
     reference = database_reference(database)
     if isinstance(reference, str):
         reference = lake.database(reference).reference

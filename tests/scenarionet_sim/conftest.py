@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.scenarios.selection import Scenarios
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
@@ -34,3 +37,13 @@ def drives(tmp_path_factory) -> Path:
 def only(drives):
     """``only("wall", ...)``: these scenarios of the lake, in this order."""
     return lambda *names, **options: Scenarios(drives, [f"made/v1/{name}" for name in names], **options)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip what is parametrized by Bullet where Python has no wheel of pybullet."""
+    if find_spec("pybullet"):
+        return
+    for item in items:
+        values = getattr(item, "callspec", SimpleNamespace(params={})).params.values()
+        if any(value == "bullet" or isinstance(value, Bullet) for value in values if isinstance(value, (str, Bullet))):
+            item.add_marker(pytest.mark.skip(reason="pybullet has a wheel for CPython 3.11 only"))

@@ -10,6 +10,7 @@ import pytest
 
 from scenarionet_data.errors import MissingDependency
 from scenarionet_sim.backends.base import CONTROL_STEP
+from scenarionet_sim.backends import bullet
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.worlds.state import State
 from tests.scenarionet_sim.backends.conformance import (
@@ -139,6 +140,14 @@ def test_missing_pybullet_names_the_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(MissingDependency, match=r"scenarionet-lake\[sim\].*Kinematic"):
         Bullet().open(make_stage())
+
+
+def test_missing_pybullet_without_a_wheel_advises_no_installation(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    monkeypatch.setattr(bullet, "_NO_WHEEL", (3, 0))
+    with pytest.raises(MissingDependency, match=r"no wheel for Python 3.*use the backend Kinematic") as raised:
+        Bullet().open(make_stage())
+    assert "pip install" not in str(raised.value)
 
 
 def test_importing_pybullet_is_silent(capfd):

@@ -72,7 +72,7 @@ def test_gymnasium_checker_renders_without_a_display(only, monkeypatch):
 
 def test_default_matches_the_paper(only):
     env = ScenarioNetEnv(scenarios=only("wall"))
-    assert isinstance(env.config.backend, Bullet)
+    assert isinstance(env.config.backend, Kinematic)
     assert env.action_space.shape == (2,)
     assert env.observation_space.shape == (120 + 7 + 10 * 2,)
     with_boundary = ScenarioNetEnv(scenarios=only("wall"), sensors=PAPER_OBSERVATION + BOUNDARY)

@@ -61,6 +61,7 @@ def test_log_replay_with_perfect_tracking_is_the_log():
 
 
 def test_actions_move_through_the_backend():
+    pytest.importorskip("pybullet", reason="pybullet has a wheel for CPython 3.11 only")
     wall = make_drive("wall", speed=5.0, others=(Other(16.0),))
     through, against = (
         drive(PurePursuitPlanner, wall, 20, **options).state.velocity[0, 0, 0]

@@ -55,8 +55,8 @@ class SimVerb(LakeVerb, Distributed):
         default="replay",
         metavar="NAME",
     )
-    backend: str | None = option(
-        "Vehicle dynamics: bullet or kinematic. [default: bullet if the policy returns actions]", metavar="NAME"
+    backend: str = option(
+        "Vehicle dynamics: kinematic, or bullet (pybullet, Python 3.11).", default="kinematic", metavar="NAME"
     )
     name: str | None = option("Name of the run. [default: DATABASE-POLICY-TRAFFIC-BACKEND]", metavar="NAME")
     num_rollouts: int = option(
