@@ -9,12 +9,16 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile
 DUCKDB_TESTS := $(addprefix tests/scenarionet_data/,databases operations query quality maintenance packs remote) \
 	tests/scenarionet_pipelines tests/test_docs.py tests/test_doc_examples.py
+PLAIN_TESTS := $(addprefix tests/,scenarionet_data/compiled/test_checking.py scenarionet_data/compiled/test_gate.py \
+	scenarionet_data/test_loader.py scenarionet_sim/simulation/test_simulation.py)
+UNCHECKED_TESTS := $(addprefix tests/,scenarionet_data/codec scenarionet_data/test_loader.py scenarionet_sim/simulation \
+	scenarionet_sim/sensors scenarionet_sim/worlds)
 LAKE ?= lake
 TORCH ?= torch>=2.4,<3
 RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nuplan,$(DATASET)),$(NUPLAN_DATA_ROOT)))
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
+.PHONY: help install install-locked lock test-plain test-unchecked install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
 	clean convert docs docs-site notebooks mutants test-cuda test-devkits test-learn test-metadrive
 
 help:  ## List the targets.
@@ -25,7 +29,23 @@ install: $(INSTALLED)  ## Create .venv with every extra and the development tool
 $(INSTALLED): pyproject.toml
 	$(create_environment)
 	$(PIP_INSTALL) -e '.[dev]'
+	$(set_hooks)
 	@touch $@ $(INSTALLED_DEMO)
+
+install-locked:  ## Create .venv with the versions and hashes of .ci/requirements.lock.
+	$(create_environment)
+	$(PIP_INSTALL) --require-hashes -r .ci/requirements.lock
+	$(PIP_INSTALL) --no-deps --no-build-isolation -e .
+	$(set_hooks)
+	@touch $(INSTALLED) $(INSTALLED_DEMO)
+
+lock: install  ## Write .ci/requirements.lock: the newest versions that pyproject.toml allows, with hashes.
+	$(PIP_INSTALL) uv
+	$(BIN)/python -m uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --upgrade --quiet \
+		--generate-hashes --no-emit-index-url --no-emit-find-links --no-header -o .ci/requirements.lock
+
+# Of this clone and all of its worktrees; nothing without git.
+set_hooks = @git config core.hooksPath .ci/hooks 2>/dev/null || true
 
 $(INSTALLED_DEMO): pyproject.toml
 	$(create_environment)
@@ -55,6 +75,13 @@ test-integration: install  ## Run the tests of whole programs, servers, workers,
 
 test-all: install  ## Run all tests that need no other environment, including those marked as long.
 	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn and not cuda' $(ARGS)
+
+test-plain: install  ## Run tests of kernels as with versions of numba that were not tested: by its own compiler and cache.
+	cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && \
+	SCENARIONET_PLAIN_NUMBA=1 NUMBA_CACHE_DIR="$$cache" $(BIN)/python -m pytest $(PLAIN_TESTS) $(ARGS)
+
+test-unchecked: install  ## Run tests of kernels without the check of their arguments, as users run them.
+	SCENARIONET_CHECK_KERNELS=0 $(BIN)/python -m pytest $(UNCHECKED_TESTS) $(ARGS)
 
 test-packaging: install  ## Build the distributions, install them into empty environments, and use them.
 	$(BIN)/python -m pytest -m packaging tests/test_wheel.py $(ARGS)
@@ -112,7 +139,8 @@ mutants: install .venv/.installed-mutants  ## Put 200 small bugs into the core a
 	$(PIP_INSTALL) -e '.[mutants]'
 	@touch $@
 
-check: install  ## Check lint, format and types.
+check: install  ## Check lint, format, types, and the subjects of commits since the last release.
+	.ci/hooks/commit-msg
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

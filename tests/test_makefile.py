@@ -5,9 +5,13 @@ from __future__ import annotations
 import os
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+
+from scenarionet_data import Lake
+from tests.fixtures import nuplan, nuplan_drive
 
 ROOT = Path(__file__).parents[1]
 
@@ -56,6 +60,62 @@ def test_convert_calls_the_command_line(words, environment, command):
     done = make("-n", "convert", *words.split(), **environment)
     assert done.returncode == 0, done.stderr
     assert command in " ".join(done.stdout.replace("\\\n", " ").split())
+
+
+@pytest.mark.integration
+def test_nuplan_is_converted_by_make(tmp_path):
+    lake = tmp_path / "lake"
+    raw = nuplan.write_raw(tmp_path / "nuplan", [nuplan_drive.invented(seconds=6.0, num_tracks=8)], scene_seconds=3.0)
+    folder = Path(sys.executable).parent
+    done = make("-o", "install", "convert", "DATASET=nuplan", f"RAW={raw}", f"LAKE={lake}", f"BIN={folder}")
+    assert done.returncode == 0, done.stderr
+    assert len(Lake(lake).select()) > 0
+
+
+HOOK = ROOT / ".ci" / "hooks" / "commit-msg"
+
+
+@pytest.mark.parametrize(
+    ("subject", "says"),
+    [
+        ("Compile kernels once", None),
+        ("Merge branch 'main' of somewhere into a branch whose name is longer than all that the rule allows", None),
+        ("Compile " + "kernels " * 9, "79 characters, at most 72"),
+        ("wip", "imperative"),
+        ("Fixed the loader", "imperative"),
+        ("Fix the loader.", "without a full stop"),
+    ],
+)
+def test_hook_checks_subjects(tmp_path, subject, says):
+    message = tmp_path / "message"
+    message.write_text(f"{subject.strip()}\n\nA body, which may be as long as it likes.\n# a comment\n")
+    done = subprocess.run([HOOK, message], capture_output=True, text=True, check=False)
+    assert done.returncode == (says is not None)
+    assert (says or "") in done.stdout
+
+
+def test_subjects_are_checked_since_the_tag_and_not_without_one(tmp_path):
+    identity = ["-c", "user.name=a", "-c", "user.email=a@example.org", "-c", "core.hooksPath="]
+
+    def git(*words):
+        subprocess.run(["git", *identity, *words], cwd=tmp_path, check=True, capture_output=True)
+
+    def check():
+        return subprocess.run([HOOK], cwd=tmp_path, capture_output=True, text=True, check=False)
+
+    def commit(subject):
+        git("commit", "--allow-empty", "-m", subject)
+
+    assert (check().returncode, "no git repository" in check().stdout) == (0, True)
+    git("init")
+    commit("wrong before the release")
+    assert (check().returncode, "no tag v0.2.0" in check().stdout) == (0, True)
+    git("tag", "v0.2.0")
+    assert (check().returncode, check().stdout) == (0, "")
+    commit("Compile kernels once")
+    assert check().returncode == 0
+    commit("wrong since then")
+    assert (check().returncode, "wrong since then" in check().stdout) == (1, True)
 
 
 def test_old_python_is_refused_with_a_message(tmp_path):

@@ -1,8 +1,8 @@
 #!/bin/sh
 # An environment for the tests that need torch: .venv-learn, with torch beside the packages of .venv.
 # usage: tests/learn/make_environment.sh [python3.11]
-# TORCH is the requirement, for example TORCH=torch==2.13.0; on a machine without a GPU, pip's variable
-# PIP_EXTRA_INDEX_URL=https://download.pytorch.org/whl/cpu and TORCH=torch==2.13.0+cpu select the small build.
+# TORCH is the requirement, for example TORCH=torch==2.13.0; on a machine without a GPU, an index of pip with builds for
+# processors and TORCH=torch==2.13.0+cpu select the small one.
 set -eu
 cd "$(dirname "$0")/../.."
 venv=.venv-learn

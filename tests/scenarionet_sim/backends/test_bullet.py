@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scenarionet_data.errors import MissingDependency
-from scenarionet_sim.backends.base import CONTROL_STEP
 from scenarionet_sim.backends import bullet
+from scenarionet_sim.backends.base import CONTROL_STEP
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.worlds.state import State
 from tests.scenarionet_sim.backends.conformance import (
