@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Array, Float64, Int32, UInt8
 from scenarionet_data.compiled.checking import unchecked
 from scenarionet_sim.cameras.channels import CHANNELS, shape_of_channel, tail_of_channel
 from scenarionet_sim.cameras.draw.columns import NUM_INSTANCE, NUM_LIGHTS, NUM_POSE, NUM_SHADES, NUM_VERTEX
+from scenarionet_sim.cameras.draw.finishing import shrink
 from scenarionet_sim.cameras.draw.frames import draw_frames
 from scenarionet_sim.cameras.draw.mounting import mount_cameras
 from scenarionet_sim.cameras.draw.structures import (
@@ -213,6 +214,6 @@ def ground_heights(batch: WorldBatch, slots: Array, points: Float64) -> Float64:
 def scaled_down(rgb: UInt8, factor: int) -> UInt8:
     """Return pictures (B, H, W, 3) as the means of squares of pixels, for smooth edges."""
     count, height, width, _ = rgb.shape
-    blocks: Float32 = rgb.reshape(count, height // factor, factor, width // factor, factor, 3).astype(np.float32)
-    means: UInt8 = np.rint(np.sqrt((blocks**2).mean(axis=(2, 4)))).astype(np.uint8)
-    return means
+    made: UInt8 = np.empty((count, height // factor, width // factor, 3), np.uint8)
+    shrink(rgb, factor, made)
+    return made

@@ -135,6 +135,9 @@ class Camera(Sensor):
         require(
             np.abs(astuple(self.mount)).max() < 1e6, f"mount={self.mount}; expected finite lengths [m] and angles [rad]"
         )
+        for name in ("intrinsics", "distortion", "range", "exposure", "vignette", "noise", "jitter", "flow_time"):
+            numbers = np.atleast_1d(() if getattr(self, name) is None else getattr(self, name))
+            require(bool(np.isfinite(numbers).all()), f"{name}={getattr(self, name)}; expected finite numbers")
         require(self.range > 0 and self.exposure > 0, "a camera's range and exposure must be above 0")
         require(min(self.noise, self.jitter) >= 0, "a camera's noise and jitter must be at least 0")
         require(1 <= self.supersampling <= 4, f"supersampling={self.supersampling}; expected 1 to 4")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import UInt8
-from scenarionet_data.compiled.decorators import device_function
+from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.minmax import larger, smaller
 
 
@@ -20,6 +20,17 @@ def root_mean_square(picture: UInt8, row: int, column: int, channel: int, factor
             level = int(picture[y, x, channel])
             total += level * level
     return round(math.sqrt(total / (factor * factor)))
+
+
+@kernel
+def shrink(fine: UInt8, factor: int, pictures: UInt8) -> None:
+    """Write pictures (B, H, W, 3) as the means of squares of pixels of finer ones."""
+    for k in range(len(pictures)):
+        for row in range(pictures.shape[1]):
+            for column in range(pictures.shape[2]):
+                for channel in range(3):
+                    level = root_mean_square(fine[k], row * factor, column * factor, channel, factor)
+                    pictures[k, row, column, channel] = level
 
 
 @device_function(divides_by_zero=True)

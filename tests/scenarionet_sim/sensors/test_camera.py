@@ -12,6 +12,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.cameras.classes import CITYSCAPES, CLASS_COLORS, METADRIVE, SemanticClass
 from scenarionet_sim.cameras.draw.lens import project
+from scenarionet_sim.cameras.drawing import scaled_down
 from scenarionet_sim.cameras.formats import from_nv12, to_nv12
 from scenarionet_sim.cameras.lenses import lens_of, rays_of
 from scenarionet_sim.cameras.terrain import Terrain
@@ -310,6 +311,25 @@ def test_broken_scenarios_give_pictures(broken):
     found = seen(replace(BARE, channels=("rgb", "depth", "normals")), simulate(scenario, steps=1))
     assert all(np.isfinite(values).all() for values in found.values())
     assert found["rgb"].std() > 5
+
+
+@pytest.mark.parametrize("name", ["fov", "range", "exposure", "vignette", "noise", "jitter", "flow_time"])
+def test_numbers_that_are_none_are_refused(name):
+    for number in (np.nan, np.inf):
+        with pytest.raises(BadParameter, match=name):
+            Camera(**{name: number})
+
+
+@pytest.mark.parametrize("wrong", [{"intrinsics": (np.nan, 1.0, 2.0, 2.0)}, {"distortion": (0.1, np.nan)}])
+def test_lenses_with_numbers_that_are_none_are_refused(wrong):
+    with pytest.raises(BadParameter):
+        Camera(**wrong)
+
+
+def test_pixels_of_several_rays_have_their_mean_light():
+    fine = np.random.default_rng(0).integers(0, 256, (2, 6, 9, 3), np.uint8)
+    blocks = fine.reshape(2, 2, 3, 3, 3, 3).astype(np.float64)
+    np.testing.assert_array_equal(scaled_down(fine, 3), np.rint(np.sqrt((blocks**2).mean(axis=(2, 4)))))
 
 
 @pytest.mark.parametrize("height", [np.nan, np.inf, -1e30])
