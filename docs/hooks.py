@@ -20,7 +20,7 @@ from scenarionet_data.quality import rules
 from scenarionet_data.query import named_sql
 from scenarionet_data.schema.package_data import SQL
 from scenarionet_pipelines.cli.group import find_verb
-from scenarionet_pipelines.cli.tree import GROUPS, SECTIONS
+from scenarionet_pipelines.verb_tree import GROUPS, SECTIONS
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

@@ -17,8 +17,8 @@ from scenarionet_data.schema import dictionary, tables
 from scenarionet_pipelines import notebooks
 from scenarionet_pipelines.cli.deprecated import MOVED
 from scenarionet_pipelines.cli.group import find_verb
-from scenarionet_pipelines.cli.tree import GROUPS, full_name
 from scenarionet_pipelines.cluster import profile as profiles
+from scenarionet_pipelines.verb_tree import GROUPS, full_name
 from tests.fixtures.examples import ROOT, blocks
 
 PAGES = (*ROOT.glob("*.md"), *(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "notebooks"))

@@ -10,9 +10,9 @@ import click
 import pytest
 
 from scenarionet_data import version
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.group import find_verb
-from scenarionet_pipelines.cli.tree import GROUPS, SECTIONS
+from scenarionet_pipelines.messages import one_line
+from scenarionet_pipelines.verb_tree import GROUPS, SECTIONS
 from tests.scenarionet_pipelines.conftest import run
 
 TOP = [name for names in SECTIONS.values() for name in names]

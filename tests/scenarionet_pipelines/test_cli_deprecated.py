@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from scenarionet_pipelines.cli.advice import as_options
 from scenarionet_pipelines.cli.deprecated import MOVED, RENAMED_OPTIONS, current_options
 from scenarionet_pipelines.cli.group import find_verb
+from scenarionet_pipelines.messages import as_options
 from tests.scenarionet_pipelines.conftest import run
 
 pytestmark = pytest.mark.integration

@@ -11,7 +11,8 @@ import polars as pl
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_pipelines.cli.output import cell, count, duration, print_json, shorten, size
+from scenarionet_pipelines.cli.output import cell, count, duration, print_json, size
+from scenarionet_pipelines.messages import shorten
 from tests.fixtures.made import NAME, write_raw
 from tests.scenarionet_pipelines.conftest import run
 

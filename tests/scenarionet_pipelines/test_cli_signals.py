@@ -21,7 +21,7 @@ from scenarionet_data import Lake, Samples, Targets, TimeWindow
 from scenarionet_data.forecasts import make_predictions, write_predictions
 from scenarionet_pipelines.cli import interrupt
 from scenarionet_pipelines.cli.group import find_verb
-from scenarionet_pipelines.cli.tree import full_name
+from scenarionet_pipelines.verb_tree import full_name
 from scenarionet_sim import evaluate
 from tests.fixtures.waiting import HANGS_AFTER, until
 from tests.scenarionet_pipelines.conftest import run

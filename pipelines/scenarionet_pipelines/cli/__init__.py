@@ -13,7 +13,7 @@ import click
 
 from scenarionet_pipelines.cli.group import CommandLine
 from scenarionet_pipelines.cli.interrupt import finish, handle_signals
-from scenarionet_pipelines.cli.tree import SECTIONS
+from scenarionet_pipelines.verb_tree import SECTIONS
 
 
 def _print_version(ctx: click.Context, option: click.Parameter, is_wanted: bool) -> None:  # noqa: ARG001

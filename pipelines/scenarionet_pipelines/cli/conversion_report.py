@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import worker_rows
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table, size
+from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from scenarionet_pipelines.cli.tree import GROUPS
+from scenarionet_pipelines.verb_tree import GROUPS
 
 MOVED = {verb: (group, verb) for group, (_, verbs) in GROUPS.items() for verb in verbs} | {
     "compare-runs": ("runs", "compare")

@@ -21,11 +21,11 @@ from scenarionet_data.errors import (
     SourceNotFound,
     UserColumnNotFound,
 )
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.deprecated import MOVED, current_verb
 from scenarionet_pipelines.cli.interrupt import Interrupted, interruptible, received
-from scenarionet_pipelines.cli.tree import GROUPS
 from scenarionet_pipelines.cli.verb import VerbCommand
+from scenarionet_pipelines.messages import one_line
+from scenarionet_pipelines.verb_tree import GROUPS
 
 _USAGE_ERRORS = (QueryError, SourceNotFound, DatabaseNotFound, UserColumnNotFound)
 """Usage errors (exit code 2); all other errors concern data (exit code 1)."""

@@ -10,6 +10,8 @@ from typing import Any
 
 import click
 
+from scenarionet_pipelines.messages import shorten
+
 _MAX_NUMBER = 1e12
 """Larger numbers are identifiers such as hashes and are printed without separators."""
 
@@ -62,11 +64,6 @@ def cell(value: Any) -> str:
         text = f"{value:,.3f}" if isinstance(value, float) else f"{value:,}"
         return text.rstrip("0").rstrip(".") if "." in text else text
     return " ".join(str(value).split())
-
-
-def shorten(text: str, length: int | None) -> str:
-    """Shorten a text to at most ``length`` characters, ending in an ellipsis."""
-    return text if length is None or len(text) <= length else text[: length - 1] + "…"
 
 
 def is_number(text: str) -> bool:

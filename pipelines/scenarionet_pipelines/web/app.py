@@ -24,8 +24,7 @@ from scenarionet_data.errors import (
     ScenarioNetError,
     ScenarioNotFound,
 )
-from scenarionet_pipelines.cli.advice import one_line
-from scenarionet_pipelines.cli.output import shorten
+from scenarionet_pipelines.messages import one_line, shorten
 from scenarionet_pipelines.web import clips
 from scenarionet_pipelines.web.guards import BodyTooLarge, Guard
 from scenarionet_pipelines.web.picture import DARK_PICTURE, PICTURE

@@ -7,10 +7,10 @@ import click
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.interchange import WRITERS, writer_class
 from scenarionet_data.storage.files.places import is_url
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import worker_facts, worker_rows
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.verb import PARAMETERS, REPLACE, DatabaseVerb, Distributed, argument, option
+from scenarionet_pipelines.messages import one_line
 
 _FORMATS = ("scenarionet", *WRITERS)
 

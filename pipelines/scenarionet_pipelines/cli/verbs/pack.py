@@ -6,9 +6,9 @@ from dataclasses import asdict
 
 import click
 
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.verb import Progressing, argument, option
+from scenarionet_pipelines.messages import one_line
 
 
 class PackVerb(Progressing):

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import worker_facts, worker_rows
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
 from scenarionet_pipelines.cli.parameters import look_in_current_folder
 from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, Distributed, LakeVerb, option
+from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_sim.evaluation.evaluation import Evaluation

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import pairs
 from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, PARAMETERS, Progressing, argument, option
+from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_sim.learning.training import TrainingReport

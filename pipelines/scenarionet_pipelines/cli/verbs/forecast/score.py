@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.output import count, print_json, print_table
 from scenarionet_pipelines.cli.verb import Distributed, LakeVerb, argument, option
+from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_sim.metrics.wosac import Score

@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.output import print_json, print_table
 from scenarionet_pipelines.cli.verb import Verb, argument
+from scenarionet_pipelines.messages import one_line
 
 _PROPERTIES = ("raw", "release", "licence", "version")
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.execution import worker_facts, worker_rows
 from scenarionet_pipelines.cli.output import count, print_json, print_table
 from scenarionet_pipelines.cli.table_file import check_suffix, write_table
 from scenarionet_pipelines.cli.verb import NEW_VERSION, OPTIONAL_DATABASE, SNAPSHOT, Distributed, LakeVerb, option
+from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

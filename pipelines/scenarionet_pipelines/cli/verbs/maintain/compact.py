@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table, size
 from scenarionet_pipelines.cli.parameters import pairs
 from scenarionet_pipelines.cli.verb import Distributed, LakeVerb, option
+from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_data.maintenance.bin_packing import Bin

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.output import print_json, print_table
 from scenarionet_pipelines.cli.verb import Verb, argument
+from scenarionet_pipelines.messages import one_line
 
 _MARKS = {"ok": "ok", "missing": "--", "bad": "BAD"}
 

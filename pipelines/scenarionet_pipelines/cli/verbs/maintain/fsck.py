@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarionet_pipelines.cli.advice import one_line
 from scenarionet_pipelines.cli.output import count, print_json, print_table, size
 from scenarionet_pipelines.cli.verb import LakeVerb, Progressing, option
+from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_data.maintenance import Fsck

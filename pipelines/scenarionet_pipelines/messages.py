@@ -1,10 +1,10 @@
-"""Error messages for the command line: one line, with Python advice written as options and verbs."""
+"""Messages for the command line and the browser: one line, with Python advice written as options and verbs."""
 
 from __future__ import annotations
 
 import re
 
-from scenarionet_pipelines.cli.tree import full_name
+from scenarionet_pipelines.verb_tree import full_name
 
 _CALL = re.compile(r"""`?\b(?:lake|Lake)\.([a-z_]+)\(["']?([^"'(),]+)["']?[^()]*\)`?""")
 _FLAG = re.compile(r"\b([a-z][a-z_]*)=(True|False)\b")
@@ -45,3 +45,8 @@ def as_options(message: str, remedy: str = "") -> str:
 
 def _option(keyword: str, *, is_on: bool = True) -> str:
     return ("--" if is_on else "--no-") + keyword.replace("_", "-")
+
+
+def shorten(text: str, length: int | None) -> str:
+    """Shorten a text to at most ``length`` characters, ending in an ellipsis."""
+    return text if length is None or len(text) <= length else text[: length - 1] + "…"
