@@ -15,7 +15,7 @@ from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureType, is_lane
 
 MISS = 2.0
-"""Error beyond which a prediction misses [m]."""
+"""Error beyond which a prediction misses, or in nuScenes from which [m]."""
 ARGOVERSE_MODES = 6
 
 
@@ -29,7 +29,8 @@ def argoverse(modes: Float64, probabilities: Float64, truth: Float64) -> dict[st
 
     Returns:
         ``min_fde``: smallest error at the end [m]; ``min_ade``: mean error of that mode [m]; ``is_missed``: 1 if
-        min_fde is above 2 m; ``brier_min_fde``: min_fde plus (1 - probability)^2 of that mode.
+        min_fde is above 2 m; ``brier_min_fde``: min_fde plus (1 - probability)^2 of that mode; ``min_fde_1`` and
+        ``is_missed_1``: of the most probable mode alone, as leaderboards with K = 1 rank.
     """
     error = np.linalg.norm(modes[:ARGOVERSE_MODES] - truth, axis=-1)
     best = int(np.argmin(error[:, -1]))
@@ -39,6 +40,8 @@ def argoverse(modes: Float64, probabilities: Float64, truth: Float64) -> dict[st
         "min_fde": final,
         "is_missed": float(final > MISS),
         "brier_min_fde": final + float(1 - probabilities[best]) ** 2,
+        "min_fde_1": float(error[0, -1]),
+        "is_missed_1": float(error[0, -1] > MISS),
     }
 
 
@@ -46,11 +49,11 @@ def nuscenes(modes: Float64, truth: Float64, count: int) -> dict[str, float]:
     """Scores of nuScenes over the ``count`` most probable modes.
 
     Returns:
-        ``min_ade_k``: smallest mean error [m]; ``miss_rate_top_k``: 1 if every mode is more than 2 m away at some
+        ``min_ade_k``: smallest mean error [m]; ``miss_rate_top_k``: 1 if every mode is at least 2 m away at some
         time.
     """
     error = np.linalg.norm(modes[:count] - truth, axis=-1)
-    missed = float((error.max(axis=1) > MISS).all())
+    missed = float((error.max(axis=1) >= MISS).all())
     return {f"min_ade_{count}": float(error.mean(axis=1).min()), f"miss_rate_top_{count}": missed}
 
 

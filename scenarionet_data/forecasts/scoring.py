@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -28,9 +28,20 @@ from scenarionet_data.storage.read.metadata_rows import ScenarioIndex
 
 _WAYMO_DT = 0.5
 """Time between the positions that Waymo's challenges measure [s]."""
-_NUSCENES_MODES = (5, 10)
+_NUSCENES_MODES = (1, 5, 10)
 _MEASURED = ("min_ade", "min_fde", "miss", "overlap")
 _TYPES = ("VEHICLE", "PEDESTRIAN", "CYCLIST")
+
+
+FAN = (
+    (1.0, 0.0),
+    (0.8, 0.0),
+    (1.2, 0.0),
+    (0.5, 0.0),
+    (1.0, np.radians(10.0)),
+    (1.0, np.radians(-10.0)),
+)
+"""Factors of the speed, and turns to the left [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +114,37 @@ def summary(lake: LakeLike, scores: ForecastScores, by: str = "object_type", *, 
         "FROM scores JOIN metadata USING (scenario_id) GROUP BY 1 ORDER BY 1"
     )
     return open_view(lake).arrow(query, tables=given)
+
+
+def fan_of_velocities(lake: LakeLike, predictions: Sequence[Prediction]) -> list[Prediction]:
+    """Return the floor of predictions with several modes: six constant velocities for the same targets.
+
+    The first has the recorded velocity; the others are slower, faster, or turned, see ``FAN``. A single constant
+    velocity is no floor for the best of six.
+
+    Args:
+        lake: The lake with the scenarios.
+        predictions: Those to compare with; targets that the lake does not have are left out.
+    """
+    view = open_view(lake)
+    ids = list(dict.fromkeys(each.scenario_id for each in predictions))
+    _, is_known = ScenarioIndex(view.files, view.snapshot).find(pa.array(ids, pa.string()))
+    known = [name for name, found in zip(ids, is_known.tolist(), strict=True) if found]
+    by_scenario = {name: list(group) for name, group in groupby(predictions, key=lambda each: each.scenario_id)}
+    factors, angles = np.array(FAN).T
+    turns = np.array([[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]])
+    found = []
+    for scenario in ScenarioLoader(view, known):
+        for each in by_scenario[scenario.id]:
+            if each.track_id not in scenario.tracks.ids or not 0 <= each.timestep < scenario.num_timesteps:
+                continue
+            row = scenario.tracks.index(each.track_id)
+            velocity = np.einsum("ijk,j->ki", turns, scenario.tracks.velocity[row, each.timestep].astype(np.float64))
+            time = each.dt * np.arange(1, each.modes.shape[1] + 1)
+            ways = (factors[:, None] * velocity)[:, None] * time[:, None]
+            modes = scenario.tracks.position[row, each.timestep, :2] + ways
+            found.append(replace(each, modes=modes, probabilities=np.full(len(FAN), 1.0 / len(FAN))))
+    return found
 
 
 @dataclass

@@ -20,6 +20,9 @@ from scenarionet_sim.metrics.wosac.scoring import (
 )
 from scenarionet_sim.metrics.wosac.submission import ScenarioRollouts, count_scenarios, read_submission
 
+NUM_ROLLOUTS = 32
+"""Rollouts of each scenario that the challenge asks for."""
+
 
 @dataclass(frozen=True)
 class ScoredScenario:
@@ -32,6 +35,7 @@ class ScoredScenario:
             objects that are no longer observed stay where they are.
         floor: Score of constant velocity.
         error: Why it cannot be scored.
+        num_rollouts: Rollouts of the scenario; the challenge asks for 32.
     """
 
     scenario_id: str
@@ -39,6 +43,7 @@ class ScoredScenario:
     ceiling: Score | None = None
     floor: Score | None = None
     error: str | None = None
+    num_rollouts: int = NUM_ROLLOUTS
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,18 @@ class SubmissionReport:
     def broken(self) -> tuple[tuple[str, str], ...]:
         """Scenario and reason of those that could not be scored."""
         return tuple((each.scenario_id, each.error) for each in self.scenarios if each.error is not None)
+
+    @property
+    def note(self) -> str | None:
+        """Why the scores are none of the challenge; None if they are."""
+        others = [each for each in self.scenarios if each.num_rollouts != NUM_ROLLOUTS]
+        if not others:
+            return None
+        return (
+            f"{len(others)} of {len(self.scenarios)} scenarios have other than {NUM_ROLLOUTS} rollouts, for example "
+            f"{others[0].scenario_id} {others[0].num_rollouts}: these are no scores of the challenge, and with fewer "
+            "rollouts they come out differently"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +157,8 @@ def _score(job: _Job) -> tuple[int, ScoredScenario]:
             )
             for make in (log_rollouts, constant_velocity_rollouts)
         )
-        return job.number, ScoredScenario(scenario.id, submitted, ceiling, floor)
+        return job.number, ScoredScenario(
+            scenario.id, submitted, ceiling, floor, num_rollouts=len(job.rollouts.position)
+        )
     except ScenarioNetError as error:
         return job.number, ScoredScenario(source_id, error=str(error))

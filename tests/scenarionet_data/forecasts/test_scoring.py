@@ -12,7 +12,7 @@ from scenarionet_data import Samples, Targets, TimeWindow
 from scenarionet_data.errors import BadParameter, UnknownEvent
 from scenarionet_data.forecasts.displacements import argoverse, drivable_area, nuscenes, off_road_rate
 from scenarionet_data.forecasts.predictions import make_predictions, read_predictions, write_predictions
-from scenarionet_data.forecasts.scoring import score, summary
+from scenarionet_data.forecasts.scoring import fan_of_velocities, score, summary
 from scenarionet_data.forecasts.submissions import WaymoEntry, write_argoverse2, write_waymo
 from scenarionet_data.schema import tables
 from tests.fixtures.lakes import write_lake
@@ -118,7 +118,16 @@ def test_argoverse_takes_the_mode_that_ends_nearest():
     near_at_first = truth + np.array([[0, 0], [0, 0], [0, 0], [0, 3]])
     near_at_last = truth + np.array([[0, 4], [0, 4], [0, 4], [0, 1]])
     found = argoverse(np.array([near_at_first, near_at_last]), np.array([0.6, 0.4]), truth)
-    assert found == pytest.approx({"min_ade": 13 / 4, "min_fde": 1.0, "is_missed": 0.0, "brier_min_fde": 1.36})
+    assert found == pytest.approx(
+        {
+            "min_ade": 13 / 4,
+            "min_fde": 1.0,
+            "is_missed": 0.0,
+            "brier_min_fde": 1.36,
+            "min_fde_1": 3.0,
+            "is_missed_1": 1.0,
+        }
+    )
 
 
 def test_nuscenes_misses_by_the_largest_error():
@@ -126,6 +135,28 @@ def test_nuscenes_misses_by_the_largest_error():
     modes = np.array([truth + np.array([[2.1, 0], [0, 0], [0, 0], [0, 0]]), truth + 1.0])
     assert nuscenes(modes, truth, 1) == pytest.approx({"min_ade_1": 0.525, "miss_rate_top_1": 1.0})
     assert nuscenes(modes, truth, 2) == pytest.approx({"min_ade_2": 0.525, "miss_rate_top_2": 0.0})
+
+
+def test_nuscenes_misses_from_two_metres_on_and_argoverse_beyond():
+    truth, modes = np.zeros((2, 2)), np.array([[[0.0, 0.0], [2.0, 0.0]]])
+    assert nuscenes(modes, truth, 1)["miss_rate_top_1"] == 1.0
+    assert argoverse(modes, np.ones(1), truth)["is_missed_1"] == 0.0
+
+
+def test_the_floor_is_a_fan_of_six_constant_velocities(lake, path):
+    listed = read_predictions(path)
+    fan = fan_of_velocities(lake, listed)
+    assert [(each.scenario_id, each.timestep) for each in fan] == [(each.scenario_id, each.timestep) for each in listed]
+    scenario = lake.loader([fan[0].scenario_id])[0]
+    at, velocity = scenario.tracks.position[0, 10, :2], scenario.tracks.velocity[0, 10]
+    assert fan[0].modes.shape == (6, STEPS, 2) and fan[0].probabilities.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(fan[0].modes[0, 9], at + velocity, atol=1e-4)
+    np.testing.assert_allclose(fan[0].modes[3, 19], at + velocity, atol=1e-4)  # half as fast
+    turned = fan[0].modes[4, 9] - at
+    assert velocity[0] * turned[1] > velocity[1] * turned[0] and np.hypot(*turned) == pytest.approx(
+        np.hypot(*velocity), rel=1e-4
+    )
+    assert "of scenarios that the lake does not have" not in score(lake, fan).findings
 
 
 def test_modes_that_leave_the_road_are_counted():

@@ -123,7 +123,7 @@ def test_the_page_has_tables_verdicts_and_the_commit(finished, tmp_path):
     text = write_page(lake, made, tmp_path / "out", "abc1234").read_text("utf-8")
     assert "commit `abc1234`" in text and "| Good is better | **supported** |" in text
     assert "| good | 0.910 [0.885, 0.935] |" in text and "| all | 6 |" in text
-    assert "| good | success | Table 9 | 0.500 | 0.910 [0.900, 0.920] |" in text
+    assert "| good | success | Table 9 | 0.500 | 0.910 [0.885, 0.935] |" in text
     assert "| the paper: PG |  |  |  | 226 |" in text
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "page.md", "test.svg", "curves.parquet", "chosen.parquet",

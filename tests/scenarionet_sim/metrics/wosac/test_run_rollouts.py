@@ -49,6 +49,9 @@ def test_submission_of_a_run_is_read_back_and_scored(lake: Lake, scenario: Scena
     assert (again.position == ours.position).all() and (again.heading == ours.heading).all()
     report = score_submission(lake.root, tmp_path / "ours.binproto")
     assert report.broken == () and 0.0 < report.submitted.realism < 1.0
+    assert report.note.startswith("1 of 1 scenarios have other than 32 rollouts, for example") and " 3: " in report.note
+    whole = replace(report, scenarios=tuple(replace(each, num_rollouts=32) for each in report.scenarios))
+    assert whole.note is None
 
 
 def test_run_without_the_episode_of_the_challenge_is_refused(lake: Lake):

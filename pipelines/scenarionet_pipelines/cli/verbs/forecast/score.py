@@ -79,10 +79,13 @@ class ScoreVerb(LakeVerb, Distributed):
         """Score a file of predictions, print means, and write the scores of each target to a Parquet file."""
         import pyarrow.parquet as pq
 
-        from scenarionet_data.forecasts import score, summary
+        from scenarionet_data.forecasts import fan_of_velocities, read_predictions, score, summary
 
-        scores = score(self.lake, predictions)
-        means = summary(self.lake, scores, self.by or "object_type", event=self.event).to_pylist()
+        listed = read_predictions(predictions)
+        scores, by = score(self.lake, listed), self.by or "object_type"
+        means = summary(self.lake, scores, by, event=self.event).to_pylist()
+        fan = score(self.lake, fan_of_velocities(self.lake, listed))
+        floor = summary(self.lake, fan, by, event=self.event).to_pylist()
         if self.output is not None:
             pq.write_table(scores.table, self.output)
         if self.as_json:
@@ -90,11 +93,12 @@ class ScoreVerb(LakeVerb, Distributed):
                 {"object_type": kind, "seconds": seconds, "kind": name, "value": value}
                 for (kind, seconds, name), value in scores.precision.items()
             ]
-            print_json({"by": means, "precision": precision, "findings": scores.findings})
+            print_json({"by": means, "floor": floor, "precision": precision, "findings": scores.findings})
             return
         measured = [name for name in (means[0] if means else ()) if any(row[name] is not None for row in means)]
-        rows = [(name, *(row[name] for row in means)) for name in measured[1:]]
-        print_table(rows, ("", *(row["by"] for row in means)))
+        beside = [*means, *(row | {"by": f"six constant velocities, {row['by']}"} for row in floor)]
+        rows = [(name, *(row[name] for row in beside)) for name in measured[1:]]
+        print_table(rows, ("", *(row["by"] for row in beside)))
         for (kind, seconds, name), value in scores.precision.items():
             click.echo(f"{name} of {kind} at {seconds:g} s: {value:.4g}")
         for reason, (number, example) in scores.findings.items():
@@ -119,13 +123,15 @@ class ScoreVerb(LakeVerb, Distributed):
                 on_progress=progress.update,
             )
         if self.as_json:
-            print_json(asdict(report))
+            print_json(asdict(report) | {"note": report.note})
             return not report.broken
         columns = [numbers(each) for each in (report.submitted, report.ceiling, report.floor)]
         rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
         print_table(rows, ("", "submission", "recording", "constant velocity"))
         for scenario_id, reason in report.broken[:_MAX_EXAMPLES]:
             click.echo(f"could not be scored: {scenario_id}: {one_line(reason)}", err=True)
+        if report.note is not None:
+            click.echo(f"note: {report.note}", err=True)
         click.echo(f"{count(len(report.scenarios) - len(report.broken), 'scenario')} scored")
         return not report.broken
 
