@@ -37,7 +37,11 @@ JUDGED_BY = "coalesce(nuplan_score, success::INTEGER - crashed::INTEGER)"
 """What decides unless told otherwise whether a scenario got better: higher is better."""
 
 CONDITIONS = (
-    ("rule", "what is scored", "until the ego of IDM has reached the end of its path (an older version)"),
+    (
+        "rule",
+        "what is scored",
+        "until the ego of IDM has reached the end of its path, and off the road where the recording is (an older version)",
+    ),
     ("backend", "the vehicle model", "unknown"),
     ("traffic", "the traffic", "unknown"),
     ("episode", "the episode", "unknown"),

@@ -11,6 +11,7 @@ SELECT
     round(avg(crashed::INTEGER), 4) AS crashed,
     round(avg((at_fault_collisions > 0)::INTEGER), 4) AS at_fault,
     round(avg(off_road::INTEGER), 4) AS off_road,
+    nullif(count(*) FILTER (error IS NULL AND off_road IS NULL), 0) AS off_road_unknown,
     round(avg((red_light_violations > 0)::INTEGER), 4) AS red_light,
     round(avg(nuplan_score), 4) AS nuplan_score,
     round(avg(route_completion), 4) AS route_completion,

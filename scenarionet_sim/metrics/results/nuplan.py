@@ -45,10 +45,21 @@ def measure(episode: DrivenEpisode) -> dict[str, Any]:
         **_collisions(collisions, knows_lanes=lanes is not None),
         **_time_to_collision(drive, others, collisions, is_in_lane, roads),
         **_comfort(drive),
-        "off_road_time": float(is_off_road(drive.corners, roads).sum() * drive.dt) if roads.is_road.any() else None,
+        "off_road_time": _off_road_time(drive, recorded, roads),
         **_along_lanes(drive, lanes),
     }
     return row | {"nuplan_score": _score(row)}
+
+
+def _off_road_time(drive: EgoDrive, recorded: EgoDrive, roads: Roads) -> float | None:
+    """Return the time [s] outside the drivable area; None where the map has none, or the recording itself is outside."""
+    if not roads.is_road.any():
+        return None
+    off = is_off_road(drive.corners, roads)
+    is_recorded = np.array_equal(drive.corners, recorded.corners)
+    if (off if is_recorded else is_off_road(recorded.corners, roads)).any():
+        return None
+    return float(off.sum() * drive.dt)
 
 
 def _recorded_progress(rollout: Rollout, recorded: EgoDrive, world: World) -> float:

@@ -106,5 +106,5 @@ def test_runs_of_an_older_rule_or_another_vehicle_model_are_not_compared_without
     publish(lake, "new", [row(0, 0.5)], **conditions, rule=RULE)
     publish(lake, "bullet", [row(0, 0.5)], **conditions | {"backend": "bullet"}, rule=RULE)
     (note,) = compare_runs(lake, "older", "new").notes
-    assert "what is scored differs: older until the ego of IDM" in note and f"new {RULE}" in note
+    assert "what is scored differs: older as in older versions" in note and f"new {RULE}" in note
     assert compare_runs(lake, "new", "bullet").notes == ("the vehicle model differs: new kinematic, bullet bullet",)

@@ -163,3 +163,13 @@ def test_metrics_have_an_owner_and_scores_a_direction():
     neutral = {"status", "outcome_time", "mean_speed", "is_reactive"}
     assert {each.name for each in (*table.columns, *table.derived) if each.owner and not each.better} == neutral
     assert {each.better for each in table.columns} == {"", "higher", "lower"}
+
+
+def test_the_road_is_unknown_where_the_recording_itself_is_off_it():
+    scenario = make_drive()
+    scenario.tracks.position[..., 1] += 9.0
+    rollout, world = drive(scenario)
+    for position in (rollout.position, rollout.position - np.array([0.0, 9.0])):
+        row = measure(replace(rollout, position=position), world)
+        assert row["off_road_time"] is None and row["nuplan_score"] is None
+        assert row["is_comfortable"] is not None
