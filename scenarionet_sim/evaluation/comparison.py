@@ -37,11 +37,7 @@ JUDGED_BY = "coalesce(nuplan_score, success::INTEGER - crashed::INTEGER)"
 """What decides unless told otherwise whether a scenario got better: higher is better."""
 
 CONDITIONS = (
-    (
-        "rule",
-        "what is scored",
-        "until the ego of IDM has reached the end of its path, and off the road where the recording is (an older version)",
-    ),
+    ("rule", "what is scored", "as in older versions, see the guide"),
     ("backend", "the vehicle model", "unknown"),
     ("traffic", "the traffic", "unknown"),
     ("episode", "the episode", "unknown"),

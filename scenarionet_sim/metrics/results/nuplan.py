@@ -52,7 +52,7 @@ def measure(episode: DrivenEpisode) -> dict[str, Any]:
 
 
 def _off_road_time(drive: EgoDrive, recorded: EgoDrive, roads: Roads) -> float | None:
-    """Return the time [s] outside the drivable area; None where the map has none, or the recording itself is outside."""
+    """Return the time [s] outside the drivable area; None if the map has none, or the recording itself is outside."""
     if not roads.is_road.any():
         return None
     off = is_off_road(drive.corners, roads)
