@@ -26,6 +26,9 @@ _BUILTIN = {
     "waymo": "scenarionet_data.converters.waymo:Waymo",
 }
 
+_ALIASES = {"av2": "argoverse2", "nuscenes-mini": "nuscenes"}
+"""Other names of datasets that people type."""
+
 
 def names() -> list[str]:
     """Return the names of all converters, built in and installed."""
@@ -33,7 +36,7 @@ def names() -> list[str]:
 
 
 def get(name: str) -> Converter[Any]:
-    """Return the converter of a name, or of a class given as ``module:Class``.
+    """Return the converter of a name, of an alias such as ``av2``, or of a class given as ``module:Class``.
 
     Raises:
         SourceNotFound: Unknown name, with the closest ones; or the class cannot be imported.
@@ -43,6 +46,7 @@ def get(name: str) -> Converter[Any]:
     for point in _installed():
         if point.name == name:
             return _instance(point.value)
+    name = _ALIASES.get(name, name)
     if name not in _BUILTIN:
         near = difflib.get_close_matches(name, names(), n=3) or names()
         raise SourceNotFound(f"no converter {name!r}; did you mean {', '.join(near)}?")

@@ -31,13 +31,19 @@ def run_references(
 
     Args:
         evaluation: The evaluation that they are compared with: same scenarios, traffic and episode.
-        workers, executor, on_progress: As for :func:`run_evaluation`.
+        workers, executor: As for :func:`run_evaluation`.
+        on_progress: As there, but counts the parts of all references.
 
     Returns:
         Name of each run, by the names of POLICIES.
     """
     names = {}
-    for title, policy in POLICIES.items():
+    for number, (title, policy) in enumerate(POLICIES.items()):
+
+        def count(done: int, parts: int, scenarios: int, number: int = number) -> None:
+            if on_progress is not None:
+                on_progress(number * parts + done, len(POLICIES) * parts, scenarios)
+
         is_random = policy == RANDOM
         reference = replace(
             evaluation,
@@ -49,7 +55,5 @@ def run_references(
         )
         digest = hashlib.sha256(json.dumps(reference.description, sort_keys=True).encode()).hexdigest()[:12]
         names[title] = f"reference-{policy}-{digest}"
-        run_evaluation(
-            reference, names[title], workers=workers, executor=executor, rollouts=False, on_progress=on_progress
-        )
+        run_evaluation(reference, names[title], workers=workers, executor=executor, rollouts=False, on_progress=count)
     return names

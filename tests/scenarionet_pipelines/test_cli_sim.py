@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data import Lake
+from scenarionet_pipelines.cli.progress import ProgressDisplay
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 from tests.scenarionet_pipelines.conftest import run
@@ -107,7 +108,7 @@ def test_record_with_a_camera(lake, ok):
 
 
 def test_check_simulate_names_failing_scenarios(lake, ok):
-    words = "check", lake, "--simulate", "--only", "ids_are_unique", "--workers", "1"
+    words = "maintain", "check", lake, "--simulate", "--only", "ids_are_unique", "--workers", "1"
     assert "ok  replays         The ego of every recording reaches its destination when replayed.\n" in ok(*words)
     path = next((lake / "tracks").rglob("*.parquet"))
     damaged = bytearray(path.read_bytes())
@@ -115,7 +116,7 @@ def test_check_simulate_names_failing_scenarios(lake, ok):
     path.write_bytes(bytes(damaged))
     result = run(*words)
     assert result.exit_code == 1
-    assert "FAILED  replays" in result.stdout
+    assert "FAILED  replays" in result.stdout, result.stderr
     assert SCENARIOS[0].id in result.stdout
 
 
@@ -142,3 +143,12 @@ def test_page_of_runs_has_pictures_of_the_worst(compared, tmp_path, ok):
     ok(*compared, "--html", page)
     html = page.read_text("utf-8")
     assert html.count("data:image/png") == 3 and SCENARIOS[0].id in html
+
+
+def test_progress_counts_scenarios_of_all_runs(lake, monkeypatch):
+    seen = []
+    monkeypatch.setattr(ProgressDisplay, "update", lambda self, done, total, scenarios=0: seen.append((done, total)))
+    assert run("sim", lake, "--policy", "replay", "--name", "counted", "--workers", "1").exit_code in (0, 1)
+    assert {total for _, total in seen} == {4 * 3}, "three scenarios, by the policy and three references"
+    assert seen == sorted(seen)
+    assert seen[-1] == (12, 12)

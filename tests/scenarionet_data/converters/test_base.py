@@ -87,3 +87,9 @@ def test_accepted_names_of_splits():
         "train", "val", "test", "mini", "mini_train", "mini_val", "train_val",
         "validation_interactive", "testing_interactive",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(("alias", "name"), [("av2", "argoverse2"), ("nuscenes-mini", "nuscenes")])
+def test_names_that_people_type_are_understood(alias, name):
+    assert type(converters.get(alias)) is type(converters.get(name))
+    assert alias not in converters.names()

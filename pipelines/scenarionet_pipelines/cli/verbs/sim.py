@@ -86,9 +86,10 @@ class SimVerb(LakeVerb, Distributed):
     no_references: bool = option("Do not simulate the recording, constant velocity and random actions.")
 
     def run(self) -> bool:
+        from scenarionet_data import Lake
         from scenarionet_sim.drivers.by_name import MANUAL
         from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
-        from scenarionet_sim.evaluation.references import run_references
+        from scenarionet_sim.evaluation.references import POLICIES, run_references
 
         look_in_current_folder(self.policy)
         evaluation = plan_evaluation(
@@ -106,9 +107,19 @@ class SimVerb(LakeVerb, Distributed):
         run = self.name or default_name(evaluation, self.database)
         workers = 1 if self.policy in MANUAL else self.num_workers
         references: dict[str, str] = {}
+        lake = Lake(self.lake, evaluation.snapshot)
+        scenarios = len(lake.database(self.database) if self.database else lake)
+        runs = 1 if self.no_references else 1 + len(POLICIES)
+
+        def on_own(done: int, parts: int, _: int) -> None:
+            progress.update(scenarios * done // parts, runs * scenarios)
+
+        def on_references(done: int, parts: int, _: int) -> None:
+            progress.update(scenarios + (runs - 1) * scenarios * done // parts, runs * scenarios)
+
         with (
             self.execution() as execution,
-            self.progress(f"sim {run}", "part") as progress,
+            self.progress(f"sim {run}") as progress,
             keeping(lambda: f"finished scenarios are kept in run {run}"),
         ):
             report = run_evaluation(
@@ -117,10 +128,12 @@ class SimVerb(LakeVerb, Distributed):
                 workers=workers,
                 executor=execution.measured,
                 rollouts=not self.metrics_only,
-                on_progress=progress.update,
+                on_progress=on_own,
             )
             if not self.no_references:
-                references = run_references(evaluation, workers=workers, executor=execution.executor)
+                references = run_references(
+                    evaluation, workers=workers, executor=execution.executor, on_progress=on_references
+                )
         facts, *others = (run_facts(self.lake, each) for each in (report.run, *references.values()))
         beside = dict(zip(references, others, strict=True))
         failed = f"results JOIN metadata USING (scenario_id) WHERE run = '{run}' AND success IS NOT TRUE"
