@@ -6,6 +6,7 @@ import ctypes
 import math
 import sys
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,9 @@ class Memory:
         return None if block is None else np.ndarray(shape, dtype, block)
 
     def _block(self, wanted: int) -> UInt8 | None:
-        """Block of the next power of two that nothing refers to; None beyond the limit."""
+        """Block of the next power of two that nothing refers to; None beyond the limit, and if use cannot be told."""
+        if not _tells_use():
+            return None
         size = 1 << (wanted - 1).bit_length()
         blocks = self._blocks.setdefault(size, _Blocks())
         found = blocks.unused()
@@ -144,3 +147,26 @@ def _references(blocks: list[UInt8], place: int) -> int:
 
 _UNUSED = _references([np.empty(0, np.uint8)], 0)
 """References to a block that no array uses, which differ between versions of Python."""
+
+
+@cache
+def _tells_use() -> bool:
+    """Return whether blocks in use are told from others: a test at first use, as other Pythons may count otherwise."""
+    return all(_is_use_told() for _ in range(_HOT))
+
+
+_HOT = 64
+"""Repetitions after which Python has replaced its instructions by faster ones, which may count otherwise."""
+
+
+def _is_use_told() -> bool:
+    blocks = _Blocks()
+    blocks.add(np.zeros(_SMALL, np.uint8))
+    found = blocks.unused()
+    if found is None:
+        return False
+    view = np.ndarray(_SMALL // 4, np.int32, found)[1:].reshape(1, -1)
+    del found
+    is_kept = blocks.unused() is None and not view.any()
+    del view
+    return is_kept and blocks.unused() is not None

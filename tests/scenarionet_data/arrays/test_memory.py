@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scenarionet_data.arrays import memory as memory_module
 from scenarionet_data.arrays.memory import Memory
 
 LARGE = 5000
@@ -87,3 +88,28 @@ def test_scratch_is_the_same_until_more_is_needed():
     small = memory.scratch(100)
     assert memory.scratch(60) is small
     assert len(memory.scratch(LARGE)) >= LARGE
+
+
+@pytest.mark.parametrize("miscounted", [0, 1, None], ids=["never in use", "always in use", "hot code"])
+def test_memory_is_not_used_again_by_a_python_that_counts_otherwise(monkeypatch, miscounted):
+    count, calls = memory_module._references, []
+
+    def miscount(blocks, place):
+        calls.append(place)
+        if miscounted is None and len(calls) < 50:
+            return count(blocks, place)
+        return memory_module._UNUSED + (miscounted or 0)
+
+    monkeypatch.setattr(memory_module, "_references", miscount)
+    memory_module._tells_use.cache_clear()
+    try:
+        memory = Memory()
+        arrays = [memory.empty(LARGE, np.float64) for _ in range(4)]
+        for number, array in enumerate(arrays):
+            array[:] = number
+        assert [array[0] for array in arrays] == [0.0, 1.0, 2.0, 3.0]
+        assert memory.num_bytes == 0
+    finally:
+        monkeypatch.undo()
+        memory_module._tells_use.cache_clear()
+    assert memory_module._tells_use()
