@@ -165,16 +165,19 @@ class Converter(ABC, Generic[Record]):
         """List what is below ``raw`` and not used, with reasons, for the report of a conversion.
 
         By default these are files that are neither inputs of the shards, nor below an input that is a folder, nor
-        match ``listed``. Override it if recordings consist of more files.
+        named by the first batch of ``files`` or ``listed``.
 
         Args:
             raw, split, options: As for :meth:`shards`.
             shards: The shards that it listed.
         """
         inputs = {path for shard in shards for path in shard.paths}
+        named = {name for shard in shards for name in next(iter(self.files(shard)), ())}
+        inputs |= {Path(shards[0].root, name) for name in named if "*" not in name} if shards else set()
+        patterns = {*self.listed, *(name for name in named if "*" in name)}
 
         def is_used(path: Path) -> bool:
-            return any(path.match(pattern) for pattern in self.listed) or not inputs.isdisjoint((path, *path.parents))
+            return any(path.match(pattern) for pattern in patterns) or not inputs.isdisjoint((path, *path.parents))
 
         return unused_files(Path(raw), is_used, split, self.ignored)
 

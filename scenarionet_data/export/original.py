@@ -15,8 +15,7 @@ from scenarionet_data.arrays.dtypes import Array, Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.converters.boundary_segments import to_records
 from scenarionet_data.converters.scenarionet.columns import OWN, is_literal, unpack, value_of
-from scenarionet_data.converters.scenarionet.layout import LAYOUT, LINES, SIZES
-from scenarionet_data.converters.scenarionet.map_features import LINKS
+from scenarionet_data.converters.scenarionet.layout import LAYOUT, LINES, LINKS, SIZES
 from scenarionet_data.converters.scenarionet.values import from_plain
 from scenarionet_data.export.summary import summarize_object
 from scenarionet_data.scenario.canonical_json import from_json
@@ -40,22 +39,18 @@ def to_original_dict(scenario: ScenarioDescription) -> dict[str, Any] | None:
         return None
     layout, origin = pickled["layout"], np.array(pickled["origin"])
     tracks = dict(_tracks(scenario, layout, origin))
+    times = (scenario.timestamps + layout["ts"]["first"]).astype(layout["ts"]["dtype"])
     description = {
         **from_plain(layout["description"]),
         "length": scenario.num_timesteps,
         "tracks": tracks,
         "dynamic_map_states": dict(_lights(scenario, layout["lights"], origin)),
         "map_features": _map(scenario.map, layout, origin),
-        "metadata": {**from_plain(layout["metadata"]), "ts": _times(scenario.timestamps, layout["ts"])},
+        "metadata": {**from_plain(layout["metadata"]), "ts": times.tolist() if layout["ts"]["is_list"] else times},
     }
     if layout["objects"] is not None:
         description["metadata"]["object_summary"] = _objects(layout["objects"], tracks)
     return description
-
-
-def _times(timestamps: Float64, form: Mapping[str, Any]) -> Any:
-    times = (timestamps + form["first"]).astype(form["dtype"])
-    return times.tolist() if form["is_list"] else times
 
 
 def _members(columns: Mapping[str, Any], count: int) -> list[dict[str, str]]:

@@ -17,8 +17,7 @@ from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.execution.executors import Executor, run_serially
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.export.destination import MAPPING_FILE, SUMMARY_FILE, check_destination, new_directory
-from scenarionet_data.export.parts import write_parts
-from scenarionet_data.export.pickling import WrittenPickle, dump, twice, write_scenarios
+from scenarionet_data.export.pickling import WrittenPickle, dump, twice, write_parts, write_scenarios
 from scenarionet_data.interchange import writer_for
 from scenarionet_data.interchange.base import ExportReport
 from scenarionet_data.interchange.files import write_files

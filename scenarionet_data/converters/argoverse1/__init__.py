@@ -10,7 +10,7 @@ RAW is the folder of one split or of the whole dataset, with the maps of the HD 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,17 +22,14 @@ from scenarionet_data.converters.argoverse1.map_features import (
     maps_by_city,
     read_city,
 )
-from scenarionet_data.converters.argoverse1.options import Argoverse1Options
 from scenarionet_data.converters.argoverse1.recording import read_recording
-from scenarionet_data.converters.argoverse1.scenario import describe
+from scenarionet_data.converters.argoverse1.scenario import Argoverse1Options, describe
 from scenarionet_data.converters.argoverse1.table import city_of, is_recording
 from scenarionet_data.converters.base import Budgets, Converter, find_files
-from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.defects import Defects
-from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties, is_local
+from scenarionet_data.ingest.input_properties import LazyProperties, is_local
 from scenarionet_data.ingest.options import Options
-from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
 
@@ -78,12 +75,10 @@ class Argoverse1(Converter[RawItem]):
         maps = _maps_for(raw, options)
         known = fingerprint(maps) if maps else ""  # scenarios change if a map is added later
         resolved = replace(options, maps=os.pathsep.join(map(str, maps)))  # saves workers the search
-        items = [
-            RawItem(
-                path.relative_to(root).as_posix(), fingerprint([path], _FINGERPRINT_SAMPLE) + known, _properties(path)
-            )
-            for path in files
-        ]
+        items = []
+        for path in files:
+            mark, properties = fingerprint([path], _FINGERPRINT_SAMPLE), LazyProperties({}, ("location",), _fact, path)
+            items.append(RawItem(path.relative_to(root).as_posix(), mark + known, properties))
         for name, members in bucket(items).items():
             yield Shard(self.name, version, split, name, str(root), members, resolved)
 
@@ -110,18 +105,6 @@ class Argoverse1(Converter[RawItem]):
         except CorruptSource as error:  # of this file or its map: continue with the other files
             raise InvalidScenario(scenario_id, "source", str(error)) from error
         return describe(shard, scenario_id, record.name, recording, city, options, self.licence, defects)
-
-    def passed_over(
-        self, raw: str, split: str, options: Argoverse1Options, shards: Sequence[Shard]
-    ) -> Iterable[PassedOver]:
-        """Files that are neither recordings nor the newest map of a city."""
-        used = {path for shard in shards for path in shard.paths}
-        used.update(find_maps(options.maps or raw).values() if options.has_map else ())
-        return unused_files(Path(raw), used.__contains__, split)
-
-
-def _properties(path: Path) -> InputProperties:
-    return LazyProperties({}, ("location",), _fact, path)
 
 
 def _fact(path: Path, _key: str) -> str | tuple[str, ...]:

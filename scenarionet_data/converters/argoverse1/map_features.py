@@ -21,8 +21,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import METRES, MapBuilder, meets, rounded
-from scenarionet_data.converters.argoverse1.lanes import Argoverse1Lane, read_lanes
-from scenarionet_data.converters.argoverse1.neighbors import LaneNeighbors, sort_sides
+from scenarionet_data.converters.argoverse1.lanes import Argoverse1Lane, LaneNeighbors, read_lanes, sort_sides
 from scenarionet_data.converters.cities import complete_links
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,13 +11,40 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.converters.argoverse1.map_features import Argoverse1City
 from scenarionet_data.converters.argoverse1.motion import DT, Motion, estimate_motion, step_of
-from scenarionet_data.converters.argoverse1.options import Argoverse1Options
 from scenarionet_data.converters.argoverse1.recording import Argoverse1Recording
 from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.ingest.defects import Defects
+from scenarionet_data.ingest.options import Frames, Options
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
+
+
+@dataclass(frozen=True)
+class Argoverse1Options(Options):
+    """Timesteps, location of the maps, and the extent of a scenario's map."""
+
+    frames: Frames = field(
+        default="recorded",
+        metadata={
+            "doc": "recorded: the 50 or 20 recorded times; resampled: every 0.1 s, interpolated.",
+            "is_added": True,
+        },
+    )
+
+    maps: str = field(
+        default="", metadata={"doc": "Folder of the *_vector_map.xml; empty: below RAW.", "is_path": True}
+    )
+    has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
+    radius: float = field(
+        default=100.0, metadata={"doc": "Margin of the map around the bounding box of the ego's path [m]."}
+    )
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.radius < 1e5:
+            raise BadParameter(f"radius: expected 0 m or more, found {self.radius}")
+
 
 _EGO_SIZE = (4.877, 2.0, 1.473)
 """Length, width, height [m] of the recording vehicle, a Ford Fusion; from Argoverse 2."""
@@ -112,6 +139,7 @@ def _tracks(
     lane_heading, is_near = _lane_headings(motion, origin, roads)
     from_lane = is_near & ~motion.has_course
     heading = np.where(from_lane[:, None], lane_heading[:, None], motion.course)
+    sources = np.where(motion.has_course, "", np.where(from_lane, "lane", "nothing"))
     return make_tracks(
         recording.ids,
         np.full(len(is_ego), ObjectType.VEHICLE),
@@ -126,13 +154,8 @@ def _tracks(
         is_type_assumed=[word not in (EGO, FOCAL) for word in recording.types],
         is_velocity_estimated=True,
         is_interpolated=motion.is_interpolated,
-        extras=[_heading_note(*flags) for flags in zip(motion.has_course.tolist(), from_lane.tolist(), strict=True)],
+        extras=[{"heading_from": word} if word else None for word in sources.tolist()],
     )
-
-
-def _heading_note(has_course: bool, is_from_lane: bool) -> dict[str, Any] | None:
-    """Source of the heading of an object that never moves."""
-    return None if has_course else {"heading_from": "lane" if is_from_lane else "nothing"}
 
 
 def _lane_headings(motion: Motion, origin: Float64, roads: MapFeatures | None) -> tuple[Float64, Bool]:

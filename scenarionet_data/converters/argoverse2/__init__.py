@@ -12,7 +12,7 @@ left out: the ego comes from its poses.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,12 +31,10 @@ from scenarionet_data.converters.argoverse2.sensor import (
 )
 from scenarionet_data.converters.argoverse2.table import word_in_footer
 from scenarionet_data.converters.base import Budgets, Converter
-from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties
 from scenarionet_data.ingest.listing import walk
 from scenarionet_data.ingest.options import Options
-from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
@@ -84,7 +82,18 @@ class Argoverse2(Converter[RawItem | Argoverse2Window]):
     def shards(self, raw: str, split: str, version: str, options: Argoverse2Options) -> Iterator[Shard]:
         """List buckets of forecasting scenarios, then sensor logs."""
         scenarios, logs = _find(Path(raw), split, options.kind)
-        items = [_item(raw, path, _scenario_files(path), _properties(path)) for path in scenarios]
+        items = [
+            _item(raw, path, _scenario_files(path), LazyProperties({}, ("location",), _fact, path))
+            for path in scenarios
+        ]
+        for name, members in bucket(items).items():
+            yield Shard(
+                self.name, version, split, f"forecasting-{name}", raw, members, options, {"kind": "forecasting"}
+            )
+        for path in logs:
+            name = "sensor-" + re.sub(r"[^A-Za-z0-9._-]", "-", path.resolve().parent.name)
+            lazily = {path: LazyProperties({}, ("location",), _fact, path) for path in scenarios}
+        items = [_item(raw, path, _scenario_files(path), lazily[path]) for path in scenarios]
         for name, members in bucket(items).items():
             yield Shard(
                 self.name, version, split, f"forecasting-{name}", raw, members, options, {"kind": "forecasting"}
@@ -100,18 +109,6 @@ class Argoverse2(Converter[RawItem | Argoverse2Window]):
         paths = [Path(item.name) for item in shard.items]
         read = [log_patterns(path) if _is_log(path) else _scenario_pair(path) for path in paths]
         yield [file.as_posix() for files in read for file in files]
-
-    def passed_over(
-        self,
-        raw: str,
-        split: str,
-        options: Argoverse2Options,  # noqa: ARG002
-        shards: Sequence[Shard],
-    ) -> Iterator[PassedOver]:
-        """List other splits, and images, point clouds, calibrations and other files of the recordings."""
-        read = {path for shard in shards for path in shard.paths}
-        used = {file for path in read for file in (log_files(path) if _is_log(path) else _scenario_files(path))}
-        yield from unused_files(Path(raw), lambda path: path in used, split, self.ignored)
 
     def records(self, shard: Shard) -> Iterator[RawItem | Argoverse2Window]:
         """Yield scenario folders, or the windows of a sensor log."""
@@ -160,10 +157,6 @@ def _find(raw: Path, split: str, kind: str) -> tuple[list[Path], list[Path]]:
 
 def _item(raw: str, path: Path, files: list[Path], properties: InputProperties) -> RawItem:
     return RawItem(path.relative_to(raw).as_posix(), fingerprint(files, _FINGERPRINT_SAMPLE), properties)
-
-
-def _properties(scenario: Path) -> InputProperties:
-    return LazyProperties({}, ("location",), _fact, scenario)
 
 
 def _fact(scenario: Path, _key: str) -> str | tuple[str, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float32, Float64
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 from scenarionet_data.arrays.ragged import Ragged
 
 SPACING = 2.0
@@ -120,3 +120,62 @@ def _inverse_fourth_powers(nodes: Float64, points: Float64) -> Float32:
     np.maximum(weights, np.float32(0.01), out=weights)
     np.square(weights, out=weights)
     return np.reciprocal(weights, out=weights)
+
+
+TILE = 30.0
+"""Drivable areas are cut along lines x or y = a multiple of 30 m, where two areas meet and where a log's map ends
+(observed in real maps). Such a cut is not a road edge."""
+
+
+def outline(points: Float64) -> Float64:
+    """Return an area's outline (n, 3), open and counter-clockwise: the road is on the left of its edges."""
+    ring = points[:-1] if np.array_equal(points[0], points[-1]) else points
+    x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
+    doubled_area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
+    return ring if doubled_area >= 0 else ring[::-1]
+
+
+def road_edges(outlines: list[Float64]) -> list[list[Float64]]:
+    """Find the road edges along each outline.
+
+    Args:
+        outlines: (n, 3) [m] each, open.
+
+    Returns:
+        Edges (k, 3) of each outline; an outline that is entirely an edge is closed, repeating its first point.
+    """
+    if not outlines:
+        return []
+    start = np.concatenate([ring[:, :2] for ring in outlines])
+    end = np.concatenate([np.roll(ring[:, :2], -1, axis=0) for ring in outlines])
+    kept = ~(_is_cut(start, end) | _is_repeated(start, end))
+    parts = np.split(kept, np.cumsum([len(ring) for ring in outlines])[:-1])
+    return [_runs(ring, part) for ring, part in zip(outlines, parts, strict=True)]
+
+
+def _is_cut(start: Float64, end: Float64) -> Bool:
+    on_tile = np.abs(start - TILE * np.round(start / TILE)) < 1e-6
+    cut: Bool = ((start == end) & on_tile).any(axis=1)
+    return cut
+
+
+def _is_repeated(start: Float64, end: Float64) -> Bool:
+    """Whether a segment occurs twice among the outlines, in either direction: areas touch there."""
+    points = np.concatenate([start, end])
+    nodes = points[:, 0] + 1.0j * points[:, 1]
+    code = np.unique(nodes, return_inverse=True)[1].astype(np.int64).reshape(2, -1)
+    keys = code.min(axis=0) * len(nodes) + code.max(axis=0)
+    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    repeated: Bool = counts[inverse] > 1
+    return repeated
+
+
+def _runs(ring: Float64, kept: Bool) -> list[Float64]:
+    """Parts of a ring with segments in ``kept``; segment i starts at point i."""
+    if kept.all():
+        return [np.concatenate([ring, ring[:1]])]
+    shift = -int(np.argmin(kept))  # start at a segment that is not kept, so that no run wraps around
+    ring, kept = np.roll(ring, shift, axis=0), np.roll(kept, shift)
+    closed = np.concatenate([ring, ring[:1]])
+    bounds = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(np.int8)))
+    return [closed[first : last + 1] for first, last in bounds.reshape(-1, 2)]

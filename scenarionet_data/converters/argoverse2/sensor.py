@@ -323,7 +323,9 @@ def _tracks(window: Argoverse2Window, ego: Float64, timestamps: Float64, origin:
     (rows,) = np.nonzero((log.sweep >= window.first) & (log.sweep < window.last))
     grid = TrackGrid(log.tracks.take(rows), log.sweep[rows] - window.first, len(timestamps))
     words = log.categories.take(rows[grid.first]).to_pylist()
-    boxes = np.concatenate([grid.place(log.boxes[rows]), np.column_stack([ego, _ego_sizes(ego)])[None]])
+    boxes = np.concatenate(
+        [grid.place(log.boxes[rows]), np.column_stack([ego, np.tile(EGO_SIZE, (len(ego), 1))])[None]]
+    )
     valid = np.concatenate([grid.valid, np.ones((1, len(timestamps)), np.bool_)])
     kinds = [SENSOR_CATEGORIES.get(word, ObjectType.OTHER) for word in words]
     is_interpolated = np.zeros(valid.shape, np.bool_)
@@ -343,7 +345,3 @@ def _tracks(window: Argoverse2Window, ego: Float64, timestamps: Float64, origin:
         is_velocity_estimated=True,
         is_interpolated=is_interpolated,
     )
-
-
-def _ego_sizes(ego: Float64) -> Float64:
-    return np.broadcast_to(np.array(EGO_SIZE), (len(ego), 3))

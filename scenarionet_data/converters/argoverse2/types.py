@@ -93,15 +93,6 @@ MARKS = {
     "SOLID_BLUE": MapFeatureType.UNKNOWN_LINE,
     "UNKNOWN": MapFeatureType.UNKNOWN_LINE,
 }
-INEXACT_MARKS = frozenset(
-    {
-        "DOUBLE_DASH_WHITE",
-        "DASH_SOLID_YELLOW",
-        "SOLID_DASH_YELLOW",
-        "DASH_SOLID_WHITE",
-        "SOLID_DASH_WHITE",
-        "SOLID_BLUE",
-        "UNKNOWN",
-    }
-)
+INEXACT_MARKS = {"DOUBLE_DASH_WHITE", "DASH_SOLID_YELLOW", "SOLID_DASH_YELLOW", "DASH_SOLID_WHITE", "SOLID_DASH_WHITE"}
+INEXACT_MARKS |= {"SOLID_BLUE", "UNKNOWN"}
 """Marks with a less specific feature type: their line keeps the name in extras ``mark_type``."""

@@ -32,9 +32,8 @@ from scenarionet_data.converters.lyft.files import (
     scene_of,
 )
 from scenarionet_data.converters.lyft.map_features import LyftCity, read_city
-from scenarionet_data.converters.lyft.options import LyftOptions
 from scenarionet_data.converters.lyft.recording import TABLES, LyftRecording, LyftScene
-from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, LyftWindow, describe, windows
+from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, LyftOptions, LyftWindow, describe, windows
 from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import CorruptSource, InvalidScenario
 from scenarionet_data.ingest.options import Options

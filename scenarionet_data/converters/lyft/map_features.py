@@ -21,9 +21,8 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.building.plausible import find_bad_geometry
 from scenarionet_data.converters.argoverse2.polylines import between, midlines
 from scenarionet_data.converters.cities import CityMap, complete_links
-from scenarionet_data.converters.lyft.geodesy import SEMI_MAJOR_AXIS
 from scenarionet_data.converters.lyft.lanes import LaneSide, LaneSides, in_driving_direction
-from scenarionet_data.converters.lyft.wire import LyftWireMap, WireControls, WireLanes, read_map
+from scenarionet_data.converters.lyft.wire import SEMI_MAJOR_AXIS, LyftWireMap, WireControls, WireLanes, read_map
 from scenarionet_data.converters.lyft.wire import WireSide as WireSide
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
@@ -173,6 +172,7 @@ def _add_lanes(builder: MapBuilder, wire: LyftWireMap, lanes: Mapping[str, LaneS
     rows = {name: row for row, name in enumerate(wire.lanes.ids)}
     for (name, sides), center, width in zip(lanes.items(), centers, widths, strict=True):
         row = rows[name]
+        parent = wire.lanes.parents[row]
         builder.add(
             name,
             _lane_type(wire, row),
@@ -186,7 +186,7 @@ def _add_lanes(builder: MapBuilder, wire: LyftWireMap, lanes: Mapping[str, LaneS
             right_neighbors=_some(wire.lanes.right_neighbors[row]),
             left_boundaries=_add_paint(builder, f"{name}-left", sides.left),
             right_boundaries=_add_paint(builder, f"{name}-right", sides.right),
-            is_intersection=_is_intersection(wire, row),
+            is_intersection=False if parent in wire.segments else wire.junctions.get(parent),
             extras=_lane_extras(wire.lanes, row),
         )
     return {name: sides.ends[1] for name, sides in lanes.items()}
@@ -213,11 +213,6 @@ def _speed_limit(wire: LyftWireMap, row: int) -> float:
     forward, backward, _ = wire.segments.get(wire.lanes.parents[row], (0.0, 0.0, 0))
     limit = backward if wire.lanes.orientations[row] == _BACKWARD and backward > 0.0 else forward
     return limit if 0.0 < limit < np.inf else np.nan
-
-
-def _is_intersection(wire: LyftWireMap, row: int) -> bool | None:
-    parent = wire.lanes.parents[row]
-    return False if parent in wire.segments else wire.junctions.get(parent)
 
 
 def _lane_extras(lanes: WireLanes, row: int) -> dict[str, Any] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,13 +12,44 @@ from scenarionet_data.building import bridge_gaps, make_origin
 from scenarionet_data.building.plausible import find_bad_rows
 from scenarionet_data.converters.lyft.lights import lights
 from scenarionet_data.converters.lyft.map_features import LyftCity
-from scenarionet_data.converters.lyft.options import DT, LyftOptions
 from scenarionet_data.converters.lyft.recording import LyftContent, LyftRecording, LyftScene
 from scenarionet_data.converters.lyft.tracks import EGO, drop_bad_rows, tracks
-from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.ingest.defects import Defects
+from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
+
+DT = 0.1
+"""Nominal time between frames [s]."""
+
+
+@dataclass(frozen=True)
+class LyftOptions(Options):
+    """Windows, map and objects of scenarios."""
+
+    window: float = field(default=20.0, metadata={"doc": "Length of a scenario [s]; scenes last about 25 s."})
+    stride: float = field(default=0.0, metadata={"doc": "Time between the starts of two windows [s]; 0: the window."})
+    radius: float = field(
+        default=100.0, metadata={"doc": "Margin of the map around the bounding box of the ego's path [m]."}
+    )
+    has_map: bool = field(
+        default=True, metadata={"doc": "Whether scenarios get a map, from semantic_map.pb and meta.json."}
+    )
+    maps: str = field(
+        default="", metadata={"doc": "Folder of semantic_map.pb and meta.json; empty: below RAW.", "is_path": True}
+    )
+    keep_unknown: bool = field(
+        default=True, metadata={"doc": "Keep objects whose label is unknown, two thirds of all; they are OTHER."}
+    )
+
+    def __post_init__(self) -> None:
+        if not (self.window >= DT and (self.stride == 0 or self.stride >= DT)):
+            found = f"found {self.window} and {self.stride}"
+            raise BadParameter(f"window, stride: expected {DT} s or more (or a stride of 0), {found}")
+        if not 0.0 <= self.radius < 1e6:
+            raise BadParameter(f"radius: expected 0 m or more, found {self.radius}")
+
 
 HISTORY = 10
 """``current_timestep``: after 1 s, as in the Waymo Open Motion Dataset; Lyft does not define it."""

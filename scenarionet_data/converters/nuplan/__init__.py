@@ -32,10 +32,9 @@ from scenarionet_data.converters.nuplan.files import (
     place_of,
     properties_of,
 )
-from scenarionet_data.converters.nuplan.log import NuPlanLog, opened, read_log
+from scenarionet_data.converters.nuplan.log import opened, read_log, scenes, tag_windows
 from scenarionet_data.converters.nuplan.map_features import read_city
 from scenarionet_data.converters.nuplan.scenario import Cut, describe
-from scenarionet_data.converters.nuplan.windows import NuPlanWindow, scenes, tag_windows
 from scenarionet_data.converters.unused import counted, unused_files
 from scenarionet_data.errors import BadParameter, CorruptSource
 from scenarionet_data.ingest.options import Frames, Options
@@ -160,7 +159,11 @@ class NuPlan(Converter[Cut]):
         city = read_city(place, atlas.root)
         if log.epsg is not None and city.projection.lower() != f"epsg:{log.epsg}":
             raise CorruptSource(f"{path}: recorded in epsg:{log.epsg}, but its map {place} is in {city.projection}")
-        windows = _windows(log, options)
+        windows = list(
+            scenes(log, options.stride, options.past)
+            if options.by == "scene"
+            else tag_windows(log, options.stride, options.past, options.future, options.wanted)
+        )
         is_wanted = np.zeros(len(log.tokens), np.bool_)
         for window in windows:
             is_wanted[window.sweeps] = True
@@ -182,9 +185,3 @@ class NuPlan(Converter[Cut]):
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read a city's map."""
         return read_city(shard.paths[0], Path(shard.root)).features
-
-
-def _windows(log: NuPlanLog, options: NuPlanOptions) -> list[NuPlanWindow]:
-    if options.by == "scene":
-        return list(scenes(log, options.stride, options.past))
-    return list(tag_windows(log, options.stride, options.past, options.future, options.wanted))

@@ -14,10 +14,9 @@ from scenarionet_data.arrays.geometry import estimate_velocity
 from scenarionet_data.building import StateGrid, make_origin, make_tracks
 from scenarionet_data.building.plausible import MAX_SPEED, find_bad_rows, find_repeated_rows
 from scenarionet_data.converters.nuplan.content import NuPlanContent
-from scenarionet_data.converters.nuplan.log import SWEEP, NuPlanLog, NuPlanScene
+from scenarionet_data.converters.nuplan.log import SWEEP, NuPlanLog, NuPlanScene, NuPlanWindow
 from scenarionet_data.converters.nuplan.map_features import NuPlanCity
 from scenarionet_data.converters.nuplan.types import EGO, EGO_SIZE, OBJECTS, STATIC
-from scenarionet_data.converters.nuplan.windows import NuPlanWindow
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.defects import Defects, merge_defects
 from scenarionet_data.ingest.shard import Shard

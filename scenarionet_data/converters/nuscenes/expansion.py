@@ -25,24 +25,12 @@ from scenarionet_data.ingest.defects import Defects
 LayerRecord = dict[str, Any]
 
 _VERSION = "1.3"
-_LISTS = [
-    "node",
-    "line",
-    "polygon",
-    "drivable_area",
-    "road_segment",
-    "road_block",
-    "lane",
-    "ped_crossing",
-    "walkway",
-    "stop_line",
-    "carpark_area",
-    "road_divider",
-    "lane_divider",
-    "traffic_light",
-    "lane_connector",
-]
 _GEOMETRY = ("node", "line", "polygon")
+_LISTS = (
+    *_GEOMETRY,
+    *("drivable_area", "road_segment", "road_block", "lane", "ped_crossing", "walkway", "stop_line", "carpark_area"),
+    *("road_divider", "lane_divider", "traffic_light", "lane_connector"),
+)
 _LARGEST = 1e15
 """Bound of a number [m] from which distances can be computed."""
 _MAPPINGS = ("arcline_path_3", "connectivity")

@@ -40,17 +40,8 @@ from scenarionet_data.errors import CorruptSource
 TableRecords = dict[str, dict[str, Any]]
 
 TABLES = (
-    "attribute",
-    "calibrated_sensor",
-    "category",
-    "ego_pose",
-    "instance",
-    "log",
-    "sample",
-    "sample_annotation",
-    "sample_data",
-    "scene",
-    "sensor",
+    *("attribute", "calibrated_sensor", "category", "ego_pose", "instance", "log"),
+    *("sample", "sample_annotation", "sample_data", "scene", "sensor"),
 )
 """Tables that are read."""
 

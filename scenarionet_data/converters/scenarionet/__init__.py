@@ -15,19 +15,47 @@ MetaDrive 0.4.3 and the converters of ScenarioNet (2025-03), whose output deviat
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from scenarionet_data.converters.base import Converter, find_files
 from scenarionet_data.converters.scenarionet.scenario import UNKNOWN_LICENCE, make_scenario
-from scenarionet_data.converters.scenarionet.summary import SUMMARISED, SUMMARY, properties_of
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.converters.scenarionet.usable import UNREADABLE, explain
 from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
+from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import ABSENT, RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
+
+SUMMARY = "dataset_summary.pkl"
+SUMMARISED = {"dataset": "dataset", "location": "map", "log": "log_name", "date": "date"}
+"""Input properties by name, and their keys in the summary."""
+
+
+def properties_of(pickle: Path) -> InputProperties:
+    """Return the properties of a scenario from the summary in its folder; read lazily."""
+    return LazyProperties({}, tuple(SUMMARISED), _fact, pickle)
+
+
+def _fact(pickle: Path, key: str) -> str | tuple[str, ...]:
+    metadata = _summary(pickle.parent).get(pickle.name)
+    value = metadata.get(SUMMARISED[key]) if isinstance(metadata, dict) else None
+    return () if value is None else str(value)
+
+
+@lru_cache(maxsize=2)
+def _summary(folder: Path) -> dict[str, Any]:
+    """Metadata by file name; empty if the summary is missing or unreadable."""
+    path = folder / SUMMARY
+    try:
+        return load(path, path.name)
+    except InvalidScenario:  # the scenarios can be converted without a summary
+        return {}
+
 
 _MAPPING = "dataset_mapping.pkl"
 _FORM = {

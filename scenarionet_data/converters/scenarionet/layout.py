@@ -23,15 +23,16 @@ LAYOUT = "pickle"
 SIZES = ("length", "width", "height")
 STATES = ("position", "heading", "velocity", "valid", *SIZES)
 LINES = ("polyline", "polygon", "position")
-LINKS = (
-    "entry_lanes",
-    "exit_lanes",
-    "left_neighbor",
-    "right_neighbor",
-    "left_boundaries",
-    "right_boundaries",
-    "lane",
-)  # fmt: skip
+LINKS = {
+    "entry_lanes": "entry_lanes",
+    "exit_lanes": "exit_lanes",
+    "left_neighbor": "left_neighbors",
+    "right_neighbor": "right_neighbors",
+    "left_boundaries": "left_boundaries",
+    "right_boundaries": "right_boundaries",
+    "lane": "controlled_lanes",
+}
+"""ScenarioNet's lists of ids and the lake's; neighbours and boundaries are records in Waymo's pickles."""
 
 _MEMBERS = {"tracks", "dynamic_map_states", "map_features", "metadata", "length"}
 _DERIVED = {"ts", "object_summary"}
@@ -237,13 +238,11 @@ def _feature_form(name: str, value: Any, feature: Mapping[str, Any]) -> str:
     if name in LINKS:
         return _links_form(value)
     if name == "width" and isinstance(value, np.ndarray) and value.ndim == 2 and value.size:
-        is_set = value.any() and len(value) in (1, len(feature.get("polyline", ())))
-        return array_form(value) if is_set else f"{array_form(value)} 0" if _is_per_point(value, feature) else OWN
+        count = len(feature.get("polyline", ()))
+        if value.any():
+            return array_form(value) if len(value) in (1, count) else OWN
+        return f"{array_form(value)} 0" if len(value) == count else OWN
     return literal(value) if isinstance(value, _SIMPLE) else OWN
-
-
-def _is_per_point(width: Any, feature: Mapping[str, Any]) -> bool:
-    return not width.any() and len(width) == len(feature.get("polyline", ()))
 
 
 def _line_form(line: Any) -> str:

@@ -13,7 +13,7 @@ from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import flat_points, make_features
 from scenarionet_data.converters.boundary_segments import to_rows
 from scenarionet_data.converters.scenarionet.frame import Frame
-from scenarionet_data.converters.scenarionet.layout import LAYOUT
+from scenarionet_data.converters.scenarionet.layout import LAYOUT, LINKS
 from scenarionet_data.scenario.canonical_json import to_json
 from scenarionet_data.scenario.description import MapFeatures, strings
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -21,16 +21,6 @@ from scenarionet_data.scenario.vocabulary import MapFeatureType
 # Speed limits that ScenarioNet and MetaDrive write for unknown ones [km/h].
 _INVENTED_LIMITS = {"nuscenes": (100.0,), "av2": (85.0 * 1.609344,), "metadrive": (1000.0, 100.0)}
 _FEATURE_TYPES = dict(MapFeatureType.__members__)
-LINKS = {
-    "entry_lanes": "entry_lanes",
-    "exit_lanes": "exit_lanes",
-    "left_neighbor": "left_neighbors",
-    "right_neighbor": "right_neighbors",
-    "left_boundaries": "left_boundaries",
-    "right_boundaries": "right_boundaries",
-    "lane": "controlled_lanes",
-}
-"""ScenarioNet's lists of ids and the lake's; neighbours and boundaries are records in Waymo's pickles."""
 _LISTS = (list, tuple, np.ndarray)
 _ID_KEYS = ("feature_id", "boundary_feature_id", "id")
 

@@ -8,8 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_data.converters.argoverse2.areas import outline, road_edges
-from scenarionet_data.converters.argoverse2.polylines import ground_height, midlines, points_at, positions_along
+from scenarionet_data.converters.argoverse2.polylines import (
+    ground_height,
+    midlines,
+    outline,
+    points_at,
+    positions_along,
+    road_edges,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.converters.lyft import Lyft
-from scenarionet_data.converters.lyft.geodesy import local_to_earth, on_ellipsoid
 from scenarionet_data.converters.lyft.map_features import FACES, LyftCity, read_city
+from scenarionet_data.converters.lyft.wire import local_to_earth, on_ellipsoid
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import (

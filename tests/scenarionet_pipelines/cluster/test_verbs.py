@@ -56,7 +56,7 @@ def test_check_of_a_database(lake, threads, as_json):
 
 
 def test_export(lake, threads, tmp_path, monkeypatch, as_json):
-    monkeypatch.setattr("scenarionet_data.export.parts.PART", 4)
+    monkeypatch.setattr("scenarionet_data.export.pickling.PART", 4)
     Lake(lake).filter("true", name="all")
     written = as_json("export", lake, "all", tmp_path / "here")
     again = as_json("export", lake, "all", tmp_path / "cluster", "--cluster", threads, "--quiet")
