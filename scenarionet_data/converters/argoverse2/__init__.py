@@ -92,14 +92,6 @@ class Argoverse2(Converter[RawItem | Argoverse2Window]):
             )
         for path in logs:
             name = "sensor-" + re.sub(r"[^A-Za-z0-9._-]", "-", path.resolve().parent.name)
-            lazily = {path: LazyProperties({}, ("location",), _fact, path) for path in scenarios}
-        items = [_item(raw, path, _scenario_files(path), lazily[path]) for path in scenarios]
-        for name, members in bucket(items).items():
-            yield Shard(
-                self.name, version, split, f"forecasting-{name}", raw, members, options, {"kind": "forecasting"}
-            )
-        for path in logs:
-            name = "sensor-" + re.sub(r"[^A-Za-z0-9._-]", "-", path.resolve().parent.name)
             items = [_item(raw, path, log_files(path), {})]
             properties = {"kind": "sensor", "log": path.resolve().parent.name, "location": city_of(path) or ""}
             yield Shard(self.name, version, split, name, raw, tuple(items), options, properties)
