@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.arrays.dtypes import Array, Float64
+from scenarionet_data.arrays.dtypes import Array, Float64, IntP
 from scenarionet_data.arrays.geometry import rotate
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.samples.dataset import SampleKey
@@ -27,6 +27,7 @@ class Prediction:
         dt: Time between positions [s].
         modes: (K, F, 2) float64 [m] in the scenario's frame, by descending probability.
         probabilities: (K,) float64, as given.
+        given: (K,) places of the modes in the order in which they were given; None if that is this order.
     """
 
     scenario_id: str
@@ -35,6 +36,7 @@ class Prediction:
     dt: float
     modes: Float64
     probabilities: Float64
+    given: IntP | None = None
 
     @property
     def normalised(self) -> Float64:
@@ -110,7 +112,7 @@ def _targets(rows: pa.Table, path: str) -> Iterator[Prediction]:
                 f"{path}: {track_id} of {scenario_id}: expected finite positions, probabilities of 0 or more"
             )
         order = np.argsort(-probability[start:end], kind="stable")
-        yield Prediction(scenario_id, track_id, timestep, dt, modes[order], probability[start:end][order])
+        yield Prediction(scenario_id, track_id, timestep, dt, modes[order], probability[start:end][order], order)
         start = end
 
 

@@ -143,7 +143,7 @@ def fan_of_velocities(lake: LakeLike, predictions: Sequence[Prediction]) -> list
             time = each.dt * np.arange(1, each.modes.shape[1] + 1)
             ways = (factors[:, None] * velocity)[:, None] * time[:, None]
             modes = scenario.tracks.position[row, each.timestep, :2] + ways
-            found.append(replace(each, modes=modes, probabilities=np.full(len(FAN), 1.0 / len(FAN))))
+            found.append(replace(each, modes=modes, probabilities=np.full(len(FAN), 1.0 / len(FAN)), given=None))
     return found
 
 
@@ -212,12 +212,13 @@ class _TargetScorer:
             self.note("of a timestep that 0.5 s is no multiple of: without scores of Waymo", prediction)
             return {}
         challenge = WaymoChallenge(stride=stride)
-        modes = prediction.modes[:, None, stride - 1 :: stride]
+        order = np.arange(len(prediction.modes)) if prediction.given is None else np.argsort(prediction.given)
+        modes = prediction.modes[order, None, stride - 1 :: stride]  # the first 6 as given count
         found: dict[str, float] = {}
         for at in challenge.horizons:
             if modes.shape[2] <= at.step or now + stride * (at.step + 1) >= truth.num_timesteps:
                 continue
-            measured = measure(truth.tracks, now, [row], modes, prediction.probabilities, at, challenge)
+            measured = measure(truth.tracks, now, [row], modes, prediction.probabilities[order], at, challenge)
             found |= {f"waymo_{name}_{at.seconds:g}s": getattr(measured, name) for name in _MEASURED}
             self._hard[kind, at.seconds].add(measured)
             self._soft[kind, at.seconds].add(measured)

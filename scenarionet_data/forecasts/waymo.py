@@ -51,7 +51,7 @@ class WaymoChallenge:
 
     Attributes:
         stride: Recorded timesteps from one predicted position to the next.
-        max_modes: Modes that count.
+        max_modes: Modes that count, the first ones as given.
         horizons: Times of measurement.
         speeds: Speeds between which the limits of a miss grow [m/s].
         scales: Factors of the limits at these speeds.

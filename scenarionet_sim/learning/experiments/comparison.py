@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -229,11 +229,6 @@ def curve(tested: pl.DataFrame, arm: str, metric: str) -> np.ndarray:
     runs = [rows.sort("steps")[metric].to_numpy() for _, rows in tested.filter(pl.col("arm") == arm).group_by("seed")]
     shortest = min(map(len, runs))
     return np.stack([values[:shortest] for values in runs])
-
-
-def with_seeds(comparison: Comparison, seeds: Sequence[int]) -> Comparison:
-    """Return a comparison with other seeds."""
-    return replace(comparison, seeds=tuple(seeds))
 
 
 def source_statistics(lake: Lake, sources: Mapping[str, str]) -> list[dict[str, Any]]:

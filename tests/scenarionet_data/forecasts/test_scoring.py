@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -11,7 +13,7 @@ import shapely
 from scenarionet_data import Samples, Targets, TimeWindow
 from scenarionet_data.errors import BadParameter, UnknownEvent
 from scenarionet_data.forecasts.displacements import argoverse, drivable_area, nuscenes, off_road_rate
-from scenarionet_data.forecasts.predictions import make_predictions, read_predictions, write_predictions
+from scenarionet_data.forecasts.predictions import _targets, make_predictions, read_predictions, write_predictions
 from scenarionet_data.forecasts.scoring import fan_of_velocities, score, summary
 from scenarionet_data.forecasts.submissions import WaymoEntry, write_argoverse2, write_waymo
 from scenarionet_data.schema import tables
@@ -135,6 +137,22 @@ def test_nuscenes_misses_by_the_largest_error():
     modes = np.array([truth + np.array([[2.1, 0], [0, 0], [0, 0], [0, 0]]), truth + 1.0])
     assert nuscenes(modes, truth, 1) == pytest.approx({"min_ade_1": 0.525, "miss_rate_top_1": 1.0})
     assert nuscenes(modes, truth, 2) == pytest.approx({"min_ade_2": 0.525, "miss_rate_top_2": 0.0})
+
+
+def test_waymo_takes_the_first_six_modes_as_given_and_argoverse_the_most_probable(lake, rows):
+    """Seven modes: the recorded future is the last one given, and the most probable one."""
+    (truth,) = read_predictions_of(rows.slice(0, 1))
+    far = np.repeat(truth.modes[:1] + 50.0, 6, axis=0)
+    modes, probabilities = np.concatenate([truth.modes[:1], far]), np.array([0.4, *[0.1] * 6])
+    last = replace(truth, modes=modes, probabilities=probabilities, given=np.array([6, 0, 1, 2, 3, 4, 5]))
+    first = replace(last, given=None)
+    (missed,), (found,) = (score(lake, [each]).table.to_pylist() for each in (last, first))
+    assert missed["waymo_min_fde_8s"] > 50.0 and missed["min_fde"] < 1e-3
+    assert found["waymo_min_fde_8s"] < 1e-3
+
+
+def read_predictions_of(rows):
+    return list(_targets(rows.combine_chunks(), "rows"))
 
 
 def test_nuscenes_misses_from_two_metres_on_and_argoverse_beyond():
