@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
@@ -59,38 +61,55 @@ def _turns(x: float, y: float, outline: Float32, first: int, second: int) -> int
     return 0
 
 
+class PolygonGrid(NamedTuple):
+    """M polygons, and a grid over them.
+
+    Attributes:
+        outlines: (P, 2) [m]: polygon i is ``outlines[offsets[i]:offsets[i + 1]]``, closed.
+        strips: See :func:`strips_of`.
+        offsets: (M + 1,).
+        frame, cell_start, cell_items: The grid, see :class:`scenarionet_sim.roads.grid.Grid`.
+    """
+
+    outlines: Float32
+    strips: Float32
+    offsets: Int32
+    frame: Float64
+    cell_start: Int32
+    cell_items: Int32
+
+
+@device_function
+def _is_around(polygons: PolygonGrid, polygon: int, x: float, y: float) -> bool:
+    """Return whether a point is in a polygon."""
+    start, end = polygons.offsets[polygon], polygons.offsets[polygon + 1]
+    return winding_number(x, y, polygons.outlines, polygons.strips, start, end) != 0
+
+
 @kernel
 def find_polygon(
     points: Float64,
-    outlines: Float32,
-    strips: Float32,
-    offsets: Int32,
+    polygons: PolygonGrid,
     is_selected: Bool,
-    frame: Float64,
-    cell_start: Int32,
-    cell_items: Int32,
     found: Int32,
 ) -> None:
     """Find the first selected polygon around each point, with a grid over the polygons.
 
     Args:
         points: (Q, 2) [m].
-        outlines, offsets: (P, 2) [m] and (M + 1,): polygon i is ``outlines[offsets[i]:offsets[i + 1]]``, closed.
-        strips: See :func:`strips_of`.
+        polygons: M polygons.
         is_selected: (M,) polygons to search.
-        frame, cell_start, cell_items: The grid, see :class:`scenarionet_sim.roads.grid.Grid`.
         found: (Q,) int32 output: row of the polygon, or -1.
     """
     for query in range(points.shape[0]):
         x, y = points[query, 0], points[query, 1]
         found[query] = -1
-        cell = cell_at(x, y, frame)
+        cell = cell_at(x, y, polygons.frame)
         if cell < 0:
             continue
-        for place in range(cell_start[cell], cell_start[cell + 1]):
-            polygon = cell_items[place]
-            start, end = offsets[polygon], offsets[polygon + 1]
-            if is_selected[polygon] and winding_number(x, y, outlines, strips, start, end) != 0:
+        for place in range(polygons.cell_start[cell], polygons.cell_start[cell + 1]):
+            polygon = polygons.cell_items[place]
+            if is_selected[polygon] and _is_around(polygons, polygon, x, y):
                 found[query] = polygon
                 break
 
@@ -98,41 +117,30 @@ def find_polygon(
 @kernel
 def find_polygons(
     points: Float64,
-    outlines: Float32,
-    strips: Float32,
-    offsets: Int32,
-    frame: Float64,
-    cell_start: Int32,
-    cell_items: Int32,
+    polygons: PolygonGrid,
     inside: Bool,
 ) -> None:
     """Find all of the first polygons around each point, with a grid over the polygons.
 
     Args:
-        points, outlines, strips, offsets, frame, cell_start, cell_items: See :func:`find_polygon`.
+        points, polygons: See :func:`find_polygon`.
         inside: (Q, M) output, False before: whether a point is in each of the first M polygons.
     """
     for query in range(points.shape[0]):
         x, y = points[query, 0], points[query, 1]
-        cell = cell_at(x, y, frame)
+        cell = cell_at(x, y, polygons.frame)
         if cell < 0:
             continue
-        for place in range(cell_start[cell], cell_start[cell + 1]):
-            polygon = cell_items[place]
+        for place in range(polygons.cell_start[cell], polygons.cell_start[cell + 1]):
+            polygon = polygons.cell_items[place]
             if polygon < inside.shape[1]:
-                start, end = offsets[polygon], offsets[polygon + 1]
-                inside[query, polygon] = winding_number(x, y, outlines, strips, start, end) != 0
+                inside[query, polygon] = _is_around(polygons, polygon, x, y)
 
 
 @kernel(allocates=False)
 def find_stays(
     points: Float64,
-    outlines: Float32,
-    strips: Float32,
-    offsets: Int32,
-    frame: Float64,
-    cell_start: Int32,
-    cell_items: Int32,
+    polygons: PolygonGrid,
     num_polygons: int,
     first: Int32,
     starts: Int32,
@@ -142,7 +150,7 @@ def find_stays(
 
     Args:
         points: (T, K, 2) [m].
-        outlines, strips, offsets, frame, cell_start, cell_items: See :func:`find_polygon`.
+        polygons: See :func:`find_polygon`.
         num_polygons: The first polygons, which count.
         first: (T,) output: first moment of each stay.
         starts: (T * K + 1,) output: where the polygons around each point of each stay begin in ``around``.
@@ -156,12 +164,11 @@ def find_stays(
         begin = filled = starts[stays * count]
         for k in range(count):
             x, y = points[t, k, 0], points[t, k, 1]
-            cell = cell_at(x, y, frame)
+            cell = cell_at(x, y, polygons.frame)
             if cell >= 0:
-                for place in range(cell_start[cell], cell_start[cell + 1]):
-                    polygon = cell_items[place]
-                    start, end = offsets[polygon], offsets[polygon + 1]
-                    if polygon < num_polygons and winding_number(x, y, outlines, strips, start, end) != 0:
+                for place in range(polygons.cell_start[cell], polygons.cell_start[cell + 1]):
+                    polygon = polygons.cell_items[place]
+                    if polygon < num_polygons and _is_around(polygons, polygon, x, y):
                         around[filled] = polygon
                         filled += 1
             starts[stays * count + k + 1] = filled

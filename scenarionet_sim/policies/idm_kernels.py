@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Float64
 from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.boxes import HALF_LENGTH, HALF_WIDTH, RADIUS, Boxes, rotation, write_boxes
@@ -30,6 +30,7 @@ from scenarionet_sim.policies.strip_kernels import (
     look_ahead,
     meet,
 )
+from scenarionet_sim.policies.traffic import Traffic
 from scenarionet_sim.worlds.path_kernels import PathRows, direction, nearest, pose_on, segment_at, segment_from, wrapped
 
 
@@ -52,14 +53,12 @@ _YELLOW, _RED = 2, 3  # LightColor
 @device_function
 def drive_along_paths(
     w: int,
+    policy_id: int,
+    dt: float,
     recorded: Recorded,
     now: StateArrays,
     then: StateArrays,
-    driver: UInt8,
-    policy_id: int,
-    dt: float,
-    law: Law,
-    colors: UInt8,
+    traffic: Traffic,
     memory: SightMemory,
 ) -> None:
     """Advance every object of a policy in a world by one step.
@@ -68,16 +67,16 @@ def drive_along_paths(
     its path, where its arc length becomes infinite; the ego, whose episode goes on, stops there and stays.
 
     Args:
-        w: The world.
+        w, policy_id: The world, and the policy whose objects move.
+        dt: [s].
         recorded: Logs, paths and lights of W worlds.
         now: Current state.
         then: Next state, initially a copy of ``now``; the policy's rows are written.
-        driver, policy_id: (W, N) policy of each object, and the policy whose objects move.
-        dt: [s].
-        law: Parameters of the driver model.
-        colors: (K,) ``LightColor`` by ``LightState``.
+        traffic: Policies.
         memory: Written.
     """
+    driver, colors, numbers = traffic.driver, traffic.colors, traffic.law[w, policy_id]
+    law = Law(numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7])
     stations, boxes = memory.stations, memory.boxes
     count, num_steps, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS], recorded.place[w, OBJECTS]
     motion, sizes = now.motion[w], now.size[w]

@@ -23,7 +23,7 @@ from scenarionet_data.scenario.vocabulary import (
     is_road_edge,
     is_road_line,
 )
-from scenarionet_sim.arrays.containment import find_polygon, find_polygons, find_stays, strips_of
+from scenarionet_sim.arrays.containment import PolygonGrid, find_polygon, find_polygons, find_stays, strips_of
 from scenarionet_sim.roads.grid import Grid
 from scenarionet_sim.roads.lane_kernels import find_lanes
 from scenarionet_sim.roads.line_grid import LineGrid
@@ -145,9 +145,7 @@ class Roads:
         where = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(where.reshape(-1, 2))
         inside = np.zeros((len(flat), self.num_lanes), np.bool_)
-        grid, outlines = self.polygon_grid, self.polygons
-        cells = grid.frame, grid.cell_start, grid.cell_items
-        find_polygons(flat, outlines.values, self._strips, outlines.offsets, *cells, inside)
+        find_polygons(flat, self._gridded_polygons(), inside)
         return inside.reshape(*where.shape[:-1], self.num_lanes)
 
     def stays_in_lanes(self, points: Float64) -> tuple[Int32, Ragged]:
@@ -159,14 +157,10 @@ class Roads:
         Returns:
             (S,) the first moment of each stay, and S * K lists of the lanes (int32) around each point.
         """
-        grid, outlines = self.polygon_grid, self.polygons
-        moments, count = points.shape[:2]
+        polygons, (moments, count) = self._gridded_polygons(), points.shape[:2]
         first, starts = np.empty(moments, np.int32), np.zeros(moments * count + 1, np.int32)
-        around = np.empty(moments * count * int(np.diff(grid.cell_start).max(initial=0)), np.int32)
-        stays = find_stays(
-            np.ascontiguousarray(points), outlines.values, self._strips, outlines.offsets, grid.frame,
-            grid.cell_start, grid.cell_items, self.num_lanes, first, starts, around,
-        )  # fmt: skip
+        around = np.empty(moments * count * int(np.diff(polygons.cell_start).max(initial=0)), np.int32)
+        stays = find_stays(np.ascontiguousarray(points), polygons, self.num_lanes, first, starts, around)
         offsets = starts[: stays * count + 1]
         return first[:stays], Ragged(offsets, around[: offsets[-1]])
 
@@ -174,10 +168,14 @@ class Roads:
         where = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(where.reshape(-1, 2))
         found = np.empty(len(flat), np.int32)
-        grid, outlines = self.polygon_grid, self.polygons
-        cells = grid.frame, grid.cell_start, grid.cell_items
-        find_polygon(flat, outlines.values, self._strips, outlines.offsets, is_selected, *cells, found)
+        find_polygon(flat, self._gridded_polygons(), is_selected, found)
         return found.reshape(where.shape[:-1])
+
+    def _gridded_polygons(self) -> PolygonGrid:
+        grid, outlines = self.polygon_grid, self.polygons
+        return PolygonGrid(
+            outlines.values, self._strips, outlines.offsets, grid.frame, grid.cell_start, grid.cell_items
+        )
 
 
 def _segments(features: MapFeatures) -> tuple[Float32, Int32]:

@@ -35,7 +35,7 @@ from scenarionet_sim.simulation.step import (
     step_reactive_worlds,
     step_worlds,
 )
-from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays
+from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays, StepSettings
 from scenarionet_sim.threads import Threads
 from scenarionet_sim.worlds.episode_kernels import AT_FIRST, GOES_ON, UNDRIVEN
 from scenarionet_sim.worlds.state import History, State
@@ -108,8 +108,8 @@ class Simulation:
         self.previous = self.state.twin()
         self.driver: UInt8 = np.full(shape, UNDRIVEN, np.uint8)
         self._session = (backend or Kinematic()).open(self.batch)
-        self._numbers = self._dt, LOOK_BACK, LOOK_AHEAD, 0.0 if has_passengers else 1.0
-        self._substeps = self._session.substeps if isinstance(self._session, KinematicSession) else 1
+        substeps = self._session.substeps if isinstance(self._session, KinematicSession) else 1
+        self._settings = StepSettings(self._dt, LOOK_BACK, LOOK_AHEAD, not has_passengers, substeps, 0)
         self._begins: Int32 = np.full(len(worlds), GOES_ON, np.int32)
         is_kinematic = isinstance(self._session, KinematicSession)
         self._is_compiled = is_kinematic and self._policies.are_compiled
@@ -323,12 +323,12 @@ class Simulation:
         observer, arrays = self.observer, self._arrays.get(id(self.state))
         if arrays is None or arrays.recorded is not self.batch.recorded:
             arrays = self._arrays[id(self.state)] = self._collect()
-        counts, numbers, memory = self._counts, self._numbers, self._memory
+        settings, memory = self._settings, self._memory
         exchange = Exchange(self._agents.actions, observer.result, observer.sensing)
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
 
         def run(own: int, first: int, end: int) -> int:
-            return step(first, end, phases, counts, numbers, arrays, exchange, *memory[own])
+            return step(first, end, phases, settings, arrays, exchange, *memory[own])
 
         lost = self._threads.run(run, len(self.batch))
         if phases & OBSERVE:
@@ -376,7 +376,8 @@ class Simulation:
         has_other_places = self._agents.make_room(self.batch)
         self._arrays.clear()
         num_places, num_seats = self._agents.row_at.shape[1], self.observer.num_seats
-        self._counts = self._substeps, num_places if num_seats is None else num_seats
+        num_observed = num_places if num_seats is None else num_seats
+        self._settings = self._settings._replace(num_observed=num_observed)
         if has_other_places or more > 0:
             self.observer.resize(self._agents.num_places, len(self.batch), self.batch.max_objects)
         if more <= 0:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.boxes import write_boxes
 from scenarionet_sim.arrays.minmax import larger, smaller
@@ -21,14 +20,14 @@ from scenarionet_sim.arrays.structures import (
     StateArrays,
 )
 from scenarionet_sim.backends.bicycle_kernels import drive_bicycle
-from scenarionet_sim.policies.idm_kernels import Law, drive_along_paths
+from scenarionet_sim.policies.idm_kernels import drive_along_paths
 from scenarionet_sim.policies.motion_kernels import FOLLOW_PATH, move_objects
 from scenarionet_sim.policies.strip_kernels import SightMemory
 from scenarionet_sim.sensors.observation_kernels import Scratch, observe
 from scenarionet_sim.simulation.agent_kernels import DrivenArrays, admit_agents, is_agent_of, list_agents
 from scenarionet_sim.simulation.seats import seat_agents, settle
-from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays
-from scenarionet_sim.task.scoring_kernels import StepResult, clear_score, excuse, score
+from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays, StepSettings
+from scenarionet_sim.task.scoring_kernels import clear_score, excuse, score
 from scenarionet_sim.worlds.episode_kernels import AT_FIRST, BEGUN, GOES_ON, begin_world
 from scenarionet_sim.worlds.path_kernels import PathRows, locate
 
@@ -44,8 +43,7 @@ def step_worlds(
     first: int,
     end: int,
     phases: int,
-    counts: tuple[int, int],
-    numbers: tuple[float, float, float, float],
+    settings: StepSettings,
     arrays: StepArrays,
     exchange: Exchange,
     scratch: Scratch,
@@ -55,9 +53,7 @@ def step_worlds(
     Args:
         first, end: The worlds.
         phases: Phases of the step.
-        counts: Substeps of the vehicle model; number of places of each world whose agents are observed.
-        numbers: Length of the step [s]; search window on a path behind and ahead of an agent [m]; 1 if the routes
-            of the agents are those of the state, 0 if they have a location of their own.
+        settings: What is the same in all worlds.
         arrays: What steps read and write.
         exchange: What the step gets and returns.
         scratch: Memory of this thread.
@@ -67,8 +63,8 @@ def step_worlds(
     """
     lost = -1
     for w in range(first, end):
-        _begin_or_move(w, phases, numbers, arrays)
-        lost = larger(lost, _finish(w, phases, counts, numbers, arrays, exchange, scratch))
+        _begin_or_move(w, phases, settings, arrays)
+        lost = larger(lost, _finish(w, phases, settings, arrays, exchange, scratch))
     return lost
 
 
@@ -77,8 +73,7 @@ def step_reactive_worlds(
     first: int,
     end: int,
     phases: int,
-    counts: tuple[int, int],
-    numbers: tuple[float, float, float, float],
+    settings: StepSettings,
     arrays: StepArrays,
     exchange: Exchange,
     scratch: Scratch,
@@ -87,7 +82,7 @@ def step_reactive_worlds(
     """Advance worlds in which objects follow paths by IDM: a kernel of its own, as replays need not compile that.
 
     Args:
-        first, end, phases, counts, numbers, arrays, exchange, scratch: See :func:`step_worlds`.
+        first, end, phases, settings, arrays, exchange, scratch: See :func:`step_worlds`.
         memory: Memory of this thread.
 
     Returns:
@@ -95,9 +90,9 @@ def step_reactive_worlds(
     """
     lost = -1
     for w in range(first, end):
-        _begin_or_move(w, phases, numbers, arrays)
-        _drive_by_idm(w, phases, numbers[0], arrays, memory)
-        lost = larger(lost, _finish(w, phases, counts, numbers, arrays, exchange, scratch))
+        _begin_or_move(w, phases, settings, arrays)
+        _drive_by_idm(w, phases, settings.dt, arrays, memory)
+        lost = larger(lost, _finish(w, phases, settings, arrays, exchange, scratch))
     return lost
 
 
@@ -105,14 +100,13 @@ def step_reactive_worlds(
 def _finish(
     w: int,
     phases: int,
-    counts: tuple[int, int],
-    numbers: tuple[float, float, float, float],
+    settings: StepSettings,
     arrays: StepArrays,
     exchange: Exchange,
     scratch: Scratch,
 ) -> int:
     """Run the phases after the traffic's in a world; return an agent that is not located on its path, or -1."""
-    dt, back, ahead, is_own = numbers
+    dt, is_own, num_observed = settings.dt, settings.are_own_routes, settings.num_observed
     agents, recorded, then, result = arrays.agents, arrays.recorded, arrays.then, exchange.result
     has_begun, lost, num_places = arrays.begins[w] == BEGUN, -1, agents.rows.shape[1]
     if phases & ONLY_BEGUN and not has_begun:
@@ -123,7 +117,7 @@ def _finish(
             n = agents.rows[w, k]
             if n >= 0:
                 vehicle, row, action = arrays.vehicles[w, n], then.motion[w, n], exchange.actions[first + k]
-                drive_bicycle(action[0], action[1], dt, counts[0], vehicle, then.size[w, n, 0], row)
+                drive_bicycle(action[0], action[1], dt, settings.substeps, vehicle, then.size[w, n, 0], row)
     if phases & LOCATE and not has_begun:
         admit_agents(w, recorded, arrays.now, then, arrays.traffic.driver, agents)
     num_boxes = 0
@@ -134,30 +128,33 @@ def _finish(
         for k in range(num_places):
             n = agents.rows[w, k]
             if n >= 0:
-                _locate(w, n, back, ahead, is_own != 0.0, recorded, then, agents)
+                _locate(w, n, settings, recorded, then, agents)
                 _find_contacts(first + k, w, n, num_boxes, then, agents, scratch)
                 if has_begun or agents.is_new[w, k]:  # what it touches from the beginning is no crash
                     _remember_contacts(first + k, agents)
     if phases & SCORE:
         if has_begun:
-            _clear_totals(w, is_own == 0.0, arrays)
+            _clear_totals(w, not is_own, arrays)
         for k in range(num_places):
             n, result.timestep[first + k] = agents.rows[w, k], then.timestep[w]
             if n >= 0 and has_begun:
                 clear_score(first + k, result)
             elif n >= 0:
-                steering = 0.0 if agents.is_new[w, k] else exchange.actions[first + k, 0]
-                _score(first + k, w, n, steering, recorded, then, agents, arrays.task, arrays.totals, result)
+                a, steering = first + k, exchange.actions[first + k, 0]  # 0 at a place that was free
+                touched = agents.contacts[a], agents.contacts_before[a], agents.hits[a]
+                routes = agents.route[w, n], agents.route_before[w, n]
+                score(a, w, n, steering, touched, routes, then, recorded, arrays.task, arrays.totals, result)
+                _remember_contacts(a, agents)
                 if agents.is_new[w, k]:
                     excuse(first + k, result)
     if phases & OBSERVE:
-        for k in range(smaller(num_places, counts[1])):
+        for k in range(smaller(num_places, num_observed)):
             n = agents.rows[w, k]
             if n < 0:
                 continue
             if np.isnan(agents.route[w, n, 0]):
                 lost = first + k
-            at = w * counts[1] + k
+            at = w * num_observed + k
             observe(at, w, n, num_boxes, recorded, arrays.lines, then, agents.route, exchange.sensing, scratch)
     if phases & SETTLE:
         settle(w, recorded, arrays.now, then, arrays.traffic.driver, agents, result, arrays.seats)
@@ -174,24 +171,20 @@ def _drive_by_idm(w: int, phases: int, dt: float, arrays: StepArrays, memory: Si
     recorded, traffic = arrays.recorded, arrays.traffic
     for policy in range(len(traffic.movement)):
         if traffic.movement[policy] == FOLLOW_PATH and recorded.place[w, DRIVERS] >> policy & 1:
-            row = traffic.law[w, policy]
-            law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
-            drive_along_paths(
-                w, recorded, arrays.now, arrays.then, traffic.driver, policy, dt, law, traffic.colors, memory
-            )
+            drive_along_paths(w, policy, dt, recorded, arrays.now, arrays.then, traffic, memory)
 
 
 @device_function(forceinline=True)
-def _begin_or_move(w: int, phases: int, numbers: tuple[float, float, float, float], arrays: StepArrays) -> None:
+def _begin_or_move(w: int, phases: int, settings: StepSettings, arrays: StepArrays) -> None:
     """Begin an episode, or write the next state of all objects, which is the current one of those that IDM drives."""
     recorded, now, then, traffic, at = arrays.recorded, arrays.now, arrays.then, arrays.traffic, arrays.begins[w]
     if at >= 0 or at == AT_FIRST:
         start = at if at >= 0 else recorded.place[w, FIRST_STEP]
         begin_world(w, start, recorded, now, then, traffic.driver)
-        _begin_agents(w, numbers[3] == 0.0, arrays)
+        _begin_agents(w, not settings.are_own_routes, arrays)
         arrays.begins[w] = BEGUN
     elif phases & MOVE and at == GOES_ON:
-        move_objects(w, recorded, now, then, traffic.driver, traffic.movement, numbers[0])
+        move_objects(w, recorded, now, then, traffic.driver, traffic.movement, settings.dt)
 
 
 @device_function(forceinline=True)
@@ -221,20 +214,18 @@ def _has_agents(w: int, agents: DrivenArrays) -> bool:
 def _locate(
     w: int,
     n: int,
-    back: float,
-    ahead: float,
-    is_own: bool,
+    settings: StepSettings,
     recorded: Recorded,
     then: StateArrays,
     agents: DrivenArrays,
 ) -> None:
     """Locate an agent on its path."""
-    route = agents.route[w, n]
+    route, is_own = agents.route[w, n], settings.are_own_routes
     if not is_own:
         agents.route_before[w, n, 0], agents.route_before[w, n, 1] = route[0], route[1]
     row = recorded.place[w, OBJECTS] + n
     path = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
-    locate(path, back, ahead, then.motion[w, n], route, is_own)
+    locate(path, settings.back, settings.ahead, then.motion[w, n], route, is_own)
 
 
 @device_function(forceinline=True)
@@ -257,26 +248,6 @@ def _clear_totals(w: int, are_egos: bool, arrays: StepArrays) -> None:
         if is_agent_of(w, n, are_egos, arrays.recorded, arrays.traffic.driver, arrays.agents):
             for column in range(arrays.totals.shape[2]):
                 arrays.totals[w, n, column] = 0.0
-
-
-@device_function(forceinline=True)
-def _score(
-    a: int,
-    w: int,
-    n: int,
-    steering: float,
-    recorded: Recorded,
-    then: StateArrays,
-    agents: DrivenArrays,
-    task: Float64,
-    totals: Float64,
-    result: StepResult,
-) -> None:
-    """Score an agent, and remember its contacts."""
-    touched = agents.contacts[a], agents.contacts_before[a], agents.hits[a]
-    route, route_before = agents.route[w, n], agents.route_before[w, n]
-    score(a, w, n, steering, touched, then, route, route_before, recorded, task, totals, result)
-    _remember_contacts(a, agents)
 
 
 @device_function(forceinline=True)

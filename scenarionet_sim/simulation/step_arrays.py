@@ -13,6 +13,25 @@ from scenarionet_sim.simulation.seats import Seats
 from scenarionet_sim.task.scoring_kernels import StepResult
 
 
+class StepSettings(NamedTuple):
+    """What is the same in all worlds and steps.
+
+    Attributes:
+        dt: Length of the step [s].
+        back, ahead: Search window on a path around an agent [m].
+        are_own_routes: Whether the routes of the agents are those of the state; otherwise they have their own.
+        substeps: Of the vehicle model.
+        num_observed: Number of places of each world whose agents are observed.
+    """
+
+    dt: float
+    back: float
+    ahead: float
+    are_own_routes: bool
+    substeps: int
+    num_observed: int
+
+
 class StepArrays(NamedTuple):
     """What steps read and write.
 

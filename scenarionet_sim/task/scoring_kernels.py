@@ -133,9 +133,8 @@ def score(
     n: int,
     steering: float,
     touched: Touched,
+    routes: tuple[Float64, Float64],
     now: StateArrays,
-    route: Float64,
-    route_before: Float64,
     recorded: Recorded,
     task: Float64,
     totals: Float64,
@@ -151,8 +150,8 @@ def score(
         a, w, n: The agent.
         steering: First number of its action, in [-1, 1].
         touched: (N,) objects that it touches, (N,) those a step before, and types of the former as bits.
+        routes: (2,) location on the reference trajectory, now and a step before; see ``State``.
         now: Current state.
-        route, route_before: (2,) location on the reference trajectory, now and a step before; see ``State``.
         recorded: Logs and paths.
         task: (12,) see ``task.task_parameters``.
         totals: (W, N, 8) see ``NUM_TOTALS``; increased.
@@ -165,6 +164,7 @@ def score(
     max_lateral, min_completion = task[8], task[9]
     short_route, extra_steps = task[10], task[11]
     contacts, before, hits = touched
+    route, route_before = routes
     count, num_steps = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS]
     row, t, path_row = now.motion[w, n], now.timestep[w], recorded.place[w, OBJECTS] + n
     numbers, total = result.numbers, totals[w, n]

@@ -33,7 +33,8 @@ STEP = {
 def score_agents(steering, untouched, hits, now, before, worlds, task, totals, result):
     for a in range(len(steering)):
         touched = untouched[a], untouched[a], hits[a]
-        score(a, a, 0, steering[a], touched, now, now.route[a, 0], before[a, 0], worlds, task, totals, result)
+        routes = now.route[a, 0], before[a, 0]
+        score(a, a, 0, steering[a], touched, routes, now, worlds, task, totals, result)
 
 
 def scored(task=SINGLE_AGENT, **changes):
