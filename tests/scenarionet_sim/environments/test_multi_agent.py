@@ -175,3 +175,12 @@ def test_actions_must_match_the_agents(only):
 def test_gymnasium_says_how_to_make_it():
     with pytest.raises(BadParameter, match=r"make it with scenarionet_sim.ScenarioNetParallelEnv\(scenarios=...\)"):
         gymnasium.make("scenarionet_sim:ScenarioNet-MultiAgent-v0", scenarios=None)
+
+
+def test_what_an_agent_touches_when_it_appears_is_no_crash(scene):
+    """Where a parked vehicle stands: the reward counts the contact from the next step on, the crashes never do."""
+    env = ScenarioNetParallelEnv(scenarios=scene(Other(-40.0, 3.5, vx=8.0, first=15), Other(-27.0, 3.5)))
+    _, *later = drive(env)
+    infos = [found["t1"] for *_, found, _ in later if "t1" in found]
+    assert [info["collision"] for info in infos[:2]] == [0.0, -1.0]
+    assert {info["vehicle_crashes"] for info in infos} == {0.0} == {info["cost"] for info in infos}
