@@ -108,7 +108,7 @@ def drive_along_paths(
             gap = recorded.stop_arc[stop] - s - size[0] / 2.0
             braking = larger(braking, _braking_for_light(color, gap, speed, law))
         top_speed = larger(np.float64(recorded.top_speed[objects + n]), law.slowest)
-        desired = _speed_for_bends(top_speed, stations, num_stations, law)
+        desired = speed_for_bends(top_speed, stations, num_stations, law)
         wanted = free_acceleration(speed, desired, law.acceleration, law.deceleration) - braking
         new_speed = larger(speed + larger(wanted, -law.hardest) * dt, 0.0)
         end = path.points[path.end - 1, ARC]
@@ -199,7 +199,7 @@ def _braking_for_light(color: int, gap: float, speed: float, law: Law) -> float:
 
 
 @device_function
-def _speed_for_bends(top_speed: float, stations: Float64, count: int, law: Law) -> float:
+def speed_for_bends(top_speed: float, stations: Float64, count: int, law: Law) -> float:
     """Return the highest speed up to ``top_speed`` that can still be reduced for every bend ahead [m/s].
 
     It is reduced at half the comfortable braking, so that bends further ahead than that takes do not matter.

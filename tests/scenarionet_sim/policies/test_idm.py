@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from scenarionet_data.arrays.idm import free_acceleration, interaction
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightState, ObjectType
 from scenarionet_sim.metrics.comfort import body_acceleration, measure_comfort
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.idm import Idm
-from scenarionet_sim.policies.idm_kernels import speed_before_stop
+from scenarionet_sim.policies.idm_kernels import Law, speed_before_stop, speed_for_bends
 from scenarionet_sim.policies.objects import ego, vehicles
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
@@ -212,3 +213,25 @@ def test_one_step_behind_a_leader_is_the_law_with_the_gap_between_bumpers():
     braking = law.acceleration * ((law.standstill + dynamic) / gap) ** 2
     speed = speed_after_a_step(make_drive(num_steps=121, others=(Other(30.0, vx=6.0),)))
     assert speed == pytest.approx(10.0 - 0.1 * braking, abs=2e-4)
+
+
+@kernel(allocates=False)
+def speed_ahead(top_speed, stations, count, law):
+    """Call the device function."""
+    return speed_for_bends(top_speed, stations, count, law)
+
+
+@pytest.mark.parametrize(
+    ("distance", "top_speed", "speed"),
+    [
+        (0.0, 20.0, np.sqrt(3.0 * 10.0)),  # v²/r is the lateral acceleration
+        (8.0, 20.0, np.sqrt(3.0 * 10.0 + 2.0 * 8.0)),  # half of a deceleration of 2 over 8 m: v² falls by 2 * 8
+        (8.0, 5.0, 5.0),
+    ],
+)
+def test_speed_before_a_bend_of_ten_metres(distance, top_speed, speed):
+    law = Law(1.5, 1.5, 2.0, 2.0, 1.0, 3.0, 0.0, 8.0)
+    stations = np.zeros((64, 7))
+    stations[:3, 2], stations[:3, 3] = [0.0, distance, distance + 2.0], [0.0, 0.0, 0.2]  # arc [m], heading [rad]
+    first = 0 if distance else 1
+    assert speed_ahead(top_speed, stations[first:], 3 - first, law) == pytest.approx(speed)
