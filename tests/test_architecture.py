@@ -157,6 +157,12 @@ def test_imports_go_one_way():
     assert wrong == []
 
 
+def test_browser_and_report_do_not_import_the_command_line():
+    sources = [path for part in ("web", "report") for path in modules(f"pipelines/scenarionet_pipelines/{part}")]
+    assert len(sources) > 10
+    assert [line for path in sources for line in reaches(path, "scenarionet_pipelines.cli")] == []
+
+
 def test_converters_do_not_import_the_lake():
     above = (
         "schema", "codec", "storage", "databases", "query", "operations", "loader", "quality", "packs", "export",

@@ -5,15 +5,12 @@ from __future__ import annotations
 import io
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from scenarionet_data.plots import object_layer
 from scenarionet_data.plots.map_layer import map_artists
-from scenarionet_data.plots.palette import GROUND
 from scenarionet_data.plots.scene import Scene, Window
-from scenarionet_data.plots.style import new_figure
-from scenarionet_data.plots.topdown import DPI
+from scenarionet_data.plots.topdown import blank_axes
 from scenarionet_data.scenario.description import ScenarioDescription
 
 _LEAST_EGO = 9.0
@@ -39,9 +36,7 @@ def thumbnail(
     scene = Scene.of(scenario)
     width, height = size
     shown = Window.on_route(scene).shaped(width / height)
-    figure = new_figure(width / DPI, height / DPI, dpi=DPI, facecolor=GROUND)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_axis_off()
+    axes, canvas = blank_axes(width, height)
     left, right, bottom, top = shown.corners
     axes.set(xlim=(left, right), ylim=(bottom, top))
     now = scene.moment(scene.current_timestep if timestep is None else timestep)
@@ -53,9 +48,6 @@ def thumbnail(
         *object_layer.lights(scene, now.timestep),
     ):
         axes.add_artist(artist)
-    canvas = figure.canvas
-    if not isinstance(canvas, FigureCanvasAgg):
-        raise TypeError(f"figures of this package are drawn by Agg, found {type(canvas).__name__}")
     canvas.draw()  # type: ignore[no-untyped-call]
     file = io.BytesIO()
     pixels = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]

@@ -49,10 +49,10 @@ class TopDown:
         self._width = 2 * round(self.window.width * self.scale / 2)  # video codecs need even sizes
         self._height = 2 * round(self.window.height * self.scale / 2)
         self._tiles: OrderedDict[tuple[int, int], UInt8] = OrderedDict()
-        self._map_axes, self._map_canvas = _axes(TILE, TILE)
+        self._map_axes, self._map_canvas = blank_axes(TILE, TILE)
         for artist in map_artists(scene.map):
             self._map_axes.add_artist(artist)
-        self._axes, self._canvas = _axes(self._width, self._height)
+        self._axes, self._canvas = blank_axes(self._width, self._height)
         self._last = self.window.x, self.window.y
 
     def frame(self, moments: Sequence[Moment]) -> UInt8:
@@ -112,7 +112,7 @@ class TopDown:
         return self._tiles[key]
 
 
-def _axes(width: int, height: int) -> tuple[Axes, FigureCanvasAgg]:
+def blank_axes(width: int, height: int) -> tuple[Axes, FigureCanvasAgg]:
     """Axes that fill a picture of the given size [pixel], and its canvas."""
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=GROUND)
     canvas = FigureCanvasAgg(figure)

@@ -14,9 +14,9 @@ from scenarionet_data.arrays.dtypes import Array, Float64, Int32, UInt8
 from scenarionet_data.compiled.checking import unchecked
 from scenarionet_sim.cameras.channels import CHANNELS, shape_of_channel, tail_of_channel
 from scenarionet_sim.cameras.draw.columns import NUM_INSTANCE, NUM_LIGHTS, NUM_POSE, NUM_SHADES, NUM_VERTEX
-from scenarionet_sim.cameras.draw.finishing import shrink
 from scenarionet_sim.cameras.draw.frames import draw_frames
 from scenarionet_sim.cameras.draw.mounting import mount_cameras
+from scenarionet_sim.cameras.draw.post_processing import shrink
 from scenarionet_sim.cameras.draw.structures import (
     BAND,
     BANDS,

@@ -10,7 +10,7 @@ from scenarionet_data.compiled.decorators import kernel
 from scenarionet_sim.cameras.cuda.items import LANES, bound_instance, find_item, list_items, set_up_part
 from scenarionet_sim.cameras.cuda.pixels import draw_pixel, light_sky, stretch_sky
 from scenarionet_sim.cameras.draw.columns import NUM_LIGHTS, NUM_SHADES, NUM_VERTEX
-from scenarionet_sim.cameras.draw.finishing import noisy_level, root_mean_square
+from scenarionet_sim.cameras.draw.post_processing import noisy_level, root_mean_square
 from scenarionet_sim.cameras.draw.structures import BAND, Tile, Vertices
 
 

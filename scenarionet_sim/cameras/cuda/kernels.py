@@ -1,4 +1,4 @@
-"""The CUDA kernels: each thread calls one function of ``items``, ``pixels`` or ``draw.finishing``.
+"""The CUDA kernels: each thread calls one function of ``items``, ``pixels`` or ``draw.post_processing``.
 
 Importing this module needs numba-cuda; the kernels compile at their first launch in a process.
 """
@@ -15,7 +15,7 @@ from scenarionet_data.arrays.dtypes import Float32, UInt8
 from scenarionet_sim.cameras.cuda.items import LANES, Items, bound_instance, find_item, list_items, set_up_part
 from scenarionet_sim.cameras.cuda.pixels import draw_pixel, light_sky, stretch_sky
 from scenarionet_sim.cameras.draw.columns import NUM_LIGHTS, NUM_SHADES, NUM_VERTEX
-from scenarionet_sim.cameras.draw.finishing import noisy_level, root_mean_square
+from scenarionet_sim.cameras.draw.post_processing import noisy_level, root_mean_square
 from scenarionet_sim.cameras.draw.structures import BAND, Look, Pictures, SceneArrays, Shots, Tile, Triangles, Vertices
 
 cuda: Any = numba.cuda

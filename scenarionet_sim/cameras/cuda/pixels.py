@@ -25,7 +25,7 @@ from scenarionet_sim.cameras.draw.frames import color_tile
 from scenarionet_sim.cameras.draw.outlines import span_of_outline
 from scenarionet_sim.cameras.draw.rows import look_along
 from scenarionet_sim.cameras.draw.shading import expose
-from scenarionet_sim.cameras.draw.singles import single
+from scenarionet_sim.cameras.draw.single_precision import single
 from scenarionet_sim.cameras.draw.sky import IS_LIT, between_nodes, light_nodes
 from scenarionet_sim.cameras.draw.structures import (
     BAND,

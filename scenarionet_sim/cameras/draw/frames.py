@@ -8,8 +8,8 @@ from scenarionet_sim.arrays.minmax import smaller
 from scenarionet_sim.cameras.channels import write_channels
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
+from scenarionet_sim.cameras.draw.ground_colors import color_ground
 from scenarionet_sim.cameras.draw.instances import add_solids
-from scenarionet_sim.cameras.draw.paving import color_ground
 from scenarionet_sim.cameras.draw.rows import look_along
 from scenarionet_sim.cameras.draw.shading import cast_shadows, color_triangles, expose
 from scenarionet_sim.cameras.draw.sky import carry_sky, color_sky

@@ -11,7 +11,7 @@ from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.arrays.structures import LIGHTS, LOG, NUM_OBJECTS, NUM_STEPS
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
-from scenarionet_sim.cameras.draw.fixtures import measure_fixtures
+from scenarionet_sim.cameras.draw.fixture_sizes import measure_fixtures
 from scenarionet_sim.cameras.draw.ground import height_at
 from scenarionet_sim.cameras.draw.placement import SMALL, add_instance, is_beside_picture, mesh_for, screen_radius
 from scenarionet_sim.cameras.draw.shadows import LEAST_SHADOW, SHADOW_REACH, add_shadow

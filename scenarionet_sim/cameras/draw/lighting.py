@@ -9,7 +9,7 @@ from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
-from scenarionet_sim.cameras.draw.singles import single, singles
+from scenarionet_sim.cameras.draw.single_precision import single, singles
 from scenarionet_sim.cameras.draw.structures import Item, Meshes, Places, Triple, Vertices
 from scenarionet_sim.cameras.draw.vertices import turn_normals
 

@@ -13,7 +13,7 @@ from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.ground import meet_heights
-from scenarionet_sim.cameras.draw.singles import single, single_of
+from scenarionet_sim.cameras.draw.single_precision import single, single_of
 from scenarionet_sim.cameras.draw.structures import LANES, FrameView, Ground, Tile
 
 _GROUND, _SKY, _TRIANGLE = np.int32(codes.SEES_GROUND), np.int32(codes.SEES_SKY), np.int32(codes.SEES_TRIANGLE)

@@ -11,7 +11,7 @@ from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
-from scenarionet_sim.cameras.draw.singles import bits_of, number_of, rounded_down, single, single_of, singles
+from scenarionet_sim.cameras.draw.single_precision import bits_of, number_of, rounded_down, single, single_of, singles
 from scenarionet_sim.cameras.draw.structures import FrameView, Triangles, Triple
 
 OCTAVES = -12.0, math.log2(3.0)

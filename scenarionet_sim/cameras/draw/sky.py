@@ -11,7 +11,7 @@ from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
-from scenarionet_sim.cameras.draw.singles import rounded_down, single, singles
+from scenarionet_sim.cameras.draw.single_precision import rounded_down, single, singles
 from scenarionet_sim.cameras.draw.structures import BAND, SKY_STEP, FrameView, Tile, Triple
 
 _NOTHING = np.int32(codes.NOTHING)

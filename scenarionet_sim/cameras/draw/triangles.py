@@ -18,7 +18,7 @@ from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.outlines import span_of_outline
-from scenarionet_sim.cameras.draw.singles import single, single_of
+from scenarionet_sim.cameras.draw.single_precision import single, single_of
 from scenarionet_sim.cameras.draw.structures import BAND, FrameMemory, FrameView
 from scenarionet_sim.cameras.draw.vertices import NEAREST, STEEP
 

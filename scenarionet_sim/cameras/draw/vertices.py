@@ -10,7 +10,7 @@ from scenarionet_sim.arrays.minmax import larger
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.lens import project
-from scenarionet_sim.cameras.draw.singles import single
+from scenarionet_sim.cameras.draw.single_precision import single
 from scenarionet_sim.cameras.draw.structures import FrameView, Item, Meshes, Places, Triple
 
 NEAREST = 0.05

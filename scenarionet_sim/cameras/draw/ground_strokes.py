@@ -10,7 +10,7 @@ from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
-from scenarionet_sim.cameras.draw.singles import single
+from scenarionet_sim.cameras.draw.single_precision import single
 from scenarionet_sim.cameras.draw.structures import Ground
 
 Six = tuple[float, float, float, float, float, float]

@@ -12,7 +12,7 @@ from scenarionet_sim.arrays.minmax import larger
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.shadows import LEAST_SHADOW, SHADOW_REACH
-from scenarionet_sim.cameras.draw.singles import single, singles
+from scenarionet_sim.cameras.draw.single_precision import single, singles
 from scenarionet_sim.cameras.draw.structures import GROUP, FrameView
 
 

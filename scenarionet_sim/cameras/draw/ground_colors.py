@@ -11,9 +11,9 @@ from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
-from scenarionet_sim.cameras.draw.singles import rounded_down, single
+from scenarionet_sim.cameras.draw.ground_strokes import draw_strokes
+from scenarionet_sim.cameras.draw.single_precision import rounded_down, single
 from scenarionet_sim.cameras.draw.sky import GRAIN_SIZE, sky_gradient, smooth_noise
-from scenarionet_sim.cameras.draw.strokes import draw_strokes
 from scenarionet_sim.cameras.draw.structures import FrameView, Ground, Tile, Triple
 
 _BITS, _MASK = np.int32(GRAIN_SIZE.bit_length() - 1), np.int32(GRAIN_SIZE - 1)
