@@ -56,6 +56,7 @@ def test_numba_is_used_in_one_room():
 @pytest.mark.parametrize("version", ["0.64.9", "0.69.0", "1.0.0"])
 def test_other_versions_are_outside_of_the_gate(monkeypatch, version):
     monkeypatch.delenv(gate.PLAIN, raising=False)
+    monkeypatch.setattr("numba.__version__", "0.66.1")
     assert gate.uses_internals.__wrapped__()
     monkeypatch.setattr("numba.__version__", version)
     assert not gate.uses_internals.__wrapped__()
