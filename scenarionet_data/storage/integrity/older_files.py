@@ -109,6 +109,9 @@ def _check_partition(file: BufferedReader, name: str, url: Path | str) -> None:
     """Check that the rows of a metadata file belong to its folder: two files may have been exchanged."""
     wanted = dict(part.split("=", 1) for part in name.split("/") if "=" in part)
     file.seek(0)
-    rows = pq.ParquetFile(file).read(list(wanted), use_threads=False)
+    content = pq.ParquetFile(file)
+    if not set(wanted).issubset(content.schema_arrow.names):
+        raise damaged(url, "it is a file of another table")
+    rows = content.read(list(wanted), use_threads=False)
     if any(set(rows[column].to_pylist()) - {value} for column, value in wanted.items()):
         raise damaged(url, "its rows belong to another folder")

@@ -80,3 +80,14 @@ def test_a_lake_whose_id_changed_is_damaged(two, tmp_path):
     (mine / "lake.json").write_text(json.dumps({**content, "id": "x"}))
     with pytest.raises(LakeError, match=r"lake\.json: damaged, it holds no id of a lake"):
         Lake(mine)
+
+
+@pytest.mark.parametrize("other", ["databases/all/1.parquet", "results/*/results/*.parquet", "tracks/**/*.parquet"])
+def test_metadata_of_an_older_lake_exchanged_with_another_table_is_damage(tmp_path, other):
+    mine = Path(shutil.copytree(GOLDEN / "generated" / "lake", tmp_path / "lake"))
+    name = Lake(mine).snapshot.metadata[0]
+    shutil.copyfile(next(mine.glob(other)), mine / name)
+    with pytest.raises(LakeError, match="it is a file of another table"):
+        ScenarioLoader(mine)
+    with pytest.raises(LakeError, match="it is a file of another table"):
+        Lake(mine).sql("SELECT count(ego_distance) FROM metadata")
