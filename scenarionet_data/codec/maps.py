@@ -134,7 +134,8 @@ def _features(columns: Columns, first: int, last: int, memory: Memory) -> MapFea
     codes, places = codes_of_words(columns, "feature_type", MapFeatureType), columns.layout.places(_COLUMNS)
     described = places, stored.plan, first, last, codes, stored.memory, stored.places
     done = fill_features(columns.block, *described)
-    _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
+    if done < len(_COLUMNS):
+        raise _damage(_COLUMNS[done])
     return MapFeatures.read({}, stored)
 
 
@@ -151,15 +152,15 @@ def check_points(columns: Columns, names: tuple[str, ...]) -> None:
     places, likes = columns.layout.places(names), columns.layout.places(tuple(_FIRST_AXES[name] for name in names))
     bounds = np.array([0, columns.num_rows])
     differs = check_lengths(columns.block, likes, places, np.full(len(names), OR_NONE), bounds)
-    _require(names[differs] if differs < len(names) else "", differs == len(names))
+    if differs < len(names):
+        raise _damage(names[differs])
 
 
-def _require(column: str, fits: bool) -> None:
-    if not fits:
-        raise LakeError(
-            f"maps.{column} does not match its polylines: its file is damaged; `scenarionet maintain check` lists "
-            "the affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
-        )
+def _damage(column: str) -> LakeError:
+    return LakeError(
+        f"maps.{column} does not match its polylines: its file is damaged; `scenarionet maintain check` lists "
+        "the affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
+    )
 
 
 def _bounding_boxes(features: MapFeatures) -> Array:

@@ -136,7 +136,8 @@ def _tracks(columns: Columns, first: int, last: int, steps: int, memory: Memory)
     codes = codes_of_words(columns, "object_type", ObjectType)
     described = columns.layout.places(_COLUMNS), _LENGTHS, stored.plan, first, last, steps, codes
     done = fill_tracks(columns.block, *described, stored.memory, stored.places)
-    _require(_COLUMNS[done] if done < len(_COLUMNS) else "", done == len(_COLUMNS))
+    if done < len(_COLUMNS):
+        raise _damage(_COLUMNS[done])
     return Tracks.read({}, stored)
 
 
@@ -153,10 +154,12 @@ def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, .
     """
     block, layout, bounds = rows.columns.block, rows.columns.layout, np.array(rows.bounds)
     is_inside = check_spans(block, layout.place("start"), layout.place("x"), bounds, np.array(steps))
-    _require("start", is_inside)
+    if not is_inside:
+        raise _damage("start")
     others, likes = np.array([_OTHER_LENGTHS[name] for name in names]), layout.places(("x",) * len(names))
     differs = check_lengths(block, likes, layout.places(names), others, bounds)
-    _require(names[differs] if differs < len(names) else "", differs == len(names))
+    if differs < len(names):
+        raise _damage(names[differs])
 
 
 def _spans(valid: Array) -> tuple[Array, Array]:
@@ -186,9 +189,8 @@ def _encode_flags(flags: Array, lengths: Array, *, default: bool) -> pa.Array:
     return list_array(offsets_of(np.where(is_uniform, 0, lengths)), kept, mask=is_uniform)
 
 
-def _require(column: str, fits: bool) -> None:
-    if not fits:
-        raise LakeError(
-            f"tracks.{column} does not match the scenario's spans: its file is damaged; `scenarionet maintain check` "
-            "lists the affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
-        )
+def _damage(column: str) -> LakeError:
+    return LakeError(
+        f"tracks.{column} does not match the scenario's spans: its file is damaged; `scenarionet maintain check` "
+        "lists the affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
+    )

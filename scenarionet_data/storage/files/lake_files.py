@@ -204,7 +204,7 @@ class LakeFiles(ABC):
 
     def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """Rows of a Parquet file."""
-        return self.read_all([name], columns)[0]
+        return _read(self.path(name), self.place(name), columns)
 
     def read_all(self, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
         """Rows of each of several Parquet files."""

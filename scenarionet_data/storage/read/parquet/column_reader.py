@@ -24,7 +24,7 @@ from scenarionet_data.storage.read.parquet import page_kernels as pages
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, StoredGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.reservation import Reservation
-from scenarionet_data.storage.read.parquet.row_group_kernels import is_compiled, read_row_group
+from scenarionet_data.storage.read.parquet.row_group_kernels import read_row_group
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
 COMPILE_AFTER = 64
@@ -77,7 +77,7 @@ class ColumnReader:
         for group in groups:
             group.verify()
         if self._left_to_arrow > 0:
-            if not is_compiled():
+            if not getattr(read_row_group, "signatures", True):
                 self._left_to_arrow -= len(groups)
                 return read_by_arrow(groups, self._layout)
             self._left_to_arrow = 0  # asking takes 5 us

@@ -118,28 +118,26 @@ class Footer:
         self.digests = digests
         self._end = end
         positions = {metadata.schema.column(index).path: index for index in range(metadata.num_columns)}
-        missing = [column.name for column in columns if column.path not in positions]
-        self.missing = frozenset(missing)
-        required = [column.name for column in columns if column.name in self.missing and not column.nullable]
-        if required:
-            raise UnreadableFile(url, f"it has no column {required[0]}")
-        wrong = [
-            c.name for c in columns if c.path in positions and not _holds(metadata.schema.column(positions[c.path]), c)
-        ]
-        if wrong:
-            raise UnreadableFile(url, f"its column {wrong[0]} has another type")
+        group = metadata.row_group(0) if metadata.num_row_groups else None
         self.names = [column.name for column in columns]
-        self._columns = [(positions.get(c.path), _known_encodings(c), c.element in _PACKED) for c in columns]
-        self._encodings = self._read_encodings()
+        self._columns: list[tuple[int | None, int, bool, int]] = []
+        missing = set()
+        for column in columns:
+            index, encoding = positions.get(column.path), kernels.PLAIN
+            if index is None:
+                missing.add(column.name)
+                if not column.nullable:
+                    raise UnreadableFile(url, f"it has no column {column.name}")
+            elif not _holds(metadata.schema.column(index), column):
+                raise UnreadableFile(url, f"its column {column.name} has another type")
+            elif group:  # a writer chooses the encoding of data pages for a file
+                named = [_ENCODINGS[name] for name in group.column(index).encodings if name in _ENCODINGS]
+                encoding = next(iter(named), encoding)
+            self._columns.append((index, _known_encodings(column), column.element in _PACKED, encoding))
+        self.missing = frozenset(missing)
         self._layout = layout
         self._stored: dict[int, StoredGroup] = {}
         self._reserved: dict[int, Reservation] = {}
-
-    def _read_encodings(self) -> list[int]:
-        """Encoding of each column's data pages, which a writer chooses for a file."""
-        group = self.metadata.row_group(0) if self.metadata.num_row_groups else None
-        listed = [group.column(index).encodings if group and index is not None else () for index, *_ in self._columns]
-        return [next((_ENCODINGS[name] for name in names if name in _ENCODINGS), kernels.PLAIN) for names in listed]
 
     def _span(self, number: int, chunks: Int64) -> tuple[int, int]:
         """Start and end of the bytes of a row group, or of its columns in a file without digests."""
@@ -163,13 +161,7 @@ class Footer:
             if not 0 <= number < self.metadata.num_row_groups:
                 raise UnreadableFile(self.url, f"it has no row group {number}")
             group = self.metadata.row_group(number)
-            chunks = np.array(
-                [
-                    _chunk(group, *column, encoding)
-                    for column, encoding in zip(self._columns, self._encodings, strict=True)
-                ],
-                np.int64,
-            )
+            chunks = np.array([_chunk(group, *column) for column in self._columns], np.int64)
             self._stored[number] = StoredGroup.of(chunks, group.num_rows, self._span(number, chunks))
         return self._stored[number]
 

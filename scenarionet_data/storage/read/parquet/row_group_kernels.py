@@ -29,11 +29,6 @@ from scenarionet_data.storage.read.parquet.value_kernels import (
 )
 
 
-def is_compiled() -> bool:
-    """Whether this process has compiled the kernels or loaded them from the cache."""
-    return bool(getattr(read_row_group, "signatures", True))
-
-
 @kernel(nogil=True, allocates=False)
 def read_row_group(
     data: Array,
