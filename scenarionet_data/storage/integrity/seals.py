@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import hashlib
 import os
+import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -100,8 +102,9 @@ def seal(path: Path, place: Place) -> None:
     """
     with path.open("r+b") as file:
         end = _open_to_seal(file, path)
-        digests = [xxh3_128_digest(group) for group in row_groups(file, end)]
-        _write(file, end.body, _seal(digests, end.footer, place) + end.footer)
+        digests = list(map(xxh3_128_digest, row_groups(file, end)))
+        file.truncate(file.seek(end.body))
+        file.write(_seal(digests, end.footer, place) + end.footer)
 
 
 def seal_data(path: Path, stem: str) -> Sealed:
@@ -122,7 +125,8 @@ def seal_data(path: Path, stem: str) -> Sealed:
         name = f"{stem}-{unsealed.hexdigest()[:16]}.parquet"
         written = _seal(digests, end.footer, Place(name)) + end.footer
         checksum.update(written)
-        _write(file, end.body, written)
+        file.truncate(file.seek(end.body))
+        file.write(written)
     return Sealed(name, end.body + len(written), checksum.hexdigest())
 
 
@@ -140,12 +144,6 @@ def _seal(digests: list[bytes], footer: bytes, place: Place) -> bytes:
 
 def _digest(listed: bytes, footer: bytes, place: Place) -> bytes:
     return xxh3_128_digest(listed + footer + place.text)
-
-
-def _write(file: BinaryIO, position: int, content: bytes) -> None:
-    file.seek(position)
-    file.write(content)
-    file.truncate()
 
 
 def check_end(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd:
@@ -184,23 +182,21 @@ def verify_groups(file: BinaryIO, end: FileEnd, url: Path | str) -> None:
     Raises:
         LakeError: They differ.
     """
-    groups = row_groups(file, end)
-    if any(xxh3_128_digest(group) != digest for group, digest in zip(groups, end.digests, strict=True)):
+    if tuple(map(xxh3_128_digest, row_groups(file, end))) != end.digests:
         raise damaged(url, "its bytes differ from those that were written")
 
 
-def row_groups(file: BinaryIO, end: FileEnd) -> list[bytes] | map[bytes]:
+def row_groups(file: BinaryIO, end: FileEnd) -> Iterator[bytes]:
     """Bytes of each row group; a file without any is one piece."""
     metadata = pq.read_metadata(pa.BufferReader(end.footer))
-    starts = [0, *(first_byte(metadata, number) for number in range(1, metadata.num_row_groups)), end.body]
     file.seek(0)
-    return map(lambda first, stop: file.read(stop - first), starts, starts[1:])
-
-
-def first_byte(metadata: pq.FileMetaData, number: int) -> int:
-    """Position of a row group in a file."""
-    column = metadata.row_group(number).column(0)
-    return int(min(column.data_page_offset, column.dictionary_page_offset or column.data_page_offset))
+    start = 0
+    for number in range(1, metadata.num_row_groups):
+        column = metadata.row_group(number).column(0)
+        stop = min(column.data_page_offset, column.dictionary_page_offset or column.data_page_offset)
+        yield file.read(stop - start)
+        start = stop
+    yield file.read(end.body - start)
 
 
 def last(file: BinaryIO) -> tuple[bytes, int]:
@@ -231,5 +227,5 @@ def split(end: bytes, size: int, url: Path | str) -> FileEnd:
     if listed > len(before) - _SEAL:
         raise damaged(url, "its seal is destroyed")
     digests = before[len(before) - _SEAL - listed : -_SEAL]
-    parts = tuple(digests[at : at + _DIGEST] for at in range(0, listed, _DIGEST))
+    parts = struct.unpack(f"{_DIGEST}s" * (listed // _DIGEST), digests)
     return FileEnd(footer, size - length - _SEAL - listed, parts, fixed[16:])
