@@ -157,12 +157,8 @@ def _sensing_of(forms: Sequence[CompiledSensor]) -> Sensing:
 
 
 def _joined(parts: list[spaces.Box]) -> spaces.Box:
-    low, high = (np.concatenate([end.ravel() for end in ends]) for ends in zip(*map(_bounds, parts), strict=True))
+    low, high = (np.concatenate([getattr(box, end).ravel() for box in parts]) for end in ("low", "high"))
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
-
-
-def _bounds(box: spaces.Box) -> tuple[Array, Array]:
-    return box.low, box.high
 
 
 def _names(sensors: Sequence[Sensor]) -> list[str]:

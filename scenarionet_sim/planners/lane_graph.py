@@ -38,7 +38,7 @@ class LaneGraphPlanner(Planner):
     def act(self, view: View) -> Trajectory:
         """Return the best proposal; of equally good ones the first, which is the fastest in the middle."""
         way = Way.ahead(view)
-        offset, share = (each.ravel() for each in np.meshgrid(_inside_out(self.offsets), self.shares[::-1]))
+        offset, share = (each.ravel() for each in np.meshgrid(sorted(self.offsets, key=abs), self.shares[::-1]))
         desired = share * min(desired_speed(view, self.speed), way.speed_for_bends(3.0, 1.5))
         arcs, speeds = self._simulate(view, way, Obstacles.on(way, view), offset, desired)
         time = STEP * np.arange(1, arcs.shape[1] + 1)
@@ -87,10 +87,6 @@ class LaneGraphPlanner(Planner):
         weights = self.progress_weight + self.collision_weight + self.comfort_weight
         soft = self.progress_weight * progress + self.collision_weight * ~is_soon + self.comfort_weight * (jerk < 8.37)
         return np.asarray(np.where(hits, 0.0, np.where(is_off, 0.1, 1.0)) * soft / weights)
-
-
-def _inside_out(offsets: tuple[float, ...]) -> list[float]:
-    return sorted(offsets, key=abs)
 
 
 def _hits(view: View, poses: Float64, time: Float64) -> Bool:

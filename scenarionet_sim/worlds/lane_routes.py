@@ -113,7 +113,7 @@ def _shortest(
             while before[way[-1]] >= 0:
                 way.append(before[way[-1]])
             return way[::-1]
-        length = _length(lines[lane])
+        length = float(_arcs(lines[lane])[-1])
         for other, price in [
             *((int(other), length) for other in roads.successors[lane]),
             *((other, _CHANGE_COST) for other in _beside(roads, lines[lane])),
@@ -174,10 +174,6 @@ def _change(start: Float64, lane: Float64) -> Float64:
 def _arcs(line: Float64) -> Float64:
     """Arc length (n,) of each point of a line [m]."""
     return np.asarray(np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
-
-
-def _length(line: Float64) -> float:
-    return float(_arcs(line)[-1])
 
 
 def _project(line: Float64, point: Float64) -> tuple[float, float]:
