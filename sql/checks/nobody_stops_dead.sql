@@ -1,10 +1,14 @@
 -- hard: No object has a velocity of exactly 0 in its first or last state while it moves faster than 5 m/s there.
-WITH ends AS (
-    SELECT
-        scenario_id, track_id, start, x, y, vx, vy, valid, timestamps, dt,
-        unnest([{'i': 1, 'j': 2}, {'i': len(x), 'j': len(x) - 1}], recursive := true)  -- the state and its neighbour
-    FROM tracks JOIN metadata_rows USING (scenario_id)
-    WHERE len(x) > 1 AND ((vx[1] = 0 AND vy[1] = 0) OR (vx[len(x)] = 0 AND vy[len(x)] = 0))
+WITH stops AS (
+    SELECT scenario_id, track_id, start, x, y, vx, vy, valid, len(x) AS n
+    FROM tracks
+    WHERE
+        (vx[1] = 0 AND vy[1] = 0 AND vx[2] ** 2 + vy[2] ** 2 > 25)
+        OR (vx[-1] = 0 AND vy[-1] = 0 AND vx[-2] ** 2 + vy[-2] ** 2 > 25)
+),
+ends AS (
+    SELECT * EXCLUDE (n), unnest([1, n]) AS i, unnest([2, n - 1]) AS j  -- the state and its neighbour
+    FROM stops JOIN (SELECT scenario_id, timestamps, dt FROM metadata_rows) USING (scenario_id)
 )
 SELECT
     scenario_id,

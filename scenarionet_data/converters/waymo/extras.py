@@ -1,4 +1,4 @@
-"""Write the extras of map features as JSON text.
+"""Write the extras of map features as JSON text in compiled code.
 
 The text equals ``canonical_json.to_json`` of the rows of ``boundary_segments``; building a dictionary per boundary
 would take longer than the rest of a record.
@@ -6,13 +6,25 @@ would take longer than the rest of a record.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int64, Object
+from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_data.converters.waymo.wire import WaymoWireMap
+
+_LONGEST_ROW = 6 * 21 + 20  # six numbers of 20 characters and a comma, and the brackets and keys around them
+_NAMES = tuple(
+    np.frombuffer(name, np.uint8)
+    for name in (
+        b'"interpolating":true',
+        b'"left_boundaries":[',
+        b'"left_neighbor":[',
+        b'"right_boundaries":[',
+        b'"right_neighbor":[',
+    )
+)
 
 
 def write_extras(features: WaymoWireMap, boundary_codes: Int64) -> Object:
@@ -22,38 +34,156 @@ def write_extras(features: WaymoWireMap, boundary_codes: Int64) -> Object:
         features: A record's map.
         boundary_codes: ``MapFeatureType`` by the source's boundary type.
     """
-    members = [',"interpolating":true' if flag else "" for flag in features.is_interpolating.tolist()]
-    for side in ("left", "right"):
-        boundaries, neighbors, inner = (
-            getattr(features, f"{side}_{name}") for name in ("boundaries", "neighbors", "neighbor_boundaries")
+    tables = (
+        features.left_boundaries,
+        features.left_neighbors,
+        features.left_neighbor_boundaries,
+        features.right_boundaries,
+        features.right_neighbors,
+        features.right_neighbor_boundaries,
+    )
+    count = len(features.is_interpolating)
+    text = np.empty(_LONGEST_ROW * sum(map(len, tables)) + 100 * count + 1, np.uint8)
+    ends = np.zeros(count + 1, np.int64)
+    _write(features.is_interpolating, *tables, boundary_codes, _NAMES, text, ends)
+    whole, bounds = text[: ends[-1]].tobytes().decode("ascii"), ends.tolist()
+    parts = [whole[start:end] or None for start, end in pairwise(bounds)]
+    return np.array(parts, dtype=object)
+
+
+@kernel
+def _write(
+    flags: Array,
+    left_boundaries: Array,
+    left_neighbors: Array,
+    left_inner: Array,
+    right_boundaries: Array,
+    right_neighbors: Array,
+    right_inner: Array,
+    codes: Array,
+    names: tuple[Array, ...],
+    text: Array,
+    ends: Array,
+) -> None:
+    """Write the texts of all features; the text of feature ``i`` ends at ``ends[i + 1]``.
+
+    The first column of the tables is the feature (for inner tables: the row of the neighbour), ascending.
+    """
+    at = 0
+    done = np.zeros(6, np.int64)  # next row of each table
+    for row in range(len(flags)):
+        start = at
+        if flags[row]:
+            at = _copy(text, _between(text, at, start), names[0])
+        at, done[0] = _list(text, at, start, names[1], left_boundaries, row, done[0], codes)
+        at, done[1], done[2] = _neighbors(
+            text, at, start, names[2], left_neighbors, left_inner, row, done[1], done[2], codes
         )
-        for row, text in _by_owner(boundaries, _boundaries(boundaries, boundary_codes)):
-            members[row] += f',"{side}_boundaries":[{text}]'
-        segments = dict(_by_owner(inner, _boundaries(inner, boundary_codes)))
-        rows = np.column_stack(
-            [neighbors[:, 1:].astype(object), [segments.get(row, "") for row in range(len(neighbors))]]
+        at, done[3] = _list(text, at, start, names[3], right_boundaries, row, done[3], codes)
+        at, done[4], done[5] = _neighbors(
+            text, at, start, names[4], right_neighbors, right_inner, row, done[4], done[5], codes
         )
-        for row, text in _by_owner(neighbors, _texts(_NEIGHBOR, rows)):
-            members[row] += f',"{side}_neighbor":[{text}]'
-    return np.array([f"{{{text[1:]}}}" if text else None for text in members], dtype=object)
+        if at > start:
+            at = _put(text, at, 125)  # }
+        ends[row + 1] = at
 
 
-_BOUNDARY = '[%d,%d,"%d",%d]'
-_NEIGHBOR = '["%d",%d,%d,%d,%d,[%s]]'
+@device_function
+def _list(
+    text: Array, at: int, start: int, name: Array, table: Array, row: int, first: int, codes: Array
+) -> tuple[int, int]:
+    """Write the member with a feature's boundaries, if any; return the next positions in text and table."""
+    if first >= len(table) or table[first, 0] != row:
+        return at, first
+    at = _copy(text, _between(text, at, start), name)
+    at, first = _boundaries(text, at, table, row, first, codes)
+    return _put(text, at, 93), first  # ]
 
 
-def _boundaries(table: Int64, codes: Int64) -> list[str]:
-    """Text of each boundary: first and last point, feature, type code."""
-    return _texts(_BOUNDARY, np.column_stack([table[:, 1:4], codes[table[:, 4]]]))
+@device_function
+def _boundaries(text: Array, at: int, table: Array, row: int, first: int, codes: Array) -> tuple[int, int]:
+    """Write rows [first point, last point, "feature", type code], separated by commas."""
+    begin = first
+    while first < len(table) and table[first, 0] == row:
+        if first > begin:
+            at = _put(text, at, 44)  # ,
+        at = _number(text, _put(text, at, 91), table[first, 1])  # [
+        at = _number(text, _put(text, at, 44), table[first, 2])
+        at = _quoted(text, _put(text, at, 44), table[first, 3])
+        at = _number(text, _put(text, at, 44), codes[table[first, 4]])
+        at = _put(text, at, 93)
+        first += 1
+    return at, first
 
 
-def _texts(form: str, rows: Array) -> list[str]:
-    """Format each row; one format for all is several times as fast as one for each."""
-    return ("\n".join([form] * len(rows)) % tuple(rows.ravel().tolist())).split("\n") if len(rows) else []
+@device_function
+def _neighbors(
+    text: Array,
+    at: int,
+    start: int,
+    name: Array,
+    table: Array,
+    inner: Array,
+    row: int,
+    first: int,
+    inner_first: int,
+    codes: Array,
+) -> tuple[int, int, int]:
+    """Write the member with a feature's neighbours and their boundaries, if any."""
+    if first >= len(table) or table[first, 0] != row:
+        return at, first, inner_first
+    at = _copy(text, _between(text, at, start), name)
+    begin = first
+    while first < len(table) and table[first, 0] == row:
+        if first > begin:
+            at = _put(text, at, 44)
+        at = _quoted(text, _put(text, at, 91), table[first, 1])
+        for column in range(2, 6):
+            at = _number(text, _put(text, at, 44), table[first, column])
+        at = _put(text, _put(text, at, 44), 91)
+        at, inner_first = _boundaries(text, at, inner, first, inner_first, codes)
+        at = _put(text, _put(text, at, 93), 93)
+        first += 1
+    return _put(text, at, 93), first, inner_first
 
 
-def _by_owner(table: Int64, texts: list[str]) -> Iterator[tuple[int, str]]:
-    """Yield each owner that the first column of a table names, ascending, with its texts."""
-    owners, first = np.unique(table[:, 0], return_index=True)
-    parts = (",".join(texts[start:end]) for start, end in pairwise([*first.tolist(), len(texts)]))
-    return zip(owners.tolist(), parts, strict=True)
+@device_function
+def _between(text: Array, at: int, start: int) -> int:
+    """Write the brace before a feature's first member, or the comma before another."""
+    return _put(text, at, 123 if at == start else 44)
+
+
+@device_function
+def _put(text: Array, at: int, character: int) -> int:
+    text[at] = character
+    return at + 1
+
+
+@device_function
+def _copy(text: Array, at: int, word: Array) -> int:
+    for place in range(len(word)):
+        text[at + place] = word[place]
+    return at + len(word)
+
+
+@device_function
+def _quoted(text: Array, at: int, number: int) -> int:
+    return _put(text, _number(text, _put(text, at, 34), number), 34)
+
+
+@device_function
+def _number(text: Array, at: int, number: int) -> int:
+    """Write the decimal digits of an int64."""
+    rest = np.uint64(number)
+    if number < 0:
+        at = _put(text, at, 45)  # -
+        rest = ~rest + np.uint64(1)
+    end = at + 1
+    power = rest // np.uint64(10)
+    while power > 0:
+        end += 1
+        power //= np.uint64(10)
+    for place in range(end - 1, at - 1, -1):
+        text[place] = 48 + rest % np.uint64(10)
+        rest //= np.uint64(10)
+    return end
