@@ -12,6 +12,9 @@ from hypothesis import strategies as st
 from numba.core.errors import UnsupportedError
 
 from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_data.compiled.gate import uses_internals
+
+pytestmark = pytest.mark.skipif(not uses_internals(), reason="tests what is built on the internals of numba")
 
 
 class Table(NamedTuple):

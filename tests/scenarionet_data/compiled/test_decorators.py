@@ -12,6 +12,9 @@ import pytest
 from scenarionet_data.compiled import announcing
 from scenarionet_data.compiled.announcing import compilations
 from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_data.compiled.gate import uses_internals
+
+pytestmark = pytest.mark.skipif(not uses_internals(), reason="tests what is built on the internals of numba")
 
 DEVICE = """
 from scenarionet_data.compiled.decorators import device_function
