@@ -19,7 +19,7 @@ RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nupla
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-locked lock test-plain test-unchecked install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
-	clean convert docs docs-site notebooks mutants test-cuda test-devkits test-learn test-metadrive
+	clean convert docs docs-site notebooks mutants test-cuda test-devkits test-interop test-learn test-metadrive
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-16s %s\n", $$1, $$2}'
@@ -74,7 +74,7 @@ test-integration: install  ## Run the tests of whole programs, servers, workers,
 	$(PYTEST) -m 'integration and not long and not damage' $(ARGS)
 
 test-all: install  ## Run all tests that need no other environment, including those marked as long.
-	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn and not cuda' $(ARGS)
+	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn and not cuda and not interop' $(ARGS)
 
 test-plain: install  ## Run tests of kernels as with versions of numba that were not tested: by its own compiler and cache.
 	cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && \
@@ -118,6 +118,13 @@ test-cuda: install .venv-cuda/.installed  ## Run the tests of cameras on a graph
 	NUMBA_ENABLE_CUDASIM=1 .venv-cuda/bin/python -m pytest -m cuda tests/cuda/test_frames.py $(ARGS)
 
 .venv-cuda/.installed: tests/cuda/make_environment.sh
+	sh $< $(PYTHON)
+	@touch $@
+
+test-interop: install .venv-interop/.installed  ## Open exported files in SUMO, CARLA's client and ASAM's checker.
+	$(BIN)/python -m pytest -m interop tests/interop $(ARGS)
+
+.venv-interop/.installed: tests/interop/make_environment.sh
 	sh $< $(PYTHON)
 	@touch $@
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 WRITERS = {
     "gpudrive": "scenarionet_data.interchange.gpudrive.writer:GpuDriveWriter",
+    "opendrive": "scenarionet_data.interchange.opendrive.writer:OpenDriveWriter",
     "pufferdrive": "scenarionet_data.interchange.pufferdrive.writer:PufferDriveWriter",
 }
 """Class of each writer by the name of its format."""

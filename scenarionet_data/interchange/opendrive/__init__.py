@@ -1,0 +1,1 @@
+"""OpenDRIVE (ASAM): roads, lanes and junctions in XML."""
