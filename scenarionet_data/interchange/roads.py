@@ -32,7 +32,7 @@ _NARROWEST = 0.1  # [m]
 
 
 @dataclass
-class Road:
+class LaneRoad:
     """A road: parallel lanes from left to right, along the centre of the leftmost one.
 
     Attributes:
@@ -98,7 +98,7 @@ class RoadNetwork:
         num_junctions: Number of junctions.
     """
 
-    roads: list[Road]
+    roads: list[LaneRoad]
     place_of: dict[int, tuple[int, int]]
     connections: list[Connection]
     num_junctions: int
@@ -238,7 +238,7 @@ def _nodes(joints: list[Joint]) -> dict[int, list[Joint]]:
     return {node: sorted(found) for node, found in nodes.items()}
 
 
-def _goes_on(found: list[Joint], roads: list[Road]) -> bool:
+def _goes_on(found: list[Joint], roads: list[LaneRoad]) -> bool:
     """Whether the joints of a node are those of two roads of equally many lanes, one continuing the other smoothly."""
     first, second = roads[found[0].road], roads[found[0].other]
     lanes = range(len(first.lanes))
@@ -248,7 +248,7 @@ def _goes_on(found: list[Joint], roads: list[Road]) -> bool:
     return bool(np.abs(gap).max() < _GAP)
 
 
-def _borders_at(road: Road, place: int) -> Float64:
+def _borders_at(road: LaneRoad, place: int) -> Float64:
     """Points (L + 1, 2) of the borders of lanes at the start or end of a road [m]."""
     along = road.curve.tangent[place]
     points: Float64 = road.curve.points[place, :2] + road.borders[:, place, None] * np.array([-along[1], along[0]])
@@ -270,7 +270,7 @@ def _is_measurable(
     return all(_deviation(road, place, lines[row]) < _DEVIATION for place, row in enumerate(group[1:], start=1))
 
 
-def _deviation(road: Road, place: int, line: Float64) -> float:
+def _deviation(road: LaneRoad, place: int, line: Float64) -> float:
     """The largest distance of the inner points of a lane's centre from the lane of the road [m]."""
     samples, stations, tangents = road.curve.sample(_FINE)
     offset = np.interp(stations, road.stations, road.centres[place])
@@ -285,7 +285,7 @@ def _fit_road(
     lines: dict[int, Float64],
     widths: dict[int, tuple[Float64, Float64]],
     trims: tuple[float, ...],
-) -> Road:
+) -> LaneRoad:
     """Measure the lanes of a group across a curve along the first one."""
     curve = fit(distinct(trimmed(lines[group[0]], *trims)))
     stations = curve.sample(_STEP)[1]
@@ -299,7 +299,7 @@ def _fit_road(
     borders = np.stack([half, -half, *np.zeros((len(group) - 1, len(stations)))])
     for place in range(1, len(group)):
         borders[place + 1] = 2.0 * centres[place] - borders[place]
-    return Road(number, group, curve, stations, centres, borders)
+    return LaneRoad(number, group, curve, stations, centres, borders)
 
 
 def _whole_width(sides: tuple[Float64, Float64]) -> tuple[Float64, Float64]:
@@ -334,7 +334,7 @@ def _offsets(curve: Curve, line: Float64) -> Float64 | None:
 
 
 def _report(
-    roads: list[Road], lines: dict[int, Float64], widths: dict[int, tuple[Float64, Float64]], losses: Losses
+    roads: list[LaneRoad], lines: dict[int, Float64], widths: dict[int, tuple[Float64, Float64]], losses: Losses
 ) -> None:
     """Measure how far the lanes of roads are from those of the map."""
     for road in roads:
@@ -353,7 +353,7 @@ def _report(
 
 
 def _connect(
-    roads: list[Road],
+    roads: list[LaneRoad],
     place_of: dict[int, tuple[int, int]],
     nodes: dict[int, list[Joint]],
     going_on: set[int],
@@ -375,7 +375,7 @@ def _connect(
     return RoadNetwork(roads, place_of, connections, num_junctions)
 
 
-def _connecting(number: int, junction: int, roads: list[Road], joint: Joint) -> Road:
+def _connecting(number: int, junction: int, roads: list[LaneRoad], joint: Joint) -> LaneRoad:
     """The road from the end of a lane to the start of another, as wide as these at its ends."""
     first, second = roads[joint.road], roads[joint.other]
     begin, begin_along = lane_end(first, joint.lane, -1)
@@ -387,13 +387,13 @@ def _connecting(number: int, junction: int, roads: list[Road], joint: Joint) -> 
     curve = joining(begin, begin_along, end, end_along)
     wide = np.array([lane_width(first, joint.lane, -1), lane_width(second, joint.other_lane, 0)])
     borders = np.stack([0.5 * wide, -0.5 * wide])
-    return Road(
+    return LaneRoad(
         number, (-1,), curve, np.array([0.0, curve.length]), np.zeros((1, 2)), borders, junction,
         End(road=first.number, lanes=(joint.lane,)), End(road=second.number, lanes=(joint.other_lane,)),
     )  # fmt: skip
 
 
-def lane_end(road: Road, lane: int, place: int) -> tuple[Float64, Float64]:
+def lane_end(road: LaneRoad, lane: int, place: int) -> tuple[Float64, Float64]:
     """Return the centre (3,) [m] and direction (2,) of a lane at the start (``place=0``) or end (``-1``) of a road."""
     along = road.curve.tangent[place]
     point = road.curve.points[place].copy()
@@ -401,6 +401,6 @@ def lane_end(road: Road, lane: int, place: int) -> tuple[Float64, Float64]:
     return point, along
 
 
-def lane_width(road: Road, lane: int, place: int) -> float:
+def lane_width(road: LaneRoad, lane: int, place: int) -> float:
     """Return the width of a lane [m] at one of the stations of a road."""
     return float(road.borders[lane, place] - road.borders[lane + 1, place])

@@ -13,7 +13,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.interchange.base import Losses
-from scenarionet_data.interchange.roads import Road, RoadNetwork, make_roads
+from scenarionet_data.interchange.roads import LaneRoad, RoadNetwork, make_roads
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -94,7 +94,7 @@ def _header(scenario: ScenarioDescription, network: RoadNetwork) -> Xml.Element:
     return header
 
 
-def _road(road: Road, network: RoadNetwork, features: MapFeatures, signals: list[Signal]) -> Xml.Element:
+def _road(road: LaneRoad, network: RoadNetwork, features: MapFeatures, signals: list[LightSignal]) -> Xml.Element:
     element = Xml.Element(
         "road", name="", length=_number(road.curve.length), id=str(road.number + 1),
         junction="-1" if road.junction is None else str(_junction_id(network, road.junction)), rule="RHT",
@@ -120,7 +120,7 @@ def _road(road: Road, network: RoadNetwork, features: MapFeatures, signals: list
     return element
 
 
-def _plan_view(road: Road) -> Xml.Element:
+def _plan_view(road: LaneRoad) -> Xml.Element:
     view, curve = Xml.Element("planView"), road.curve
     for piece, coefficients in enumerate(curve.coefficients):
         cos, sin = curve.tangent[piece]
@@ -141,14 +141,14 @@ def _plan_view(road: Road) -> Xml.Element:
     return view
 
 
-def _elevation(road: Road) -> Xml.Element:
+def _elevation(road: LaneRoad) -> Xml.Element:
     profile = Xml.Element("elevationProfile")
     for start, height, slope in _lines(road.curve.stations, road.curve.points[:, 2], _FINEST_WIDTH):
         Xml.SubElement(profile, "elevation", s=start, a=height, b=slope, c="0", d="0")
     return profile
 
 
-def _lanes(road: Road, features: MapFeatures) -> Xml.Element:
+def _lanes(road: LaneRoad, features: MapFeatures) -> Xml.Element:
     lanes = Xml.Element("lanes")
     for start, offset, slope in _lines(road.stations, road.borders[0], _FINEST_WIDTH):
         Xml.SubElement(lanes, "laneOffset", s=start, a=offset, b=slope, c="0", d="0")
@@ -208,7 +208,7 @@ def _junctions(network: RoadNetwork) -> Iterator[Xml.Element]:
 
 
 @dataclass(frozen=True)
-class Signal:
+class LightSignal:
     """A traffic light at the end of a lane.
 
     Attributes:
@@ -223,7 +223,7 @@ class Signal:
     station: float
     name: str
 
-    def element(self, road: Road) -> Xml.Element:
+    def element(self, road: LaneRoad) -> Xml.Element:
         """Return the signal, right of its lane."""
         beside = float(np.interp(self.station, road.stations, road.borders[self.place + 1]))
         signal = Xml.Element(
@@ -235,12 +235,12 @@ class Signal:
         return signal
 
 
-def _signals(scenario: ScenarioDescription, network: RoadNetwork, losses: Losses) -> dict[int, list[Signal]]:
+def _signals(scenario: ScenarioDescription, network: RoadNetwork, losses: Losses) -> dict[int, list[LightSignal]]:
     """The traffic lights of each road, at its end: SUMO would divide a road that has one before."""
     if scenario.map is None:
         return {}
     row_of = {feature: row for row, feature in enumerate(scenario.map.ids)}
-    found: dict[int, list[Signal]] = {}
+    found: dict[int, list[LightSignal]] = {}
     for number, (lane, light, stop) in enumerate(
         zip(scenario.lights.lane_ids, scenario.lights.ids, scenario.lights.stop_point, strict=True), start=1
     ):
@@ -254,17 +254,17 @@ def _signals(scenario: ScenarioDescription, network: RoadNetwork, losses: Losses
             losses.approximate(
                 "stop points of traffic lights, which stand at the end of their lane", int(before > 0.5), before, "m"
             )
-        found.setdefault(road.number, []).append(Signal(number, place[1], road.curve.length, str(light)))
+        found.setdefault(road.number, []).append(LightSignal(number, place[1], road.curve.length, str(light)))
     losses.leave_out("states of traffic lights", int((scenario.lights.state != 0).sum()))
     return found
 
 
-def _nearest_station(road: Road, point: Float64) -> float:
+def _nearest_station(road: LaneRoad, point: Float64) -> float:
     samples, stations, _ = road.curve.sample(0.25)
     return float(stations[np.argmin(np.hypot(*(samples - point).T))])
 
 
-def _controllers(signals: Mapping[int, list[Signal]]) -> Iterator[Xml.Element]:
+def _controllers(signals: Mapping[int, list[LightSignal]]) -> Iterator[Xml.Element]:
     """One controller for each light, which OpenSCENARIO's traffic signals refer to."""
     for signal in (signal for found in signals.values() for signal in found):
         controller = Xml.Element("controller", id=str(signal.number), name=f"light-{signal.number}", sequence="0")
