@@ -14,7 +14,7 @@ from stable_baselines import make_model, success_rate  # noqa: E402
 
 from scenarionet_sim.environments.config import VectorConfig  # noqa: E402
 from scenarionet_sim.environments.stable_baselines import StableBaselinesEnv  # noqa: E402
-from scenarionet_sim.scenarios import Scenarios  # noqa: E402
+from scenarionet_sim.scenarios.selection import Scenarios  # noqa: E402
 
 BENDS = {"blocks": "curve=1", "num_blocks": 1, "density": 0, "max_lanes": 1, "construction": 0}
 
