@@ -172,7 +172,9 @@ def needed(tail: bytes) -> int:
     """
     length = int.from_bytes(tail[-TAIL:-4], "little") + TAIL
     before = tail[-length - _SEAL : -length]
-    count = int.from_bytes(before[8:16], "little") if before[:8] == _MAGIC else 0
+    count = (
+        int.from_bytes(before[8:16], "little") if before[:8] == _MAGIC else 1
+    )  # the seal of version 0.2 has 40 bytes
     return max(length + _SEAL + _DIGEST * count, WINDOW)
 
 

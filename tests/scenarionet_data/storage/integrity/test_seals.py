@@ -149,6 +149,21 @@ def test_long_footer_is_read_whole(tmp_path):
         verifying.open_end(path, NAME)
 
 
+@pytest.mark.parametrize("length", [1, 3 * seals.WINDOW])
+def test_seal_of_version_0_2_is_verified(tmp_path, length):
+    path, place = tmp_path / "1.parquet", Place("tracks/a.parquet")
+    content = write(path, {"scenarionet.lineage": "x" * length})
+    size = int.from_bytes(content[-8:-4], "little") + 8
+    body, footer, name = content[:-size], content[-size:], place.name.encode()
+    seal = b"SNSEAL\x00\x01" + xxh3_128_digest(footer + name) + xxh3_128_digest(body + name)
+    path.write_bytes(body + seal + footer)
+    assert verifying.verify_again(path, place)
+    assert not verifying.open_end(path, place).digest
+    path.write_bytes(b"x" + body[1:] + seal + footer)
+    with pytest.raises(LakeError, match="its bytes differ"):
+        verifying.verify_again(path, place)
+
+
 # --- JSON -------------------------------------------------------------------------------------------------
 
 
