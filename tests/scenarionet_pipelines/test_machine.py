@@ -73,7 +73,7 @@ def test_missing_packages_have_a_remedy(is_checkout, install, monkeypatch, tmp_p
 
 def test_every_extra_of_users_is_examined():
     project = tomllib.loads(local._PROJECT.read_text())["project"]
-    assert local.EXTRAS.keys() == project["optional-dependencies"].keys() - {"dev", "docs"}
+    assert local.EXTRAS.keys() == project["optional-dependencies"].keys() - {"dev", "docs", "mutants"}
 
 
 def test_findings_fit_on_a_screen(tmp_path):
