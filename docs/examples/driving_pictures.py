@@ -78,11 +78,12 @@ def _drive(loader: ScenarioLoader, numbers: Array, every: int, rng: np.random.Ge
     worlds = [World.from_scenario(loader[number]) for number in numbers.tolist()]
     simulation = Simulation(worlds, (Replay(), Idm(objects=other_vehicles), Idm(objects=ego)), has_passengers=True)
     slots, rows = simulation.agents.T
+    ends = np.array([world.num_steps for world in worlds])
     speeds, waiting = list[Float64](), list[tuple[int, Array, DrivePictures]]()
     places, before = np.zeros((2, len(worlds))), np.empty((len(worlds), *CAMERA.shape), np.uint8)
-    for step in range(max(world.num_steps for world in worlds)):  # each depends on the one before
+    for step in range(ends.max()):  # each depends on the one before
         simulation.step()
-        state, here = simulation.state, np.flatnonzero(simulation.state.present[slots, rows])
+        state, here = simulation.state, np.flatnonzero(simulation.state.present[slots, rows] & (step < ends))
         speeds.append(np.hypot(*state.velocity[slots, rows].T))
         if step % every == every - 2:
             places = rng.uniform(-1.0, 1.0, (2, len(worlds))) * [[LARGEST_OFFSET], [LARGEST_TURN]]

@@ -73,5 +73,5 @@ def _claims(test: str) -> tuple[Claim, ...]:
     return tuple(
         Claim(f"{why['copo' if worse == 'ippo' else 'ippo']}: {names[better]} succeeds more often than {names[worse]}",
               better, worse, test)
-        for better, worse in above
+        for better, worse in above if {better, worse} <= {*ALGORITHMS}
     )  # fmt: skip

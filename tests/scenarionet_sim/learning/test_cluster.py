@@ -22,8 +22,6 @@ def test_seeds_train_on_a_local_cluster(tmp_path, monkeypatch):
     monkeypatch.setattr(multi_agent, "SMALL", tiny)
     monkeypatch.setattr(multi_agent, "EVERY", 50)
     monkeypatch.setattr(multi_agent, "ALGORITHMS", ("ippo", "copo"))
-    claims = multi_agent._claims
-    monkeypatch.setattr(multi_agent, "_claims", lambda test: claims(test)[:1])  # CoPO above IPPO
     words = [
         "runs",
         "experiment",

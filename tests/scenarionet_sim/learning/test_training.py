@@ -181,7 +181,7 @@ def test_a_damaged_checkpoint_is_named(lake):
     data = bytearray(newest.read_bytes())
     data[-100] ^= 1
     newest.write_bytes(data)
-    with pytest.raises(LakeError, match="a damaged checkpoint, its tensors differ"):
+    with pytest.raises(LakeError, match="a damaged checkpoint, its bytes differ"):
         checkpoints.load(open_files(lake.root), "mine")
 
 
