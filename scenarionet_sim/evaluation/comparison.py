@@ -33,6 +33,11 @@ METRICS: Mapping[str, str] = {
 }
 """Metrics of a comparison as expressions over ``results``: shares of scenarios, scores and means."""
 
+LOWER_IS_BETTER = frozenset(
+    ("out_of_road", "timeout", "crashed", "at_fault", "off_road", "red_light", "average_displacement")
+)
+"""The metrics of which less is better; of the others more is."""
+
 JUDGED_BY = "coalesce(nuplan_score, success::INTEGER - crashed::INTEGER)"
 """What decides unless told otherwise whether a scenario got better: higher is better."""
 
@@ -102,6 +107,25 @@ class RunComparison:
     notes: tuple[str, ...]
     better: tuple[tuple[str, float], ...]
     worse: tuple[tuple[str, float], ...]
+
+    def verdict(self) -> tuple[tuple[str, ...], tuple[str, ...], int]:
+        """Judge the last run against the first by the metrics of all scenarios.
+
+        Returns:
+            The metrics in which it is significantly worse (the 95 % interval of the change excludes 0), those
+            in which it is significantly better, and the number of metrics that both runs have.
+        """
+        changes = {each.metric: each.changes[-1] for each in self.metrics if each.group == ALL}
+        known = {metric: change for metric, change in changes.items() if change is not None}
+        fell = {metric for metric, change in known.items() if change.high < 0}
+        rose = {metric for metric, change in known.items() if change.low > 0}
+        worse = (fell - LOWER_IS_BETTER) | (rose & LOWER_IS_BETTER)
+        in_order = [metric for metric in known if metric in fell | rose]
+        return (
+            tuple(metric for metric in in_order if metric in worse),
+            tuple(metric for metric in in_order if metric not in worse),
+            len(known),
+        )
 
     def holds(self, condition: str, lake: Lake) -> bool:
         """Evaluate a condition on the last run, such as ``crashed > 0.01 OR nuplan_score_change < -0.02``.

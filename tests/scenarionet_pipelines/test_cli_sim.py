@@ -135,6 +135,10 @@ def test_compare_runs_prints_saves_and_fails(compared, lake, as_json):
     failed = run(*compared, "--fail-if", "crashed > 0.01")
     assert failed.exit_code == 1 and "failed: crashed > 0.01 holds for constant" in failed.stderr
     assert "+1 [+1, +1] (n = 3)" in failed.stdout and "0 scenarios better, 3 worse in constant" in failed.stdout
+    assert all(scenario.id in failed.stdout for scenario in SCENARIOS), "the worst cases are listed"
+    last = failed.stdout.splitlines()[-1]
+    assert last.startswith(f"constant is significantly worse in {len(found['verdict']['worse'])} of ")
+    assert "crashed" in last and f" of {found['verdict']['measures']} measures: " in last
 
 
 @pytest.mark.long

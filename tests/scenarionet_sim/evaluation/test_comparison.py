@@ -7,8 +7,9 @@ import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, QueryError
+from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_sim.evaluation.comparison import RunComparison, compare_runs
+from scenarionet_sim.evaluation.comparison import LOWER_IS_BETTER, METRICS, RunComparison, compare_runs
 from scenarionet_sim.evaluation.evaluation import RULE
 from tests.fixtures.drives import make_drive
 from tests.fixtures.lakes import write_lake
@@ -63,6 +64,24 @@ def test_scenarios_that_changed(lake):
     found = compare_runs(lake, "before", "after")
     assert found.better == ((IDS[0], 0.5),) and found.worse == ((IDS[1], -0.5), (IDS[2], -0.5))
     assert compare_runs(lake, "before", "after", judged_by="-cost").worse == ((IDS[1], -1.0),)
+
+
+def test_the_verdict_counts_intervals_on_one_side_of_zero(tmp_path):
+    """Crashes rise and scores fall in all scenarios; the completion of one route falls by far, of the others not."""
+    lake = write_lake(tmp_path / "lake", SCENARIOS)
+    publish(lake, "before", [row(k, 0.8, route_completion=1.0, average_displacement=2.0) for k in range(4)])
+    after = [row(k, 0.5 + 0.01 * k, 1, route_completion=float(k > 0), average_displacement=1.0) for k in range(4)]
+    publish(lake, "after", after)
+    found = compare_runs(lake, "before", "after")
+    assert found.verdict()[:2] == (("success", "crashed", "nuplan_score"), ("average_displacement",))
+    assert found.verdict()[2] == sum(each.changes[1] is not None for each in found.metrics)
+    assert compare_runs(lake, "after", "before").verdict()[0] == ("average_displacement",)
+
+
+def test_which_way_is_better_agrees_with_the_schema():
+    declared = {column.name: column.better for column in tables.load("results").columns if column.better}
+    assert {name for name in METRICS if declared.get(name) == "lower"} <= LOWER_IS_BETTER
+    assert not {name for name in METRICS if declared.get(name) == "higher"} & LOWER_IS_BETTER
 
 
 def test_groups_by_expression_and_by_event(lake):

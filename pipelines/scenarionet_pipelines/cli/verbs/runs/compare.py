@@ -13,12 +13,16 @@ from scenarionet_pipelines.cli.verb import LakeVerb, argument, option
 if TYPE_CHECKING:
     from scenarionet_sim.evaluation.comparison import RunComparison
 
+_WORST = 10
+"""Scenarios that got worse and are listed."""
+
 
 class CompareVerb(LakeVerb):
     """Compare two or more runs of `scenarionet sim`.
 
     For every metric there are the share of scenarios or the mean of each run with its number of scenarios, and the
-    mean difference from the first run over the scenarios that both have, with a 95 % interval of Student's t.
+    mean difference from the first run over the scenarios that both have, with a 95 % interval of Student's t. Then come
+    the scenarios that got worst, and a verdict on the last run: the metrics whose interval is on one side of 0.
 
     --fail-if is an SQL expression over the names of the metrics, the values of the last run, and the same names with
     _change.
@@ -63,7 +67,9 @@ class CompareVerb(LakeVerb):
             click.echo(f"wrote {self.html}", err=True)
         failed = self.fail_if is not None and found.holds(self.fail_if, opened)
         if self.as_json:
-            print_json(asdict(found) | {"failed": failed})
+            worse, better, measures = found.verdict()
+            verdict = {"worse": worse, "better": better, "measures": measures}
+            print_json(asdict(found) | {"failed": failed, "verdict": verdict})
         else:
             print_comparison(found)
         if failed:
@@ -72,7 +78,7 @@ class CompareVerb(LakeVerb):
 
 
 def print_comparison(found: RunComparison) -> None:
-    """Print the mean of each metric by run and group, and how many scenarios got better and worse."""
+    """Print the mean of each metric by run and group, the scenarios that got worst, and the verdict."""
     from scenarionet_pipelines.report.changes import change_text
 
     has_groups = len({each.group for each in found.metrics}) > 1
@@ -88,5 +94,11 @@ def print_comparison(found: RunComparison) -> None:
     print_table(rows, heads)
     for note in found.notes:
         click.echo(f"note: {note}")
-    verdict = f"{count(len(found.better), 'scenario')} better, {len(found.worse):,} worse in {found.runs[-1]}"
-    click.echo(f"{verdict} by {found.judged_by}")
+    last = found.runs[-1]
+    changed = f"{count(len(found.better), 'scenario')} better, {len(found.worse):,} worse in {last}"
+    click.echo(f"{changed} by {found.judged_by}")
+    print_table([(scenario_id, f"{change:+.4g}") for scenario_id, change in found.worse[:_WORST]])
+    worse, better, measures = found.verdict()
+    for word, metrics in (("better", better), ("worse", worse)):
+        named = f": {', '.join(metrics)}" if metrics else ""
+        click.echo(f"{last} is significantly {word} in {len(metrics)} of {count(measures, 'measure')}{named}")
