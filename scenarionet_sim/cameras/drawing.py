@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Array, Float64, Int32, Int64, UInt8
 from scenarionet_data.compiled.checking import unchecked
 from scenarionet_sim.cameras.channels import CHANNELS, shape_of_channel, tail_of_channel
 from scenarionet_sim.cameras.draw.columns import NUM_INSTANCE, NUM_LIGHTS, NUM_POSE, NUM_SHADES, NUM_VERTEX
@@ -35,7 +35,7 @@ from scenarionet_sim.cameras.draw.structures import (
 )
 from scenarionet_sim.cameras.meshes.library import library
 from scenarionet_sim.cameras.stage import Scenery, stage_of
-from scenarionet_sim.threads import Threads
+from scenarionet_sim.threads.team import Threads
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -126,11 +126,11 @@ def draw(
         SceneArrays(stage.solids(batch, state), stage.ground, library(), rig.look),
     )
 
-    def draw_parts(_: int, first: int, end: int) -> int:
-        return unchecked(draw_frames)(first, end, shots, scene, _scratch(width), pictures)
+    def draw_parts(own: int, ranges: Int64) -> None:
+        unchecked(draw_frames)(own, ranges, shots, scene, _scratch(width), pictures)
 
     if count:
-        _threads(threads).run(draw_parts, count * -(-height // (BAND * BANDS)))
+        _threads(threads).spread(draw_parts, count * -(-height // (BAND * BANDS)))
     made = dict(zip(CHANNELS, pictures, strict=True))
     return {name: made[name].reshape(count, height, width, *tail_of_channel(name)) for name in channels}
 

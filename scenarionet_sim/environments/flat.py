@@ -18,7 +18,7 @@ from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.simulation.seats import Seats, list_ends
-from scenarionet_sim.threads import all_cores
+from scenarionet_sim.threads.team import all_cores
 from scenarionet_sim.worlds.world import World
 
 _LOADED_AHEAD = 8

@@ -17,7 +17,7 @@ from scenarionet_sim.environments.config import VectorConfig, make_config
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.task.scoring_kernels import HAS_ARRIVED, TERMINATED, TRUNCATED, list_ended
-from scenarionet_sim.threads import all_cores
+from scenarionet_sim.threads.team import all_cores
 
 _LOADED_AHEAD = 8  # many episodes tend to end in the same step
 

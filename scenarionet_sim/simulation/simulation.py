@@ -36,7 +36,8 @@ from scenarionet_sim.simulation.step import (
     step_worlds,
 )
 from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays, StepSettings
-from scenarionet_sim.threads import Threads
+from scenarionet_sim.threads.sharing import Team
+from scenarionet_sim.threads.team import Threads
 from scenarionet_sim.worlds.episode_kernels import AT_FIRST, GOES_ON, UNDRIVEN
 from scenarionet_sim.worlds.state import History, State
 from scenarionet_sim.worlds.world import World
@@ -327,10 +328,10 @@ class Simulation:
         exchange = Exchange(self._agents.actions, observer.result, observer.sensing)
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
 
-        def run(own: int, first: int, end: int) -> int:
-            return step(first, end, phases, settings, arrays, exchange, *memory[own])
+        def run(own: int, team: Team) -> None:
+            step(own, team, phases, settings, arrays, exchange, *memory[own])
 
-        lost = self._threads.run(run, len(self.batch))
+        lost = self._threads.share(run, len(self.batch))
         if phases & OBSERVE:
             observer.is_stale &= bool(phases & ONLY_BEGUN)
             if lost >= 0:
@@ -354,6 +355,7 @@ class Simulation:
         count, sensing = self.batch.max_objects, self.observer.sensing
         if self._memory and self._memory_for[0] == count and self._memory_for[1] is sensing.kind:
             return
+        self._threads.dismiss()
         self._memory_for = count, sensing.kind
         self._memory = [
             (Scratch.of(count, sensing), *((SightMemory.of(count),) if self._policies.follow_paths else ()))

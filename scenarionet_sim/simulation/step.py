@@ -28,6 +28,7 @@ from scenarionet_sim.simulation.agent_kernels import DrivenArrays, admit_agents,
 from scenarionet_sim.simulation.seats import seat_agents, settle
 from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays, StepSettings
 from scenarionet_sim.task.scoring_kernels import clear_score, excuse, score
+from scenarionet_sim.threads.sharing import LEADER, Team, begin, end, keep, kept, take
 from scenarionet_sim.worlds.episode_kernels import AT_FIRST, BEGUN, GOES_ON, begin_world
 from scenarionet_sim.worlds.path_kernels import PathRows, locate
 
@@ -40,60 +41,67 @@ begun go on. Episodes begin before.
 
 @kernel(nogil=True, allocates=False)
 def step_worlds(
-    first: int,
-    end: int,
+    own: int,
+    team: Team,
     phases: int,
     settings: StepSettings,
     arrays: StepArrays,
     exchange: Exchange,
     scratch: Scratch,
-) -> int:
-    """Advance a range of worlds by one step.
+) -> None:
+    """Advance worlds by one step; the largest result of any thread is an agent that is not located on its path, or -1.
 
     Args:
-        first, end: The worlds.
+        own: Number of the thread.
+        team: Threads that share the worlds; all but the leader's arguments are taken from the leader.
         phases: Phases of the step.
         settings: What is the same in all worlds.
         arrays: What steps read and write.
         exchange: What the step gets and returns.
         scratch: Memory of this thread.
-
-    Returns:
-        The last agent that is not located on its path, or -1.
     """
-    lost = -1
-    for w in range(first, end):
-        _begin_or_move(w, phases, settings, arrays)
-        lost = larger(lost, _finish(w, phases, settings, arrays, exchange, scratch))
-    return lost
+    if own == LEADER:
+        keep(team, (phases, settings, arrays, exchange))
+    turn = begin(team, own, 0)
+    while turn:
+        given = kept(team, (phases, settings, arrays, exchange))
+        lost, w = -1, take(team.ranges, own)
+        while w >= 0:
+            _begin_or_move(w, given[0], given[1], given[2])
+            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
+            w = take(team.ranges, own)
+        turn = end(team, own, turn, lost)
 
 
 @kernel(nogil=True, allocates=False)
 def step_reactive_worlds(
-    first: int,
-    end: int,
+    own: int,
+    team: Team,
     phases: int,
     settings: StepSettings,
     arrays: StepArrays,
     exchange: Exchange,
     scratch: Scratch,
     memory: SightMemory,
-) -> int:
+) -> None:
     """Advance worlds in which objects follow paths by IDM: a kernel of its own, as replays need not compile that.
 
     Args:
-        first, end, phases, settings, arrays, exchange, scratch: See :func:`step_worlds`.
+        own, team, phases, settings, arrays, exchange, scratch: See :func:`step_worlds`.
         memory: Memory of this thread.
-
-    Returns:
-        The last agent that is not located on its path, or -1.
     """
-    lost = -1
-    for w in range(first, end):
-        _begin_or_move(w, phases, settings, arrays)
-        _drive_by_idm(w, phases, settings.dt, arrays, memory)
-        lost = larger(lost, _finish(w, phases, settings, arrays, exchange, scratch))
-    return lost
+    if own == LEADER:
+        keep(team, (phases, settings, arrays, exchange))
+    turn = begin(team, own, 0)
+    while turn:
+        given = kept(team, (phases, settings, arrays, exchange))
+        lost, w = -1, take(team.ranges, own)
+        while w >= 0:
+            _begin_or_move(w, given[0], given[1], given[2])
+            _drive_by_idm(w, given[0], given[1].dt, given[2], memory)
+            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
+            w = take(team.ranges, own)
+        turn = end(team, own, turn, lost)
 
 
 @device_function(forceinline=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarionet_data.arrays.dtypes import Float64, UInt8
+from scenarionet_data.arrays.dtypes import Float64, Int64, UInt8
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.minmax import smaller
 from scenarionet_sim.cameras.channels import write_channels
@@ -27,27 +27,26 @@ from scenarionet_sim.cameras.draw.structures import (
     Triangles,
 )
 from scenarionet_sim.cameras.draw.triangles import trace_band
+from scenarionet_sim.threads.sharing import take
 
 
 @kernel(allocates=False, nogil=True, divides_by_zero=True, is_wide=True)
 def draw_frames(
-    first: int, end: int, shots: Shots, scene: SceneArrays, scratch: FrameMemory, pictures: Pictures
-) -> int:
+    own: int, ranges: Int64, shots: Shots, scene: SceneArrays, scratch: FrameMemory, pictures: Pictures
+) -> None:
     """Draw parts of frames, ``BANDS`` bands each.
 
     Args:
-        first, end: Range of the parts of all frames, frame by frame.
+        own, ranges: Number of the thread, and parts of all frames, frame by frame, see ``threads.sharing``.
         shots, scene: The cameras and what they see.
         scratch: Memory of the calling thread.
         pictures: Outputs.
-
-    Returns:
-        The last part.
     """
     height, width, memory = shots.height, shots.width, scratch.band
     drawn, count, num_shadows, shown, above = -1, 0, 0, -1, -1
     parts = (height + BAND * BANDS - 1) // (BAND * BANDS)
-    for part in range(first, end):
+    part = take(ranges, own)
+    while part >= 0:
         frame = part // parts
         view = FrameView(
             shots.owners[frame, 0], shots.owners[frame, 1], shots.owners[frame, 2], shots.poses[frame],
@@ -76,7 +75,7 @@ def draw_frames(
                     color_tile(place, sees, view, scene.ground, scene.look.grain, scratch.triangles, shadows, tile)
                     picture = pictures[0][frame, 3 * place : 3 * (place + stop - start)]
                     expose(place, view, scene.look.tone, tile.seen, tile.shades, picture)
-    return end - 1
+        part = take(ranges, own)
 
 
 @device_function(forceinline=True, divides_by_zero=True, nogil=True)

@@ -1,0 +1,1 @@
+"""Threads that take items from each other inside compiled functions."""
