@@ -60,7 +60,7 @@ def test_paths_of_generated_scenarios_have_no_cusps(count, tmp_path):
 
 
 @pytest.mark.integration
-@pytest.mark.parametrize("source", ["scenarionet", "argoverse2", "nuplan"])
+@pytest.mark.parametrize("source", ["scenarionet", "argoverse2"])
 def test_paths_of_recordings_have_no_cusps(source, recordings, tmp_path):
     convert(source, str(recordings / source), tmp_path)
     assert sum(num_cusps(World.from_scenario(scenario)) for scenario in ScenarioLoader(tmp_path)) == 0
