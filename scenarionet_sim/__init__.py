@@ -62,13 +62,13 @@ if TYPE_CHECKING:
     from scenarionet_sim.scenarios.selection import Scenarios as Scenarios
     from scenarionet_sim.sensors.base import Sensor as Sensor
     from scenarionet_sim.sensors.bird_view import BirdView as BirdView
-    from scenarionet_sim.sensors.boundary import BoundaryDetector as BoundaryDetector
     from scenarionet_sim.sensors.camera import Camera as Camera
     from scenarionet_sim.sensors.camera import Mount as Mount
     from scenarionet_sim.sensors.camera_presets import camera_ring as camera_ring
-    from scenarionet_sim.sensors.lane_line import LaneLineDetector as LaneLineDetector
     from scenarionet_sim.sensors.lidar import Lidar as Lidar
-    from scenarionet_sim.sensors.light_ahead import LightAhead as LightAhead
+    from scenarionet_sim.sensors.line_rays import BoundaryDetector as BoundaryDetector
+    from scenarionet_sim.sensors.line_rays import LaneLineDetector as LaneLineDetector
+    from scenarionet_sim.sensors.navigation import LightAhead as LightAhead
     from scenarionet_sim.sensors.navigation import Navigation as Navigation
     from scenarionet_sim.sensors.point_cloud import PointCloud as PointCloud
     from scenarionet_sim.sensors.scene_lidar import SceneLidar as SceneLidar

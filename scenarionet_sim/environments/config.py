@@ -15,8 +15,8 @@ from scenarionet_sim.policies.objects import vehicles
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.sensors.base import Sensor
-from scenarionet_sim.sensors.boundary import BoundaryDetector
 from scenarionet_sim.sensors.lidar import Lidar
+from scenarionet_sim.sensors.line_rays import BoundaryDetector
 from scenarionet_sim.sensors.navigation import Navigation
 from scenarionet_sim.sensors.state import EgoState
 from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Reward, Termination

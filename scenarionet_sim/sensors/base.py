@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_sim.worlds.state import State
@@ -148,6 +148,22 @@ def directions(count: int) -> Float64:
     vectors = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     vectors.flags.writeable = False
     return vectors
+
+
+def add_noise(shares: Float32, spread: float, dropout: float, rng: np.random.Generator) -> None:
+    """Add noise to ranges in place.
+
+    Args:
+        shares: Ranges divided by the sensor's range, in [0, 1].
+        spread: Standard deviation of the Gaussian error, divided by the range; results are clipped to [0, 1].
+        dropout: Probability that a ray has no return.
+        rng: Source of noise; unused when both are 0.
+    """
+    if spread > 0.0:
+        shares += spread * rng.standard_normal(shares.shape, np.float32)
+        np.clip(shares, 0.0, 1.0, out=shares)
+    if dropout > 0.0:
+        shares[rng.random(shares.shape, np.float32) < dropout] = 1.0
 
 
 def map_types(is_kind: Callable[[Any], Any]) -> tuple[MapFeatureType, ...]:

@@ -8,9 +8,8 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.sensors.base import CompiledSensor, Sensor, directions, require, table
+from scenarionet_sim.sensors.base import CompiledSensor, Sensor, add_noise, directions, require, table
 from scenarionet_sim.sensors.box_ray_kernels import cast_at_boxes
-from scenarionet_sim.sensors.noise import add_noise
 from scenarionet_sim.sensors.observation_kernels import LIDAR
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch

@@ -1,4 +1,4 @@
-"""Rays at the lines of the map, shared by the boundary and lane-line detectors."""
+"""Rays at the lines of the map: detectors of the road boundary and of lane lines."""
 
 from __future__ import annotations
 
@@ -7,13 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32
-from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType, is_road_edge, is_road_line
 from scenarionet_sim.roads.ray_kernels import cast_at_segments
-from scenarionet_sim.sensors.base import CompiledSensor, Sensor, directions, require, table
-from scenarionet_sim.sensors.noise import add_noise
+from scenarionet_sim.sensors.base import CompiledSensor, Sensor, add_noise, directions, map_types, require, table
 from scenarionet_sim.sensors.observation_kernels import LINE_RAYS
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
+
+BOUNDARIES = (
+    MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE,
+    MapFeatureType.ROAD_LINE_SOLID_DOUBLE_WHITE,
+    MapFeatureType.ROAD_LINE_SOLID_SINGLE_YELLOW,
+    MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW,
+    *map_types(is_road_edge),
+)
+"""Lines that a vehicle must not cross: edges and solid lines, as in MetaDrive's side detector. Solid lines are included
+because some sources (nuScenes and nuPlan in ScenarioNet's pickles) record the road edge as a solid white line."""
 
 
 @dataclass(frozen=True)
@@ -63,3 +72,18 @@ class LineRays(Sensor):
         cast_at_segments(agents, state.motion, batch.lines, table(self.types), directions(self.rays), self.range, out)
         add_noise(out, self.noise / self.range, self.dropout, rng)
         return out
+
+
+@dataclass(frozen=True)
+class BoundaryDetector(LineRays):
+    """Rays at road edges and solid lines; the paper uses 12 over 50 m. See :class:`LineRays`."""
+
+    types: tuple[MapFeatureType, ...] = BOUNDARIES
+
+
+@dataclass(frozen=True)
+class LaneLineDetector(LineRays):
+    """Rays at painted lines, broken and solid, over 20 m. See :class:`LineRays`."""
+
+    range: float = 20.0
+    types: tuple[MapFeatureType, ...] = map_types(is_road_line)

@@ -1,4 +1,4 @@
-"""Points ahead on the agent's reference path."""
+"""Points and the next traffic light ahead on the agent's reference path."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.sensors.base import CompiledSensor, Sensor, require, require_located
 from scenarionet_sim.sensors.observation_kernels import WAY_AHEAD
-from scenarionet_sim.sensors.route_kernels import points_ahead
+from scenarionet_sim.sensors.route_kernels import observe_light, points_ahead
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -57,3 +58,32 @@ class Navigation(Sensor):
         np.divide(ahead, self.range, out=out, casting="same_kind")
         np.minimum(out, 1.0, out=out)  # np.clip is three times slower for so few values
         return np.maximum(out, -1.0, out=out)
+
+
+@dataclass(frozen=True)
+class LightAhead(Sensor):
+    """The next light on the agent's own path: distance to its stop point, and its current colour.
+
+    Observes (4,) float32 in [0, 1]: the distance along the path from the agent's centre as a share of ``range``; 1 for
+    green, 1 for yellow, 1 for red. An unknown colour gives three zeros; without a light in reach the observation
+    is (1, 0, 0, 0). After the end of the recording lights keep their last state.
+
+    Attributes:
+        range: Range along the path [m].
+    """
+
+    range: float = 50.0
+
+    def __post_init__(self) -> None:
+        require(self.range > 0, f"the range of LightAhead must be above 0 m, found range={self.range}")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(4,)."""
+        return (4,)
+
+    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
+        """Write distance and colour."""
+        lost = observe_light(agents, state.route, state.timestep, batch.recorded, LIGHT_COLORS, self.range, out)
+        require_located(lost, agents)
+        return out

@@ -9,8 +9,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float64, Int32
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.sensors.base import Sensor, directions, require, visible_objects
-from scenarionet_sim.sensors.noise import add_noise
+from scenarionet_sim.sensors.base import Sensor, add_noise, directions, require, visible_objects
 from scenarionet_sim.sensors.point_cloud_kernels import spin
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch

@@ -14,9 +14,8 @@ from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.drawing import Optics, Rig, draw, poses_on
 from scenarionet_sim.cameras.weather import DAY, look_of
-from scenarionet_sim.sensors.base import Sensor, require
+from scenarionet_sim.sensors.base import Sensor, add_noise, require
 from scenarionet_sim.sensors.camera import Mount
-from scenarionet_sim.sensors.noise import add_noise
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 

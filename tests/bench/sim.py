@@ -31,8 +31,8 @@ from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.sensors.bird_view import BirdView
-from scenarionet_sim.sensors.boundary import BoundaryDetector
 from scenarionet_sim.sensors.lidar import Lidar
+from scenarionet_sim.sensors.line_rays import BoundaryDetector
 from scenarionet_sim.sensors.navigation import Navigation
 from scenarionet_sim.sensors.state import EgoState
 from scenarionet_sim.simulation.simulation import Simulation

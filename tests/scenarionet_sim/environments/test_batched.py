@@ -20,8 +20,7 @@ from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.sensors.bird_view import BirdView
 from scenarionet_sim.sensors.lidar import Lidar
-from scenarionet_sim.sensors.light_ahead import LightAhead
-from scenarionet_sim.sensors.navigation import Navigation
+from scenarionet_sim.sensors.navigation import LightAhead, Navigation
 from scenarionet_sim.sensors.surrounding import Surrounding
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive

@@ -18,8 +18,7 @@ from scenarionet_sim.arrays.log import HEADING, X, Y
 from scenarionet_sim.roads.ray_kernels import cast_at_segments
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.sensors.base import directions, table
-from scenarionet_sim.sensors.boundary import BOUNDARIES, BoundaryDetector
-from scenarionet_sim.sensors.lane_line import LaneLineDetector
+from scenarionet_sim.sensors.line_rays import BOUNDARIES, BoundaryDetector, LaneLineDetector
 from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch
 from tests.fixtures.drives import make_drive

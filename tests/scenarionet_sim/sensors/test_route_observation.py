@@ -10,8 +10,7 @@ from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.policies.replay import Replay
-from scenarionet_sim.sensors.light_ahead import LightAhead
-from scenarionet_sim.sensors.navigation import Navigation
+from scenarionet_sim.sensors.navigation import LightAhead, Navigation
 from scenarionet_sim.sensors.state import EgoState
 from scenarionet_sim.sensors.surrounding import Surrounding
 from scenarionet_sim.simulation.simulation import Simulation
