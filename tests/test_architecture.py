@@ -241,3 +241,23 @@ def test_no_machine_specific_paths():
         if path.suffix in {".py", ".md", ".toml", ".sql", ".json", ""} and path.is_file():
             text = path.read_text("utf-8", errors="ignore")
             assert not [word for word in words if word in text], path
+
+
+def num_parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Number of named parameters besides ``self`` and ``cls``."""
+    named = function.args.posonlyargs + function.args.args + function.args.kwonlyargs
+    return sum(parameter.arg not in ("self", "cls") for parameter in named)
+
+
+def test_parameters_are_counted():
+    function = ast.parse("def f(self, a, /, b, *rest, c, **more): ...").body[0]
+    assert isinstance(function, ast.FunctionDef) and num_parameters(function) == 3
+
+
+@pytest.mark.parametrize(("package", "most"), [("scenarionet_data", 20), ("scenarionet_sim", 17), ("pipelines", 0)])
+def test_few_functions_have_more_than_eight_parameters(package, most):
+    """Pass what belongs together as a named tuple or dataclass; lower the number when fewer are left."""
+    nodes = ((path, node) for path in modules(package) for node in ast.walk(parsed(path)))
+    long = [f"{path.relative_to(ROOT)}:{node.lineno} {node.name}" for path, node in nodes
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and num_parameters(node) > 8]  # fmt: skip
+    assert len(long) <= most, long
