@@ -17,6 +17,7 @@ from scenarionet_data.codec.check_kernels import OR_NONE, check_lengths
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.feature_kernels import fill_features, find_bounds
 from scenarionet_data.codec.stored_part import StoredPart
+from scenarionet_data.compiled.checking import unchecked
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -133,7 +134,7 @@ def _features(columns: Columns, first: int, last: int, memory: Memory) -> MapFea
     stored = StoredFeatures(columns, first, last, 0, memory)
     codes, places = codes_of_words(columns, "feature_type", MapFeatureType), columns.layout.places(_COLUMNS)
     described = places, stored.plan, first, last, codes, stored.memory, stored.places
-    done = fill_features(columns.block, *described)
+    done = unchecked(fill_features)(columns.block, *described)
     if done < len(_COLUMNS):
         raise _damage(_COLUMNS[done])
     return MapFeatures.read({}, stored)

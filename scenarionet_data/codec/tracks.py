@@ -18,6 +18,7 @@ from scenarionet_data.codec.check_kernels import EQUAL, OR_NEVER, OR_NONE, OR_ON
 from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.stored_part import STEPS, StoredPart
 from scenarionet_data.codec.track_kernels import fill_tracks
+from scenarionet_data.compiled.checking import unchecked
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -135,7 +136,7 @@ def _tracks(columns: Columns, first: int, last: int, steps: int, memory: Memory)
     stored = StoredTracks(columns, first, last, steps, memory)
     codes = codes_of_words(columns, "object_type", ObjectType)
     described = columns.layout.places(_COLUMNS), _LENGTHS, stored.plan, first, last, steps, codes
-    done = fill_tracks(columns.block, *described, stored.memory, stored.places)
+    done = unchecked(fill_tracks)(columns.block, *described, stored.memory, stored.places)
     if done < len(_COLUMNS):
         raise _damage(_COLUMNS[done])
     return Tracks.read({}, stored)

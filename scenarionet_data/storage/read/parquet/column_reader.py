@@ -20,6 +20,7 @@ import zstandard
 from scenarionet_data.arrays.columns import FIRST, SIZE, ColumnBlock, ColumnLayout, Columns
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
+from scenarionet_data.compiled.checking import unchecked
 from scenarionet_data.storage.read.parquet import page_kernels as pages
 from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
 from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, StoredGroup, UnreadableFile
@@ -106,10 +107,12 @@ class ColumnReader:
         out, count, row = reserved.block(self._memory), len(found), 0
         words: dict[str, tuple[str, ...]] = {}
         for (_, _, content, base), (chunks, num_rows, *_) in zip(groups, stored, strict=True):
-            done = read_row_group(content, base, chunks, scratch, levels, found, row, num_rows, out, False)
+            done = unchecked(read_row_group)(content, base, chunks, scratch, levels, found, row, num_rows, out, False)
             if done > count:
                 self._decompress(content, scratch)
-                done = read_row_group(content, base, chunks, scratch, levels, found, row, num_rows, out, True)
+                done = unchecked(read_row_group)(
+                    content, base, chunks, scratch, levels, found, row, num_rows, out, True
+                )
             if done == UNKNOWN:
                 return None
             if done < count:
