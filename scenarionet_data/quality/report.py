@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 from scenarionet_data import converters
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.quality.rules import VIOLATIONS, Check
+from scenarionet_data.query.engine import Engine
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.query.statements import quoted
 
@@ -71,9 +72,12 @@ class CheckReport:
             name, doc: The rule.
             violations: Scenario id and detail of each violation.
         """
-        ids, details = (_texts([each[column] for each in violations]) for column in (0, 1))
-        check = Check(name, doc, "hard", f"SELECT unnest({ids}) AS scenario_id, unnest({details}) AS detail")
-        rows = self.view.engine.arrow(check.sql()).cast(VIOLATIONS)
+        ids, details = (", ".join(quoted(each[column]) for each in violations) for column in (0, 1))
+        query = f"SELECT unnest([{ids}]::VARCHAR[]) AS scenario_id, unnest([{details}]::VARCHAR[]) AS detail"
+        check = Check(name, doc, "hard", query)
+        engine = Engine(self.view.files, self.view.snapshot, without=self.broken_files["file"].to_pylist())
+        rows = engine.arrow(check.sql()).cast(VIOLATIONS)
+        engine.close()
         return replace(self, checks=(check, *self.checks), rows=pa.concat_tables([rows, self.rows]))
 
     @cached_property
@@ -104,8 +108,3 @@ class CheckReport:
 
 def _by_dataset(counted: pa.Table, column: str) -> dict[str, int]:
     return dict(zip(counted["dataset"].to_pylist(), counted[column].to_pylist(), strict=True))
-
-
-def _texts(values: Sequence[str]) -> str:
-    """Return SQL for a list of texts."""
-    return f"[{', '.join(map(quoted, values))}]::VARCHAR[]"

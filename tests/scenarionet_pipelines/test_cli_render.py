@@ -61,6 +61,7 @@ def test_simulation_run_is_drawn(tmp_path, ok, as_json):
         (("s000001", "-o", "s.bmp"), 2, "ends with one of"),
         (("s000001", "-o", "there.png"), 2, "--replace"),
         (("nobody", "-o", "s.png"), 1, "no one scenario 'nobody'"),
+        (("s000001", "-o", "s.png", "--at", "99"), 2, "--at 99: wanted 0 to 3 s"),
     ],
 )
 def test_errors_are_reported(lake, tmp_path, monkeypatch, words, code, message):
