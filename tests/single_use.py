@@ -2,7 +2,8 @@
 
 A function or method with a leading underscore counts when its own module mentions its name exactly once beside the
 definition, be it a call or a callback passed by name. ``python tests/single_use.py`` prints their share of all
-functions by package; ``--list`` also prints the functions, ``--under`` keeps one folder, ``--root`` names another checkout.
+functions by package; ``--list`` also prints the functions, ``--under`` keeps one folder, ``--root`` names another
+checkout.
 """
 
 from __future__ import annotations
