@@ -58,6 +58,12 @@ class InverseDynamics:
             self.adam.step()
         return float(loss.detach())
 
+    def error(self, pairs: Tensor, controls: Tensor) -> float:
+        """Return the mean squared error as a share of the variance of the controls."""
+        with torch.no_grad():
+            missed = (self(pairs) - controls).square().mean()
+        return float(missed / controls.var(dim=0, correction=0).mean().clamp(min=1e-8))
+
 
 class AirlLearner(GailLearner):
     """PPO whose rewards are recovered from experts; arguments and attributes as in ``GailLearner``."""
@@ -101,9 +107,16 @@ class AirlLearner(GailLearner):
         return {"reward": perceptron([width, *hidden, 1]), "shaping": perceptron([width, *hidden, 1])}
 
     def _before_discriminator(self, pairs: Tensor, actions: Tensor) -> dict[str, float]:
-        """Learn inverse dynamics from the policy's own transitions."""
+        """Learn inverse dynamics from nine tenths of the policy's own transitions, until it knows the others."""
         config, controls = self.config, self.policy.controls(actions)
-        loss = self.inverse.learn(
-            pairs, controls, config.inverse_steps, config.inverse_minibatch, self._imitation_generator
-        )
-        return {"inverse_loss": loss}
+        held = torch.arange(len(pairs)) % 10 == 0
+        kept = ~held if len(pairs) > 1 else held
+        loss = error = 0.0
+        for _ in range(config.inverse_series):
+            loss = self.inverse.learn(
+                pairs[kept], controls[kept], config.inverse_steps, config.inverse_minibatch, self._imitation_generator
+            )
+            error = self.inverse.error(pairs[held], controls[held])
+            if error < config.inverse_error:
+                break
+        return {"inverse_loss": loss, "inverse_error": error}

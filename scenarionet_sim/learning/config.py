@@ -4,7 +4,7 @@ The settings of an algorithm name its learner. One of your own is a dataclass de
 one, beside its learner in a module of yours, and is trained as ``module:Class``.
 
 Sources: *scenarionet_training*, the ScenarioNet paper's released training code; *CoPO*, the released code of Peng et
-al. (2021), ``torch_copo/algo_ippo.py`` and ``algo_copo.py``; the appendix of the ScenarioNet paper for GAIL and AIRL;
+al. (2021), ``torch_copo/algo_ippo.py`` and ``algo_copo.py``; the appendix of the ScenarioNet paper, which comes first;
 Fujimoto et al. (2018) for TD3; Schulman et al. (2017) for PPO's clipping range.
 """
 
@@ -94,9 +94,10 @@ class PpoConfig(LearnerConfig):
     learner: ClassVar[str] = "scenarionet_sim.learning.ppo:PpoLearner"
     small: ClassVar[Mapping[str, Any]] = MappingProxyType({
         "hidden": (128, 128), "rate": 1e-3, "reward_scale": 0.1, "epochs": 5, "minibatch": 1024, "horizon": 64,
-        "spread": 0.6, "entropy": 1e-3,
+        "spread": 0.6, "entropy": 1e-3, "steps": 1_000_000,
     })  # fmt: skip
 
+    steps: int = 20_000_000
     hidden: tuple[int, ...] = (512, 256, 128)
     rate: float = 1e-4
     horizon: int = 782
@@ -119,21 +120,22 @@ class PpoConfig(LearnerConfig):
 
 @dataclass(frozen=True)
 class IppoConfig(PpoConfig):
-    """PPO with every vehicle as an agent that learns alone; defaults of *CoPO*: batches of about 2,000 agent steps.
+    """PPO with every vehicle as an agent that learns alone; defaults of the paper's appendix and of *CoPO*.
 
-    Its network is RLlib's default, two layers of 256 units; two of 128 are ours.
+    Batches are of about 2,000 agent steps, networks RLlib's default of two layers of 256 units.
     """
 
-    small: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {"worlds": 32, "seats": 16, "reward_scale": 0.1, "spread": 0.6, "epochs": 4, "minibatch": 1024}
-    )
+    small: ClassVar[Mapping[str, Any]] = MappingProxyType({
+        "worlds": 32, "seats": 16, "hidden": (128, 128), "rate": 3e-4, "reward_scale": 0.1, "spread": 0.6, "epochs": 4,
+        "minibatch": 1024,
+    })  # fmt: skip
 
+    steps: int = 1_000_000
     worlds: int = 4
     seats: int = 50
-    hidden: tuple[int, ...] = (128, 128)
-    rate: float = 3e-4
+    hidden: tuple[int, ...] = (256, 256)
     horizon: int = 50
-    epochs: int = 5
+    epochs: int = 10
     minibatch: int = 512
     value_weight: float = 1.0
     value_clip: float = 100.0
@@ -166,24 +168,23 @@ class GailConfig(IppoConfig):
     Attributes:
         discriminator_rate, discriminator_decay: Learning rate and weight decay of the discriminator.
         discriminator_epochs, discriminator_minibatch: Its passes per update, and pairs of states per minibatch.
-        reward: ``log`` for -log(1 - D), ``logit`` for log D - log(1 - D).
+        reward: ``logit`` for log D - log(1 - D), which is f - log pi for AIRL; ``log`` for -log(1 - D), which is above
+            0 whatever an agent does, so that staying alive pays.
         gradient_penalty: Weight of a penalty on the discriminator's gradient (Gulrajani et al. 2017); 0 for none.
-        input_noise: Standard deviation of noise on the discriminator's inputs.
+        input_noise: Standard deviation of noise on the discriminator's inputs, of experts and agents alike, which hides
+            that recorded vehicles keep columns exactly constant (0.02 is 0.2 m of the offset, 0.8 m/s of a speed).
         normalizes: Whether the discriminator's inputs are normalized by the experts' mean and deviation.
     """
 
     learner: ClassVar[str] = "scenarionet_sim.learning.gail:GailLearner"
     needs_experts: ClassVar[bool] = True
-    small: ClassVar[Mapping[str, Any]] = MappingProxyType({**IppoConfig.small, "rate": 3e-4})
+    small: ClassVar[Mapping[str, Any]] = MappingProxyType({**IppoConfig.small, "input_noise": 0.02})
 
-    rate: float = 1e-4
-    epochs: int = 10
-    minibatch: int = 512
     discriminator_rate: float = 5e-5
     discriminator_decay: float = 1e-5
     discriminator_epochs: int = 1
     discriminator_minibatch: int = 1024
-    reward: Literal["log", "logit"] = "log"
+    reward: Literal["log", "logit"] = "logit"
     gradient_penalty: float = 0.0
     input_noise: float = 0.0
     normalizes: bool = False
@@ -194,22 +195,32 @@ class AirlConfig(GailConfig):
     """Adversarial inverse reinforcement learning with inverse dynamics; defaults of the paper's appendix.
 
     Attributes:
-        inverse_rate, inverse_steps, inverse_minibatch: Learning rate, gradient steps per update and minibatch of the
+        inverse_rate, inverse_steps, inverse_minibatch: Learning rate, gradient steps per series and minibatch of the
             inverse dynamics.
+        inverse_series: Largest number of series per update; the paper has one.
+        inverse_error: Series end when the squared error of held-out transitions is below this share of the controls'
+            variance.
     """
 
     learner: ClassVar[str] = "scenarionet_sim.learning.airl:AirlLearner"
+    small: ClassVar[Mapping[str, Any]] = MappingProxyType(
+        {**GailConfig.small, "inverse_rate": 1e-3, "inverse_series": 10}
+    )
 
     discriminator_rate: float = 3e-4
     discriminator_epochs: int = 5
     inverse_rate: float = 1e-4
     inverse_steps: int = 100
     inverse_minibatch: int = 512
+    inverse_series: int = 1
+    inverse_error: float = 0.05
 
 
 @dataclass(frozen=True)
 class Td3Config(LearnerConfig):
-    """TD3 with one replay of the transitions of all agents; defaults of Fujimoto et al. (2018), with a smaller replay.
+    """TD3 with one replay of all agents' transitions; defaults of the appendix, then of Fujimoto et al. (2018).
+
+    The replay is smaller than theirs.
 
     Attributes:
         replay: Largest number of transitions to keep.
@@ -225,12 +236,14 @@ class Td3Config(LearnerConfig):
 
     learner: ClassVar[str] = "scenarionet_sim.learning.td3:Td3Learner"
     small: ClassVar[Mapping[str, Any]] = MappingProxyType(
-        {"worlds": 32, "seats": 16, "reward_scale": 0.1, "updates": 0.1, "warm_up": 5_000, "noise": 0.3}
-    )
+        {"worlds": 32, "seats": 16, "rate": 3e-4, "minibatch": 256, "reward_scale": 0.1, "updates": 0.1,
+         "warm_up": 5_000, "noise": 0.3}
+    )  # fmt: skip
 
+    rate: float = 1e-4
     replay: int = 100_000
     warm_up: int = 25_000
-    minibatch: int = 256
+    minibatch: int = 100
     updates: float = 1.0
     horizon: int = 8
     noise: float = 0.1

@@ -24,13 +24,14 @@ class Experts:
 
     Attributes:
         pairs: The same.
-        mean, deviation: (D,) of the observations; the deviation is at least 0.001.
+        mean, deviation: (D,) of the observations; the deviation is at least 0.05, so that columns that are constant for
+            experts are not magnified.
     """
 
     def __init__(self, pairs: Tensor) -> None:
         self.pairs = pairs
         observations = pairs.flatten(0, 1)
-        self.mean, self.deviation = observations.mean(dim=0), observations.std(dim=0).clamp(min=1e-3)
+        self.mean, self.deviation = observations.mean(dim=0), observations.std(dim=0).clamp(min=0.05)
 
     @classmethod
     def recorded(cls, lake: Lake | str | Path, run: str) -> Experts:

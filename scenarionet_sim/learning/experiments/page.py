@@ -96,7 +96,7 @@ def _verdicts(found: ComparisonResult, comparison: Comparison) -> list[str]:
         "A claim is supported if the whole interval of the paired difference (same seeds) is above 0, not supported if "
         "it is below, otherwise inconclusive; the intervals of all claims together hold with 95 % (Bonferroni). "
         f"It is inconclusive in any case if both arms succeed in {CEILING:.0%} or more, which no test can tell apart, "
-        "or if a curve has not flattened, that is if its "
+        "or if a curve, or the loss of a discriminator, has not flattened, that is if its "
         f"mean over the last quarter of the checkpoints differs from the quarter before by more than {FLAT}."
     )
     return ["## Claims of the paper", how, _markdown(rows)]

@@ -21,6 +21,32 @@ def test_settings_survive_json(algorithm, size):
     assert json.loads(json.dumps(described)) == described and described["hidden"] == [64, 32]
 
 
+MANY = {"rate": 1e-4, "minibatch": 512, "epochs": 10, "clip": 0.2, "smoothing": 0.95, "gamma": 0.99}
+PUBLISHED = {
+    "ppo": {"steps": 20_000_000, "rate": 1e-4, "epochs": 20, "minibatch": 200, "clip": 0.2, "smoothing": 0.95,
+            "gamma": 0.99, "hidden": (512, 256, 128)},
+    "td3": {"rate": 1e-4, "minibatch": 100, "tau": 0.005},
+    "ippo": MANY,
+    "copo": MANY | {"angle_rate": 1e-4, "angle_epochs": 5, "neighbourhood": 40.0},
+    "gail": MANY | {"discriminator_rate": 5e-5, "discriminator_decay": 1e-5, "discriminator_epochs": 1,
+                    "discriminator_minibatch": 1024},
+    "airl": MANY | {"discriminator_rate": 3e-4, "discriminator_decay": 1e-5, "discriminator_epochs": 5,
+                    "discriminator_minibatch": 1024, "inverse_steps": 100, "inverse_series": 1,
+                    "inverse_minibatch": 512, "inverse_rate": 1e-4},
+}  # fmt: skip
+"""Tables of hyper-parameters in the paper's appendix."""
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_paper_has_the_numbers_of_the_appendix(algorithm):
+    config = make_learner_config(algorithm, "paper")
+    assert {name: getattr(config, name) for name in PUBLISHED[algorithm]} == PUBLISHED[algorithm]
+    if algorithm == "ppo":
+        assert config.worlds * config.horizon == pytest.approx(50_000, rel=0.01)
+    elif algorithm != "td3":  # batches of 2,000 steps of agents, about a fifth of the seats is taken
+        assert config.worlds * config.seats * config.horizon / 5 == 2000
+
+
 def test_copo_has_the_published_values():
     config = CopoConfig()
     assert (config.neighbourhood, config.gamma, config.global_gamma, config.smoothing) == (40.0, 0.99, 1.0, 0.95)
@@ -36,7 +62,7 @@ def test_copo_has_the_published_values():
         ("json:loads", {}, "expected a subclass of LearnerConfig"),
         ("scenarionet_sim.learning.config:LearnerConfig", {}, "expected a subclass of LearnerConfig that names"),
         ("ppo", {"delay": 2}, "ppo has no setting 'delay'; choose from steps"),
-        ("ppo", {"steps": "many"}, "steps='many'; expected a value such as 1000000"),
+        ("ppo", {"steps": "many"}, "steps='many'; expected a value such as 20000000"),
         ("gail", {"normalizes": "maybe"}, "expected a value such as False"),
         ("ppo", {"worlds": 0}, "worlds=0; expected at least 1"),
         ("ppo", {"epochs": 0}, "epochs=0; expected at least 1"),

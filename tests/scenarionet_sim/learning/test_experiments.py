@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import polars as pl
 import pytest
 
 from scenarionet_data import Lake
@@ -66,6 +67,9 @@ def test_experiments_are_as_the_paper(size):
             assert each.arm in names and each.test in comparison.tests and each.metric in comparison.metrics
         runs = [comparison.run_name(arm, seed) for arm in comparison.arms for seed in comparison.seeds]
         assert len(set(runs)) == len(runs) and all(evaluation_runs._NAME.fullmatch(run) for run in runs)
+    if size == "paper":
+        steps = {arm.name: arm.config.steps for arm in single.arms}
+        assert all(count == (80_000_000 if "both" in name else 20_000_000) for name, count in steps.items())
     if size == "small":  # a stand-in is never called recorded
         assert "stand-in" in next(iter(single.tests.values()))
 
@@ -106,6 +110,20 @@ def test_tests_count_at_the_checkpoint_of_the_best_validation(finished):
     assert [judge(found, claim)[0] for claim in made.claims] == ["supported", "not supported"]
     _, interval, why = judge(found, made.claims[0])
     assert interval.mean == pytest.approx(0.4, abs=1e-6) and why == "all curves have flattened"
+
+
+@pytest.mark.parametrize(("last", "expected"), [(1.3, "supported"), (1.0, "inconclusive")])
+def test_a_discriminator_that_still_learns_decides_nothing(finished, last, expected):
+    """Its loss is 1.3 up to the last quarter of the rounds."""
+    lake, made = finished
+    found = read_comparison(lake, made)
+    loss = pl.when(pl.col("round") > 6).then(last).otherwise(1.3)
+    learned = pl.lit('{"discriminator_loss": ') + loss.cast(pl.String) + pl.lit("}")
+    tested = found.curves.filter(pl.col("test") == "test")
+    trained = tested.with_columns(pl.lit(None).alias("test"), learned.alias("learned"))
+    curves = pl.concat([found.curves, trained], how="vertical_relaxed")
+    said, _, why = judge(replace(found, curves=curves), made.claims[0])
+    assert said == expected and (expected == "supported" or "good's discriminator" in why)
 
 
 def test_a_test_that_all_arms_pass_cannot_tell_them_apart(finished, monkeypatch):

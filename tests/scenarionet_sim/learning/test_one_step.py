@@ -156,6 +156,14 @@ def test_the_reward_of_gail_is_the_discriminators_belief(reward, expected):
     assert learned["discriminator_accuracy"] == 0.5
 
 
+@pytest.mark.parametrize("kind", [GailConfig, AirlConfig])
+def test_staying_alive_pays_nothing_by_default(kind):
+    """Where D = 1/2, log D - log(1 - D) = 0, while -log(1 - D) = log 2 in every step."""
+    learner = GailLearner(Scripted(), GailConfig(**SMALL, seats=3, discriminator_rate=0.0), 0, EXPERTS)
+    learner.discriminators["discriminator"] = Sum(0.0, 0.0)
+    assert kind().reward == "logit" and imitate(learner)[0].tolist() == [0.0, 0.0, 0.0]
+
+
 def test_the_discriminator_sees_the_state_and_the_next_one():
     config = GailConfig(**SMALL, seats=3, reward="logit", discriminator_rate=0.0, discriminator_decay=0.0)
     learner = GailLearner(Scripted(), config, 0, EXPERTS)
@@ -166,7 +174,7 @@ def test_the_discriminator_sees_the_state_and_the_next_one():
 
 def test_the_reward_of_airl_is_reward_and_shaping_less_the_log_probability():
     """f = g(s) + gamma h(s') - h(s) with g = s, h = s / 10; the logit is f - log pi."""
-    config = AirlConfig(**SMALL, seats=3, gamma=0.5, reward="logit", inverse_steps=0, discriminator_rate=0.0)
+    config = AirlConfig(**SMALL, seats=3, gamma=0.5, inverse_steps=0, discriminator_rate=0.0)
     learner = AirlLearner(Scripted(), config, 0, EXPERTS)
     learner.discriminators |= {"reward": Sum(), "shaping": Sum(0.1)}
     rollout = learner._collect()
