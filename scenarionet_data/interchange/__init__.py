@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 WRITERS = {
     "gpudrive": "scenarionet_data.interchange.gpudrive.writer:GpuDriveWriter",
     "opendrive": "scenarionet_data.interchange.opendrive.writer:OpenDriveWriter",
+    "openscenario": "scenarionet_data.interchange.openscenario.writer:OpenScenarioWriter",
     "pufferdrive": "scenarionet_data.interchange.pufferdrive.writer:PufferDriveWriter",
 }
 """Class of each writer by the name of its format."""
