@@ -101,14 +101,11 @@ def _surface(outlines: list[Float64]) -> shapely.Geometry:
     return shapely.union_all(areas, grid_size=0.001) if areas else shapely.Polygon()
 
 
-def _rings(area: shapely.Geometry) -> list[Float64]:
-    parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and not part.is_empty]
-    return [shapely.get_coordinates(ring) for ring in shapely.get_rings(parts)] if parts else []
-
-
 def _edges(area: shapely.Geometry) -> Float64:
     """Return the edges (E, 4) of all rings of an area."""
-    edges = [np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in _rings(area)]
+    parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and not part.is_empty]
+    rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(parts)] if parts else []
+    edges = [np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings]
     return np.concatenate(edges) if edges else np.zeros((0, 4))
 
 

@@ -222,7 +222,9 @@ class Episodes:
     def close(self) -> None:
         """Stop the thread and the physics; the next episode starts them again."""
         self._stream.close()
-        self._close_core()
+        if self._core is not None:
+            self._core.close()
+            self._core = None
 
     @property
     def level(self) -> int | None:
@@ -239,8 +241,3 @@ class Episodes:
         if self._core is None:
             raise ResetNeeded("there is no world yet; call reset first")
         return self._core
-
-    def _close_core(self) -> None:
-        if self._core is not None:
-            self._core.close()
-            self._core = None

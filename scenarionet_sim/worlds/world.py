@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Object, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Int32, Object, UInt8
 from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.building import resample
 from scenarionet_data.scenario.description import ScenarioDescription, Tracks
@@ -149,7 +149,9 @@ class World:
         """
         scenario = resample(scenario, dt)
         tracks = scenario.tracks
-        log, extents = _log(tracks, scenario.timestamps)
+        log = np.empty((len(scenario.timestamps), len(tracks), 8), np.float32)
+        extents = np.empty(4, np.float32)
+        write_log(tracks.position, tracks.heading, tracks.velocity, tracks.valid, scenario.timestamps, log, extents)
         roads, paths = Roads.from_map(scenario.map), Paths.from_log(log)
         lane, stop = light_places(scenario.lights, roads.lane_ids, roads.lanes)
         return cls(
@@ -170,13 +172,6 @@ class World:
             extents=extents,
             heights=Heights.from_map(scenario.map, _ground_level(log, tracks)) if scenario.has_z else None,
         )
-
-
-def _log(tracks: Tracks, timestamps: Float64) -> tuple[Float32, Float32]:
-    """Return the tracks as a log (T, N, 8), and its extents (4,)."""
-    log, extents = np.empty((len(timestamps), len(tracks), 8), np.float32), np.empty(4, np.float32)
-    write_log(tracks.position, tracks.heading, tracks.velocity, tracks.valid, timestamps, log, extents)
-    return log, extents
 
 
 def _ground_level(log: Float32, tracks: Tracks) -> float:
