@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 SECTIONS = {
     "Convert and look": ("convert", "list", "show", "sql", "mine", "render", "browse", "report"),
-    "Select scenarios": ("filter", "split", "sample", "merge"),
+    "Select scenarios": ("filter", "split", "sample", "merge", "vary"),
     "Simulate and learn": ("sim", "train"),
     "Share": ("export", "pack"),
 }

@@ -130,3 +130,19 @@ def test_rename_copy_and_drop(two, ok, as_json):
 def test_checkout(two, ok):
     assert ok("db", "checkout", two, "low@1") == "low@3: 9 scenarios\n"
     assert run("db", "checkout", two, "low").exit_code == 2
+
+
+def test_vary_from_a_file_and_options(lake, ok, as_json, tmp_path):
+    file = tmp_path / "variation.toml"
+    file.write_text('number = 3\nmethod = "sobol"\n[parameters]\n"ego.start" = [-0.1, 0.1]\n')
+    ok("filter", lake, "--where", "source_scenario_id < 's00002'", "--name", "few")
+    few = len(Lake(lake).database("few"))
+    made = as_json("vary", lake, "few", "--name", "v", "--file", file, "-p", "ego.offset=0.5", "--quiet")
+    assert made["converted"] + made["quarantined"] == 3 * few
+    assert made["partitions"] == ["variation/v/train"]
+    again = as_json("vary", lake, "few", "--name", "v", "--file", file, "-p", "ego.offset=0.5", "--quiet")
+    assert again["converted"] + again["quarantined"] == 0
+    refused = run("vary", lake, "few", "--name", "w", "-p", "ego.speed=2:1")
+    assert refused.exit_code == 2 and "ego.speed=2:1: wanted LOW:HIGH with LOW at most HIGH" in refused.stderr
+    file.write_text("count = 3\n")
+    assert "'count' = 3; wanted parameters, number" in run("vary", lake, "few", "--name", "w", "--file", file).stderr

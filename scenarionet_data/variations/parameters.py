@@ -1,0 +1,166 @@
+"""Parameters of variations: what is changed, how its values are distributed, and values drawn from that.
+
+A distribution is a text: ``0.8:1.2`` (uniform), ``0,1`` (one of these), ``1.5`` (always), or the name of a continuous
+distribution of SciPy with its arguments, ``norm(0, 2)``. All are drawn by the inverse of their distribution function,
+from points of the unit cube: random ones, Sobol's or a Latin hypercube.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Float64, is_count
+from scenarionet_data.errors import BadParameter, MissingDependency
+
+Method = Literal["random", "sobol", "latin"]
+"""Points of the unit cube: independent, Sobol's sequence (scrambled), or a Latin hypercube."""
+
+CHANGES = ("pace", "start", "speed", "gap", "offset", "drift", "size", "remove", "copy")
+"""What can be changed of a road user, in the order in which changes are applied."""
+
+LIGHTS = "lights"
+"""Target of the only change that is not of a road user: ``lights.start``."""
+
+_CALL = re.compile(r"(\w+)\(([^()]*)\)")
+_EDGE = 1e-9  # unbounded distributions are infinite at 0 and 1
+
+
+@dataclass(frozen=True)
+class VariedParameter:
+    """One parameter.
+
+    Attributes:
+        name: ``TARGET.CHANGE``; the target is ``ego``, ``nearest``, ``lights`` or the id of a track.
+        distribution: See the module.
+    """
+
+    name: str
+    distribution: str
+
+    def __post_init__(self) -> None:
+        if not self.target or self.change not in (("start",) if self.target == LIGHTS else CHANGES):
+            raise BadParameter(
+                f"parameter {self.name!r}: wanted TARGET.CHANGE, with a target such as ego, nearest or a track, and "
+                f"one of the changes {', '.join(CHANGES)}; or lights.start"
+            )
+        if (self.target, self.change) == ("ego", "remove"):
+            raise BadParameter("ego.remove: a scenario needs its ego; remove another road user")
+        self.at(np.array([0.0, 0.5, 1.0]))
+
+    @property
+    def target(self) -> str:
+        """What is changed."""
+        return self.name.rpartition(".")[0]
+
+    @property
+    def change(self) -> str:
+        """How it is changed."""
+        return self.name.rpartition(".")[2]
+
+    def at(self, quantiles: Float64) -> Float64:
+        """Return the values at quantiles (n,) in [0, 1].
+
+        Raises:
+            BadParameter: The distribution is none, is upside down, or gives NaN or values that its change cannot have.
+            MissingDependency: It needs SciPy.
+        """
+        text, inner = self.distribution.strip(), quantiles.clip(_EDGE, 1 - _EDGE)
+        if call := _CALL.fullmatch(text):
+            values = np.asarray(_scipy_distribution(self.name, call[1])(*self._numbers(call[2], ",")).ppf(inner))
+        elif ":" in text:
+            bounds = self._numbers(text, ":")
+            if len(bounds) != 2 or bounds[0] > bounds[1]:
+                raise BadParameter(f"{self.name}={text}: wanted LOW:HIGH with LOW at most HIGH")
+            values = bounds[0] + (bounds[1] - bounds[0]) * quantiles
+        else:
+            choices = np.array(self._numbers(text, ","))
+            values = choices[(inner * len(choices)).astype(np.int64)]
+        if not np.isfinite(values).all():
+            raise BadParameter(f"{self.name}={text} gives {values[~np.isfinite(values)][0]}; correct its arguments")
+        if self.change in ("speed", "pace", "size") and values.min() <= 0:
+            raise BadParameter(f"{self.name}={text} gives {values.min():.4g}; {self.change} is a factor above 0")
+        return values
+
+    def _numbers(self, text: str, separator: str) -> list[float]:
+        try:
+            numbers = [float(word) for word in text.split(separator)]
+        except ValueError:
+            numbers = [math.nan]
+        if not all(map(math.isfinite, numbers)):
+            raise BadParameter(
+                f"{self.name}={self.distribution}: wanted LOW:HIGH, values A,B,C, or a distribution such as norm(0, 2)"
+            )
+        return numbers
+
+
+def _scipy_distribution(name: str, kind: str) -> Any:
+    """Return a continuous distribution of SciPy by its name."""
+    try:
+        from scipy import stats
+    except ModuleNotFoundError as error:
+        raise MissingDependency(
+            f"{name}: the distribution {kind} needs scipy", "vary", "or a range LOW:HIGH"
+        ) from error
+    found = getattr(stats, kind, None)
+    if not isinstance(found, stats.rv_continuous):
+        raise BadParameter(
+            f"{name}: SciPy has no continuous distribution {kind!r}; norm, truncnorm, gamma, ... are some"
+        )
+    return found
+
+
+def parse_parameters(given: Mapping[str, Any]) -> tuple[VariedParameter, ...]:
+    """Return parameters from texts, numbers, or pairs (low, high), by name: as typed, in Python or in TOML.
+
+    Raises:
+        BadParameter: One of them is wrong, or there are none.
+    """
+    if not given:
+        raise BadParameter("no parameters: a variation changes something, for example ego.speed=0.8:1.2")
+    texts = {name: ":".join(map(str, v)) if isinstance(v, list | tuple) else str(v) for name, v in given.items()}
+    return tuple(VariedParameter(name, text) for name, text in texts.items())
+
+
+def draw(
+    parameters: Sequence[VariedParameter], number: int, seed: int = 0, method: Method = "random", parent: str = ""
+) -> Float64:
+    """Return values (number, parameters), the same for the same arguments.
+
+    Except for a Latin hypercube, more values begin with those of a smaller number.
+
+    Args:
+        parameters: The parameters.
+        number: Number of variations.
+        seed: Seed.
+        method: How the space is filled.
+        parent: The scenario that is varied; others have other values.
+
+    Raises:
+        BadParameter: The number, the seed or the method is wrong.
+        MissingDependency: The method needs SciPy.
+    """
+    if not (is_count(number, 1) and is_count(seed)):
+        raise BadParameter(f"number={number}, seed={seed}: wanted whole numbers, from 1 and from 0 on")
+    if method not in get_args(Method):
+        raise BadParameter(f"method {method!r}: wanted one of {', '.join(get_args(Method))}")
+    digest = hashlib.blake2b(parent.encode(), digest_size=8).digest()
+    rng = np.random.default_rng([seed, int.from_bytes(digest, "big")])
+    if method == "random":
+        cube = rng.random((number, len(parameters)))
+    else:
+        try:
+            from scipy.stats import qmc
+        except ModuleNotFoundError as error:
+            raise MissingDependency(f"method {method} needs scipy", "vary", "or --method random") from error
+        if method == "sobol":
+            cube = qmc.Sobol(len(parameters), rng=rng).random_base2((number - 1).bit_length())[:number]
+        else:
+            cube = qmc.LatinHypercube(len(parameters), rng=rng).random(number)
+    return np.stack([each.at(column) for each, column in zip(parameters, cube.T, strict=True)], axis=1)

@@ -1,0 +1,61 @@
+"""Variations in a lake: lineage, repetition, and reasons of what cannot be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from scenarionet_data import Lake
+from scenarionet_data.errors import BadParameter, DuplicateScenario, InvalidScenario
+from scenarionet_data.variations import VariationSpace, vary
+from tests.fixtures.drives import Other, make_drive
+from tests.fixtures.lakes import content, write_lake
+
+PARENTS = [replace(make_drive(f"d{k}", others=(Other(20.0, vx=8.0),)), current_timestep=10) for k in range(2)]
+PARAMETERS = {"t1.gap": "-20:10", "ego.speed": "0.9:1.1"}
+
+
+@pytest.fixture
+def lake(tmp_path) -> Lake:
+    return write_lake(tmp_path / "lake", PARENTS)
+
+
+def test_variations_are_scenarios_with_lineage(lake):
+    report = vary(lake, PARENTS[0].id, VariationSpace(PARAMETERS, 30), name="v")
+    assert report.converted + report.quarantined == 30 and 0 < report.quarantined < 20
+    rows = Lake(lake.root).sql(
+        "SELECT scenario_id, extras ->> '$.parent' AS parent, (extras -> '$.parameters' ->> 't1.gap')::DOUBLE AS gap, "
+        "split FROM metadata WHERE dataset = 'variation'"
+    )
+    assert len(rows) == report.converted and set(rows["parent"]) == {PARENTS[0].id}
+    assert set(rows["split"]) == {PARENTS[0].split}
+    for each in rows.head(5).iter_rows(named=True):
+        made = Lake(lake.root).loader([each["scenario_id"]])[0]
+        assert made.tracks.position[1, 10, 0] == pytest.approx(28 + each["gap"], abs=1e-3)
+    assert made.version == "v" and len(made.map) == len(PARENTS[0].map)
+    reasons = Lake(lake.root).sql("SELECT field, count(*) AS n FROM quarantine GROUP BY 1").rows()
+    assert reasons == [("contact", report.quarantined)]
+
+
+def test_the_same_seed_makes_the_same_files_and_more_are_added(lake, tmp_path):
+    ids = [each.id for each in PARENTS]
+    vary(lake, ids, VariationSpace(PARAMETERS, 3, seed=1), name="v")
+    other = write_lake(tmp_path / "other", PARENTS)
+    vary(other, ids, VariationSpace(PARAMETERS, 3, seed=1), name="v")
+    assert content(lake.root) == content(other.root)
+    again = vary(lake, ids, VariationSpace(PARAMETERS, 3, seed=1), name="v")
+    assert (again.converted, again.skipped) == (0, 1)
+    more = vary(lake, ids, VariationSpace(PARAMETERS, 5, seed=1), name="v")
+    assert more.converted + more.quarantined == 4
+    with pytest.raises(DuplicateScenario, match="has changed since"):
+        vary(lake, ids, VariationSpace(PARAMETERS, 3, seed=2), name="v")
+
+
+def test_bad_input_is_a_sentence(lake):
+    with pytest.raises(InvalidScenario, match="wanted a track 't9'"):
+        vary(lake, PARENTS[0].id, VariationSpace({"t9.gap": 1}), name="v")
+    with pytest.raises(BadParameter, match="use letters"):
+        vary(lake, PARENTS[0].id, VariationSpace(PARAMETERS), name="a b")
+    with pytest.raises(BadParameter, match="a variation changes something"):
+        vary(lake, PARENTS[0].id, VariationSpace({}), name="v")
