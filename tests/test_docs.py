@@ -12,6 +12,7 @@ from gymnasium import registry
 
 import scenarionet_sim
 from scenarionet_data import converters
+from scenarionet_data.interchange import WRITERS
 from scenarionet_data.quality import rules
 from scenarionet_data.schema import dictionary, tables
 from scenarionet_pipelines import notebooks
@@ -46,6 +47,13 @@ def test_cluster_page_is_accurate():
         if program == "scenarionet":
             name = full_name(words.pop(0)) if name in GROUPS else name
             find_verb(name).make_context(name, words)
+
+
+def test_exchange_page_has_a_row_for_every_format():
+    page = (ROOT / "docs" / "guides" / "exchange.md").read_text("utf-8")
+    assert {*re.findall(r"^\| `(\w+)` \|", page, re.M)} == {
+        "scenarionet", *WRITERS,
+    }  # fmt: skip
 
 
 def test_pages_and_messages_name_verbs_as_they_are_typed():
