@@ -159,9 +159,9 @@ def draw(area: Area, items: list[WorkItem], seed: int) -> list[WorkItem]:
 def is_python(mutation: MutationSpec) -> bool:
     """Whether the mutant compiles, so that a test has to catch it."""
     operator = get_operator(mutation.operator_name)(**mutation.operator_args)
-    _, mutated = mutate_code(mutation.module_path.read_text("utf-8"), operator, mutation.occurrence)
+    text = mutation.module_path.read_text("utf-8")
     try:
-        compile(mutated or "", mutation.module_path, "exec", dont_inherit=True)
+        compile(mutate_code(text, operator, mutation.occurrence) or "", mutation.module_path, "exec", dont_inherit=True)
     except SyntaxError:
         return False
     return True
@@ -179,14 +179,15 @@ def prepare_checkout() -> None:
 
 def session_for(seed: int, scale: float, areas: list[Area]) -> tuple[WorkDB, dict[Path, Area]]:
     """Open the session, drawing the mutants if it is new; also return the area of each module."""
-    path = FOLDER / "session.sqlite"
+    path, drawn = FOLDER / "session.sqlite", list[WorkItem]()
     is_new = not path.exists()
-    database = WorkDB(path, WorkDB.Mode.create)
     if is_new:
         with use_db(FOLDER / "all.sqlite") as scratch:
             for area in areas:
-                drawn = draw(area, candidates(area, scratch), seed)
-                database.add_work_items(drawn[: round(scale * area.number)])
+                drawn += draw(area, candidates(area, scratch), seed)[: round(scale * area.number)]
+    database = WorkDB(path, WorkDB.Mode.create)
+    if is_new:
+        database.add_work_items(drawn)
     return database, {module: area for area in areas for module in area.modules}
 
 
