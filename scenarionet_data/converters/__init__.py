@@ -18,6 +18,7 @@ from scenarionet_data.errors import SourceNotFound
 _BUILTIN = {
     "argoverse1": "scenarionet_data.converters.argoverse1:Argoverse1",
     "argoverse2": "scenarionet_data.converters.argoverse2:Argoverse2",
+    "interaction": "scenarionet_data.converters.interaction:Interaction",
     "lyft": "scenarionet_data.converters.lyft:Lyft",
     "nuplan": "scenarionet_data.converters.nuplan:NuPlan",
     "nuscenes": "scenarionet_data.converters.nuscenes:NuScenes",

@@ -20,8 +20,9 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
+from scenarionet_data.building.polylines import between, midlines
 from scenarionet_data.converters.argoverse2.archive import Archive
-from scenarionet_data.converters.argoverse2.polylines import between, midlines, outline, road_edges
+from scenarionet_data.converters.argoverse2.polylines import outline, road_edges
 from scenarionet_data.converters.argoverse2.types import INEXACT_MARKS, LANES, MARKS, NO_MARK
 from scenarionet_data.converters.cities import complete_links
 from scenarionet_data.ingest.defects import Defect

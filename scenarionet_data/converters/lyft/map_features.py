@@ -19,7 +19,7 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.building.plausible import find_bad_geometry
-from scenarionet_data.converters.argoverse2.polylines import between, midlines
+from scenarionet_data.building.polylines import between, midlines
 from scenarionet_data.converters.cities import CityMap, complete_links
 from scenarionet_data.converters.lyft.lanes import LaneSide, LaneSides, in_driving_direction
 from scenarionet_data.converters.lyft.wire import SEMI_MAJOR_AXIS, LyftWireMap, WireControls, WireLanes, read_map

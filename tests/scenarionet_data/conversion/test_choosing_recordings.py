@@ -11,7 +11,17 @@ import pytest
 
 from scenarionet_data import converters
 from scenarionet_data.conversion import InputSelection, measure_pace, plan_conversion
-from tests.fixtures import argoverse1, argoverse2, lyft, nuplan, nuplan_drive, nuscenes, scenarionet_pickles, waymo
+from tests.fixtures import (
+    argoverse1,
+    argoverse2,
+    interaction,
+    lyft,
+    nuplan,
+    nuplan_drive,
+    nuscenes,
+    scenarionet_pickles,
+    waymo,
+)
 
 
 def _waymo(raw: Path) -> Path:
@@ -43,6 +53,12 @@ def _nuplan(raw: Path) -> Path:
     return nuplan.write_raw(raw, [nuplan_drive.invented()], tags=[(20, "unprotected_left", None), (30, "stop", None)])
 
 
+def _interaction(raw: Path) -> Path:
+    interaction.write_map(raw)
+    interaction.write_recording(raw, 0)
+    return interaction.write_recording(raw, 1)
+
+
 def _pg(_raw: Path) -> str:
     return "0:3"
 
@@ -50,6 +66,7 @@ def _pg(_raw: Path) -> str:
 WRITE: dict[str, Callable[[Path], Path | str]] = {
     "argoverse1": _argoverse1,
     "argoverse2": _argoverse2,
+    "interaction": _interaction,
     "lyft": lambda raw: lyft.write_dataset(raw, num_scenes=3, num_frames=20),
     "nuplan": _nuplan,
     "nuscenes": _nuscenes,

@@ -8,14 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_data.converters.argoverse2.polylines import (
-    ground_height,
-    midlines,
-    outline,
-    points_at,
-    positions_along,
-    road_edges,
-)
+from scenarionet_data.building.polylines import midlines, points_at, positions_along
+from scenarionet_data.converters.argoverse2.polylines import ground_height, outline, road_edges
 
 seeds = st.integers(0, 2**32 - 1)
 

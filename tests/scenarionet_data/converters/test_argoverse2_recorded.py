@@ -12,9 +12,9 @@ import pyarrow.feather
 import pyarrow.parquet
 import pytest
 
+from scenarionet_data.building.polylines import midlines
 from scenarionet_data.converters.argoverse2 import Argoverse2
 from scenarionet_data.converters.argoverse2.map_features import read_map
-from scenarionet_data.converters.argoverse2.polylines import midlines
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane, is_road_line
 from tests.fixtures.reading import scenarios
