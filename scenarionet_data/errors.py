@@ -9,7 +9,7 @@
                          UserColumnNotFound, UserColumnInUse
       WorkerLost         a worker process died; finished work is kept: ClusterLost
       QueryError         user input: UnknownFilter, UnknownQuery, UnknownEvent,
-                         BadParameter, UnsafeSql, EmptyResult
+                         UnknownRelation, BadParameter, UnsafeSql, EmptyResult
 
 Messages are one sentence: the finding, followed by a remedy.
 """
@@ -166,6 +166,10 @@ class UnknownQuery(QueryError):
 
 class UnknownEvent(QueryError):
     """Unknown event; the message suggests similar names."""
+
+
+class UnknownRelation(QueryError):
+    """Unknown relation; the message suggests similar names."""
 
 
 class BadParameter(QueryError):

@@ -16,6 +16,7 @@ from scenarionet_data.operations.diff import Diff, diff
 from scenarionet_data.operations.events import mine
 from scenarionet_data.operations.filter import Filtering
 from scenarionet_data.operations.lineage import LineageTree, lineage_tree
+from scenarionet_data.operations.moments import Moments, RelationSteps
 from scenarionet_data.operations.overlap import DatabaseOverlap, overlap
 from scenarionet_data.operations.rebuild import RebuildResult, rebase, rebuild
 from scenarionet_data.operations.sample import Sampling
@@ -147,6 +148,18 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
             BadParameter: No such parameter, or a value of another type.
         """
         return mine(self, event, parameters, database)
+
+    def moments(self, found: RelationSteps | Moments, database: DatabaseRecord | str | None = None) -> pl.DataFrame:
+        """Find all moments of a composition of relations and events, in order of scenario and time.
+
+        Args:
+            found: The composition, see :mod:`scenarionet_data.operations.moments`; its ``sql`` is what runs.
+            database: Search only its members.
+        """
+        view = self if database is None else self.restrict_to(database)
+        spans = found if isinstance(found, Moments) else found.lasting()
+        order = ", ".join(("scenario_id", "first_timestep", "last_timestep", *spans.roles))
+        return view.sql(f"SELECT * FROM (\n{spans.sql}\n) ORDER BY {order}")
 
     # --- scenarios ------------------------------------------------------------------------------------
 

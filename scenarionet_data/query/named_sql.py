@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any, TypeAlias
 
-from scenarionet_data.errors import BadParameter, QueryError, UnknownEvent, UnknownFilter, UnknownQuery
+from scenarionet_data.errors import BadParameter, QueryError, UnknownEvent, UnknownFilter, UnknownQuery, UnknownRelation
 from scenarionet_data.schema.package_data import SQL
 
 
@@ -162,6 +162,8 @@ FILTERS = Folder("filters", UnknownFilter)
 """Conditions over the view ``metadata``."""
 EVENTS = Folder("events", UnknownEvent)
 """SELECTs of events inside scenarios, see :mod:`scenarionet_data.operations.events`."""
+RELATIONS = Folder("relations", UnknownRelation)
+"""SELECTs of the steps at which something holds, see :mod:`scenarionet_data.operations.moments`."""
 ANALYTICS = Folder("analytics", UnknownQuery)
 """SELECTs over the views of a lake."""
 OVERLAPS = Folder("overlaps", UnknownQuery)

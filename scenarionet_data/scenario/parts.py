@@ -16,6 +16,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Int8, Object, UInt8
 from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 _SCENARIO_ID = re.compile(r"[A-Za-z0-9._%-]+/[A-Za-z0-9._%-]+/[A-Za-z0-9._%@-]+")
 
@@ -223,7 +224,9 @@ class MapFeatures(ScenarioPart):
         return len(self.feature_type)
 
     def __repr__(self) -> str:
-        return f"MapFeatures({len(self):,} features)"
+        counts = np.bincount(self.feature_type)
+        words = [f", {counts[kind]:,} {kind.name}" for kind in MapFeatureType if kind < len(counts) and counts[kind]]
+        return f"MapFeatures({len(self):,} features{''.join(words)})"
 
     @property
     def types(self) -> UInt8:

@@ -13,6 +13,7 @@ SELECT
     track_id,
     track_index,
     object_type,
+    source_type,
     start AS first_timestep,
     (start + len(x) - 1)::INTEGER AS last_timestep,
     len(seen)::INTEGER AS num_states,

@@ -9,6 +9,7 @@ SELECT
     scenario_id,
     track_id,
     object_type,
+    source_type,
     (start + i - 1)::INTEGER AS timestep,
     x[i] AS x,
     y[i] AS y,

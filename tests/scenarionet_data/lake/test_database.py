@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from scenarionet_data import Database, Lake, ScenarioLoader
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound, EmptyResult
+from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_data.storage.files.opening import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from tests.fixtures.lakes import write_lake, write_shard
@@ -217,6 +218,7 @@ def test_parts_and_handles_describe_themselves_in_a_line(own):
     steps = scenario.num_timesteps
     assert repr(scenario.tracks) == f"Tracks({len(scenario.tracks)} objects, {steps} timesteps)"
     assert repr(scenario.lights) == f"Lights({len(scenario.lights)} lights, {steps} timesteps)"
-    assert repr(scenario.map) == f"MapFeatures({len(scenario.map):,} features)"
+    lanes = int((scenario.map.feature_type == MapFeatureType.LANE_SURFACE_STREET).sum())
+    assert repr(scenario.map).startswith(f"MapFeatures({len(scenario.map):,} features, {lanes:,} LANE_SURFACE_STREET")
     for shown, words in ((scenario, scenario.id), (own, str(own.root)), (own.select(), "unsaved selection")):
         assert words in shown._repr_html_()

@@ -32,10 +32,11 @@ def test_states_are_the_valid_steps(lake):
             vx, vy = tracks.velocity[n, t]
             name, height = ObjectType(tracks.object_type[n]).name, z if scenario.has_z else None
             moving = (x, y, height, tracks.heading[n, t], vx, vy, np.hypot(vx, vy), *tracks.size[n, t])
-            rows.append((scenario.id, tracks.ids[n], name, t, *moving, tracks.is_interpolated[n, t]))
-    rows.sort(key=lambda row: (row[0], row[1], row[3]))
+            source_type = tracks.source_type[n]
+            rows.append((scenario.id, tracks.ids[n], name, source_type, t, *moving, tracks.is_interpolated[n, t]))
+    rows.sort(key=lambda row: (row[0], row[1], row[4]))
     assert found.columns == [
-        *("scenario_id", "track_id", "object_type", "timestep", "x", "y"),
+        *("scenario_id", "track_id", "object_type", "source_type", "timestep", "x", "y"),
         *("z", "heading", "vx", "vy", "speed", "length", "width", "height", "is_interpolated"),
     ]
     assert len(found) == len(rows)

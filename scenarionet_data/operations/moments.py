@@ -1,0 +1,243 @@
+"""Moments: spans of time at which something holds of an object, or of two objects, composed to one SELECT.
+
+A :func:`relation` holds at single steps; ``&``, ``|``, ``~``, ``reversed`` and ``at_least`` combine steps, ``lasting``
+makes spans of them, and ``before``, ``after``, ``during`` and ``overlaps`` relate spans. Nothing is computed until
+:meth:`Lake.moments <scenarionet_data.Lake.moments>` runs the SELECT, which is the attribute ``sql`` of each of them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.query.named_sql import EVENTS, RELATIONS, NamedSql
+from scenarionet_data.query.statements import quoted
+
+_TRACK, _OTHER = "track_id", "other_id"
+_SWAPPED = {_TRACK: _OTHER, _OTHER: _TRACK}
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Spans of time at which something holds.
+
+    Attributes:
+        sql: SELECT of scenario_id, the roles, first_timestep, last_timestep, and their times ``begins`` and ``ends``
+            from the scenario's first timestep [s].
+        roles: ``track_id``, ``other_id`` or both, in this order.
+    """
+
+    sql: str
+    roles: tuple[str, ...]
+
+    def lasting(self, seconds: float) -> Moments:
+        """Keep those that last for at least some seconds."""
+        return Moments(f"SELECT * FROM (\n{self.sql}\n) WHERE ends - begins >= {_seconds(seconds)}", self.roles)
+
+    def before(self, later: Moments, within: float) -> Moments:
+        """Return spans from the beginning of one of these to the end of a later one that begins soon after it ends.
+
+        Args:
+            later: Moments of the same objects in the roles that both have.
+            within: Longest time in between [s].
+        """
+        when = f"b.begins BETWEEN a.ends AND a.ends + {_seconds(within)}"
+        return self._related(later, when, "a.first_timestep, b.last_timestep, a.begins, b.ends")
+
+    def after(self, earlier: Moments, within: float) -> Moments:
+        """Return spans from an earlier one to the end of one of these; the same as ``earlier.before(self, within)``."""
+        return earlier.before(self, within)
+
+    def during(self, outer: Moments) -> Moments:
+        """Return those that lie inside another one."""
+        when = "a.first_timestep >= b.first_timestep AND a.last_timestep <= b.last_timestep"
+        return self._related(outer, when, "a.first_timestep, a.last_timestep, a.begins, a.ends")
+
+    def overlaps(self, other: Moments) -> Moments:
+        """Return the spans that these have in common with others."""
+        when = "a.first_timestep <= b.last_timestep AND b.first_timestep <= a.last_timestep"
+        span = (
+            "greatest(a.first_timestep, b.first_timestep) AS first_timestep, "
+            "least(a.last_timestep, b.last_timestep) AS last_timestep, "
+            "greatest(a.begins, b.begins) AS begins, least(a.ends, b.ends) AS ends"
+        )
+        return self._related(other, when, span)
+
+    def _related(self, other: Moments, when: str, span: str) -> Moments:
+        """Join two kinds of moments on the scenario and the roles that both have."""
+        sql = (
+            f"SELECT DISTINCT {_columns(_joined(self.roles, other.roles))}, {span}\n"
+            f"FROM (\n{self.sql}\n) AS a JOIN (\n{other.sql}\n) AS b "
+            f"USING ({_columns(_shared(self.roles, other.roles))})\nWHERE {when}"
+        )
+        return Moments(sql, _joined(self.roles, other.roles))
+
+
+@dataclass(frozen=True)
+class RelationSteps:
+    """Single steps at which something holds.
+
+    Attributes:
+        sql: SELECT of scenario_id, the roles, and timestep, each row once.
+        roles: ``track_id``, ``other_id`` or both, in this order.
+        denied: The steps that these are all others of, for ``~``.
+    """
+
+    sql: str
+    roles: tuple[str, ...]
+    denied: RelationSteps | None = None
+
+    def __and__(self, other: RelationSteps) -> RelationSteps:
+        """Return the steps at which both hold, of the same objects in the roles that both have."""
+        if self.denied is not None and other.denied is None:
+            return other & self
+        if other.denied is not None and set(other.roles) <= set(self.roles):
+            return self._without(other.denied)  # without the complement, which has all pairs of objects
+        roles = _joined(self.roles, other.roles)
+        using = f"{_columns(_shared(self.roles, other.roles))}, timestep"
+        sql = f"SELECT {_columns(roles)}, timestep\nFROM (\n{self.sql}\n) JOIN (\n{other.sql}\n) USING ({using})"
+        return RelationSteps(sql, roles)
+
+    def __or__(self, other: RelationSteps) -> RelationSteps:
+        """Return the steps at which at least one holds.
+
+        Raises:
+            BadParameter: They have different roles.
+        """
+        if self.roles != other.roles:
+            raise BadParameter(
+                f"| wants the same roles on both sides, found {_named(self.roles)} and {_named(other.roles)}; "
+                "use at_least(1) or reversed() on one of them"
+            )
+        columns = f"{_columns(self.roles)}, timestep"
+        sql = f"SELECT {columns} FROM (\n{self.sql}\n)\nUNION SELECT {columns} FROM (\n{other.sql}\n)"
+        return RelationSteps(sql, self.roles)
+
+    def __invert__(self) -> RelationSteps:
+        """Return all other steps at which the objects were observed, both of a pair."""
+        if self.denied is not None:
+            return self.denied
+        view = "pairs" if len(self.roles) > 1 else "states"
+        column = "track_id AS other_id" if self.roles == (_OTHER,) else ", ".join(self.roles)
+        observed = RelationSteps(f"SELECT scenario_id, {column}, timestep FROM {view}", self.roles)
+        return RelationSteps(observed._without(self).sql, self.roles, denied=self)
+
+    def _without(self, other: RelationSteps) -> RelationSteps:
+        using = f"{_columns(other.roles)}, timestep"
+        rest = f"(\n{self.sql}\n) ANTI JOIN (\n{other.sql}\n) USING ({using})"
+        return RelationSteps(f"SELECT {_columns(self.roles)}, timestep\nFROM {rest}", self.roles)
+
+    def reversed(self) -> RelationSteps:
+        """Return the same steps with the roles swapped: what held of the object holds of the other."""
+        swapped = ", ".join(f"{role} AS {_SWAPPED[role]}" for role in self.roles)
+        roles = _joined(tuple(_SWAPPED[role] for role in self.roles), ())
+        denied = None if self.denied is None else self.denied.reversed()
+        return RelationSteps(f"SELECT scenario_id, {swapped}, timestep FROM (\n{self.sql}\n)", roles, denied)
+
+    def at_least(self, count: int) -> RelationSteps:
+        """Return the steps at which it holds with at least a number of others at once.
+
+        Raises:
+            BadParameter: There are no others, or the number is not positive.
+        """
+        if len(self.roles) < 2 or count < 1:
+            raise BadParameter(f"at_least({count}) of {_named(self.roles)}: wanted 1 or more, of a relation of two")
+        sql = f"SELECT scenario_id, track_id, timestep\nFROM (\n{self.sql}\n)\nGROUP BY ALL HAVING count(*) >= {count}"
+        return RelationSteps(sql, (_TRACK,))
+
+    def lasting(self, seconds: float = 0.0) -> Moments:
+        """Return the uninterrupted runs of steps of at least some seconds from the first to the last step.
+
+        A timestep at which an object was not observed ends its run.
+        """
+        columns = _columns(self.roles)
+        sql = (
+            "WITH runs AS (\n"
+            f"SELECT *, timestep - row_number() OVER (PARTITION BY {columns} ORDER BY timestep) AS run\n"
+            f"FROM (\n{self.sql}\n)\n)\n"
+            f"SELECT {columns}, min(timestep) AS first_timestep, max(timestep) AS last_timestep\n"
+            f"FROM runs GROUP BY {columns}, run"
+        )
+        return Moments(_timed(sql), self.roles).lasting(seconds)
+
+
+def relation(name: str, parameters: Mapping[str, Any] | None = None) -> RelationSteps:
+    """Return the steps at which a relation of ``sql/relations`` holds.
+
+    Args:
+        name: Name of its file.
+        parameters: Values of its parameters as Python values; the others keep their defaults.
+
+    Raises:
+        UnknownRelation: No such relation.
+        BadParameter: No such parameter, or a value of another type.
+    """
+    found = RELATIONS.load(name)
+    return RelationSteps(_inlined(found, parameters), (_TRACK, _OTHER) if _OTHER in found.text else (_TRACK,))
+
+
+def event(name: str, parameters: Mapping[str, Any] | None = None) -> Moments:
+    """Return the occurrences of an event of ``sql/events``.
+
+    Args:
+        name: Name of its file.
+        parameters: Values of its parameters as Python values; the others keep their defaults.
+
+    Raises:
+        UnknownEvent: No such event.
+        BadParameter: No such parameter, or a value of another type.
+    """
+    found = EVENTS.load(name)
+    roles = (_TRACK,) if "NULL::VARCHAR AS other_id" in found.text else (_TRACK, _OTHER)
+    hits = f"SELECT {_columns(roles)}, first_timestep, last_timestep FROM (\n{_inlined(found, parameters)}\n)"
+    return Moments(_timed(hits), roles)
+
+
+def _timed(spans: str) -> str:
+    """Return SQL that adds the times of first_timestep and last_timestep [s]."""
+    begins, ends = (
+        f"coalesce(timestamps[{step} + 1], {step} * dt) AS {name}"
+        for step, name in (("first_timestep", "begins"), ("last_timestep", "ends"))
+    )
+    times = "(SELECT scenario_id, timestamps, dt FROM metadata_rows)"
+    return f"SELECT * EXCLUDE (timestamps, dt), {begins}, {ends}\nFROM (\n{spans}\n) JOIN {times} USING (scenario_id)"
+
+
+def _inlined(found: NamedSql, parameters: Mapping[str, Any] | None) -> str:
+    """Return the SQL of a file with the values of its parameters as literals."""
+    values = found.bind(parameters or {})
+    return re.sub(r"\$(\w+)", lambda name: _literal(values[name[1]]), found.text)
+
+
+def _literal(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_literal, value))}]"
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"'{value}'::DOUBLE"
+    return quoted(value) if isinstance(value, str) else str(value).lower()
+
+
+def _seconds(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
+        raise BadParameter(f"wanted a number of seconds from 0 on, found {value!r}")
+    return float(value)
+
+
+def _joined(first: tuple[str, ...], second: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(role for role in (_TRACK, _OTHER) if role in first + second)
+
+
+def _shared(first: tuple[str, ...], second: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(role for role in first if role in second)
+
+
+def _columns(roles: tuple[str, ...]) -> str:
+    return ", ".join(("scenario_id", *roles))
+
+
+def _named(roles: tuple[str, ...]) -> str:
+    return " and ".join(role.removesuffix("_id") for role in roles)

@@ -1,0 +1,6 @@
+-- An object moves at $min_velocity to $max_velocity m/s; stationary objects are left out.
+-- min_velocity = 0.5
+-- max_velocity = Infinity
+SELECT scenario_id, track_id, timestep
+FROM smoothed
+WHERE sqrt(vx ** 2 + vy ** 2) BETWEEN $min_velocity AND $max_velocity AND extent >= 3

@@ -1,0 +1,23 @@
+-- An object moves within $angle_threshold degrees of the direction to the other, which comes nearer at $minimum_speed m/s
+-- or more, and is within $max_distance metres from box to box.
+-- angle_threshold = 22.5
+-- minimum_speed = 0.5
+-- max_distance = Infinity
+WITH approaches AS (
+    SELECT
+        *,
+        vx * cos(heading) + vy * sin(heading) AS v_ahead,
+        vy * cos(heading) - vx * sin(heading) AS v_left,
+        ((other_vx - vx) * cos(heading) + (other_vy - vy) * sin(heading)) AS closing_ahead,
+        ((other_vy - vy) * cos(heading) - (other_vx - vx) * sin(heading)) AS closing_left
+    FROM pairs
+)
+SELECT scenario_id, track_id, other_id, timestep
+FROM approaches
+WHERE
+    -(closing_ahead * ahead + closing_left * "left") / nullif(sqrt(ahead ** 2 + "left" ** 2), 0) >= $minimum_speed
+    AND abs(degrees(wrap_angle(atan2(v_left, v_ahead) - atan2("left", ahead)))) <= $angle_threshold
+    AND (
+        isinf($max_distance)
+        OR box_gap(box_ahead, box_left, turn, length, width, other_length, other_width) <= $max_distance
+    )

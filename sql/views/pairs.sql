@@ -1,0 +1,31 @@
+-- needs: smoothed, wrap_angle
+-- One row per object, other object and timestep at which both were observed: the other in the frame of the object.
+-- `ahead` and `left` [m] are the smoothed centre of the other, `box_ahead`, `box_left` and `turn` its box as recorded
+-- (the arguments of box_gap), `distance` is between the centres of the boxes; columns that begin with `other_` are
+-- the other's.
+CREATE VIEW pairs AS
+SELECT
+    scenario_id,
+    t.track_id,
+    o.track_id AS other_id,
+    timestep,
+    sqrt((o.box_x - t.box_x) ** 2 + (o.box_y - t.box_y) ** 2) AS distance,
+    (o.x - t.box_x) * cos(t.heading) + (o.y - t.box_y) * sin(t.heading) AS ahead,
+    (o.y - t.box_y) * cos(t.heading) - (o.x - t.box_x) * sin(t.heading) AS "left",
+    (o.box_x - t.box_x) * cos(t.heading) + (o.box_y - t.box_y) * sin(t.heading) AS box_ahead,
+    (o.box_y - t.box_y) * cos(t.heading) - (o.box_x - t.box_x) * sin(t.heading) AS box_left,
+    wrap_angle(o.heading - t.heading) AS turn,
+    t.heading,
+    o.heading AS other_heading,
+    t.vx,
+    t.vy,
+    o.vx AS other_vx,
+    o.vy AS other_vy,
+    t.object_type,
+    o.object_type AS other_object_type,
+    t.length,
+    t.width,
+    o.length AS other_length,
+    o.width AS other_width
+FROM smoothed AS t JOIN smoothed AS o USING (scenario_id, timestep)
+WHERE t.track_id <> o.track_id;
