@@ -27,7 +27,7 @@ _CATEGORIES = {
 }
 _OTHER = ("MiscObject", "obstacle")
 _MASS = "80"  # [kg] of pedestrians and obstacles, which the format wants and no source has
-_TURN = 0.001  # [rad]
+_TURN = 1e-6  # [rad] also of slow turns, which add up
 _NUDGE = 1e-4  # [m] an object that turns on the spot: players find headings by the length of a path
 _PHASES = {LightColor.RED: "red", LightColor.YELLOW: "yellow", LightColor.GREEN: "green", LightColor.UNKNOWN: "off"}
 
