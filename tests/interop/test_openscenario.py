@@ -51,7 +51,7 @@ def test_schema(scenarios, tmp_path, version):
 
 @pytest.mark.skipif(PLAYER is None, reason="set SCENARIONET_ESMINI to the player esmini")
 def test_esmini_plays_what_was_recorded(scenarios, tmp_path):
-    """At every recorded step every object is there, within 0.05 m (p99) and 0.10 m, and 1 degree (99.9 %).
+    """At every recorded step every object is there, within 0.05 m (p99) and 0.10 m, and 1 degree.
 
     No object is there at other steps, but in the first two.
     """
@@ -73,7 +73,7 @@ def test_esmini_plays_what_was_recorded(scenarios, tmp_path):
           f"at most {error.max():.4f} m, {turn.max():.3f} degrees")  # fmt: skip
     assert np.quantile(error, 0.99) <= 0.05
     assert error.max() <= 0.10
-    assert np.quantile(turn, 0.999) <= 1.0  # one object that stops is shown with a later heading, by up to 12 degrees
+    assert turn.max() <= 1.0
 
 
 def play(path: Path, scenario) -> dict[tuple[int, int], tuple[float, float, float]]:

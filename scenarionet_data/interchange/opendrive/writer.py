@@ -38,7 +38,7 @@ _TRAFFIC_LIGHT = "1000001"
 
 @dataclass(frozen=True)
 class OpenDriveWriter:
-    """Writes the map of a scenario; scenarios that share a map share a file."""
+    """Writes the map of each scenario, one file a scenario."""
 
     name: ClassVar[str] = "opendrive"
     suffixes: ClassVar[tuple[str, ...]] = (".xodr",)
