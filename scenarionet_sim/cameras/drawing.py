@@ -17,6 +17,7 @@ from scenarionet_sim.cameras.draw.columns import NUM_INSTANCE, NUM_LIGHTS, NUM_P
 from scenarionet_sim.cameras.draw.frames import draw_frames
 from scenarionet_sim.cameras.draw.mounting import mount_cameras
 from scenarionet_sim.cameras.draw.post_processing import shrink
+from scenarionet_sim.cameras.draw.shadows import NUM_SHADOW
 from scenarionet_sim.cameras.draw.structures import (
     BAND,
     BANDS,
@@ -163,7 +164,7 @@ def _scratch(width: int) -> FrameMemory:
             vertices=Vertices(np.zeros((NUM_VERTEX, _MAX_VERTICES)), np.zeros((NUM_LIGHTS, _MAX_VERTICES), np.float32)),
             triangles=triangles_for(lambda _, shape, dtype: np.empty(shape, dtype), MAX_TRIANGLES),
             instances=np.empty((_MAX_INSTANCES, NUM_INSTANCE), np.int32),
-            shadows=np.empty((_MAX_INSTANCES, 12)),
+            shadows=np.empty((_MAX_INSTANCES, NUM_SHADOW)),
             places=np.zeros((2, BAND), np.int32),
             band=Tile(
                 near=np.empty(BAND * columns, np.float32),

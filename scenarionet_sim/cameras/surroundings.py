@@ -20,6 +20,9 @@ _DARK_PAINT, _LIGHT_PAINT = 14, 13
 LIGHT_HEIGHT = 5.2
 """Height of the lower end of a traffic light's head [m]."""
 
+_MAST_PLACES: Float64 = np.concatenate([np.arange(2.0, 26.0, 0.5), np.arange(-2.0, -26.0, -0.5)])
+"""Where masts may stand, to the right of a stop line's middle [m], best ones first."""
+
 Row = tuple[tuple[float, ...], tuple[int, int, int, int]]
 
 
@@ -44,24 +47,34 @@ def fixtures(world: World, terrain: Terrain, seed: int, *, has_scenery: bool) ->
 
 def _traffic_lights(world: World, terrain: Terrain) -> list[Row]:
     rows: list[Row] = []
-    shapely.prepare(terrain.road)
+    feet: list[tuple[Float64, float]] = []
+    recorded = world.log_position[world.log_valid][::5].astype(np.float64)
+    taken = terrain.road.buffer(0.4).union(shapely.multipoints(recorded).buffer(1.5, quad_segs=1))
+    shapely.prepare(taken)
     for light, (stop, lane) in enumerate(zip(world.light_stop.astype(np.float64), world.light_lane, strict=True)):
         if not np.isfinite(stop).all():
             continue
         points = world.roads.lanes[int(lane)] if lane >= 0 else np.zeros((0, 2))
         heading = _heading_at(points.astype(np.float64), stop)
-        right = np.array([np.sin(heading), -np.cos(heading)])
-        offsets = np.arange(1.5, 18.0, 0.5)
-        free = ~shapely.contains_xy(terrain.road, stop + offsets[:, None] * right)
-        offset = float(offsets[int(np.argmax(free))] + 0.6) if free.any() else 2.5
-        foot, middle = stop + offset * right, stop + 0.5 * offset * right
-        rows.append(((*foot, 0.0, heading, 0.18, 0.18, LIGHT_HEIGHT + 0.9), (at.POLE, at.POLE_CLASS, _DARK_PAINT, -1)))
-        arm = (*middle, LIGHT_HEIGHT + 0.72, heading, 0.10, offset, 0.10)
-        rows.append((arm, (at.BOX, at.POLE_CLASS, _DARK_PAINT, -1)))
         head = (*stop, LIGHT_HEIGHT, heading, 0.35, 0.40, 1.05)
         rows.append((head, (at.LIGHT_HEAD, at.TRAFFIC_LIGHT, _DARK_PAINT, light)))
-        low = (*(foot - 0.25 * right), 2.4, heading, 0.30, 0.34, 0.9)
-        rows.append((low, (at.LIGHT_HEAD, at.TRAFFIC_LIGHT, _DARK_PAINT, light)))
+        right = np.array([np.sin(heading), -np.cos(heading)])
+        free = stop + _MAST_PLACES[:, None] * right
+        free = free[~shapely.contains_xy(taken, free)]
+        if not len(free):
+            continue  # hangs from wires
+        shared = [foot for foot, its in feet if np.cos(its - heading) > 0.8 and np.hypot(*(foot - free[0])) < 4.0]
+        foot = shared[0] if shared else free[0]
+        if not shared:
+            feet.append((foot, heading))
+            mast = (*foot, 0.0, heading, 0.22, 0.22, LIGHT_HEIGHT + 0.9)
+            low = (*(foot - 0.28 * right), 2.4, heading, 0.30, 0.34, 0.9)
+            rows.append((mast, (at.POLE, at.POLE_CLASS, _DARK_PAINT, -1)))
+            rows.append((low, (at.LIGHT_HEAD, at.TRAFFIC_LIGHT, _DARK_PAINT, light)))
+        reach = stop - foot
+        turn = float(np.arctan2(reach[1], reach[0])) - np.pi / 2
+        arm = (*(foot + 0.5 * reach), LIGHT_HEIGHT + 0.72, turn, 0.10, float(np.hypot(*reach)), 0.10)
+        rows.append((arm, (at.BOX, at.POLE_CLASS, _DARK_PAINT, -1)))
     return rows
 
 

@@ -101,6 +101,8 @@ def _light(weather: Weather) -> Float64:
     """Return the light (NUM_LIGHT,) of a weather."""
     rise, turn = weather.sun_elevation, weather.sun_azimuth
     sun = np.array([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)])
+    if weather.clouds >= 0.8:
+        sun = np.array([0.0, 0.0, 1.0])  # what is left is dark under objects, not behind them
     high = min(rise / 0.6, 1.0) ** 0.7
     dull = np.clip((weather.clouds - 0.5) / 0.4, 0.0, 1.0)
     sunlight = (high * _HIGH_SUN + (1 - high) * _LOW_SUN) * (1 - 0.94 * dull)

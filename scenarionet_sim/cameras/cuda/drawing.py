@@ -26,6 +26,7 @@ from scenarionet_sim.cameras.cuda.items import (
 )
 from scenarionet_sim.cameras.cuda.kernels import launch
 from scenarionet_sim.cameras.cuda.memory import DeviceMemory
+from scenarionet_sim.cameras.draw.shadows import NUM_SHADOW
 from scenarionet_sim.cameras.draw.structures import (
     BAND,
     GROUP,
@@ -148,7 +149,7 @@ def _items(memory: DeviceMemory, num_frames: int, solids: Solids) -> Items:
     return Items(
         boxes=memory.buffer("boxes", (*all_items, NUM_BOX), np.float64),
         kinds=memory.buffer("kinds", (*all_items, NUM_ITEM), np.int32),
-        shadows=memory.buffer("shadows", (*all_items, 12), np.float64),
+        shadows=memory.buffer("shadows", (*all_items, NUM_SHADOW), np.float64),
         drawn=memory.buffer("drawn", all_items, np.int32),
         instances=memory.buffer("instances", (*all_items, NUM_INSTANCE), np.int32),
         counts=memory.buffer("counts", (num_frames, NUM_COUNTS), np.int32),

@@ -22,6 +22,7 @@ from scenarionet_sim.cameras.draw.instances import (
     LEAST,
     LEAST_FIXED,
     appearance_of,
+    caster_of,
     casts_shadow,
     has_shadows,
     write_box,
@@ -36,7 +37,7 @@ from scenarionet_sim.cameras.draw.placement import (
     set_up_outline,
     set_up_triangle,
 )
-from scenarionet_sim.cameras.draw.shadows import add_shadow
+from scenarionet_sim.cameras.draw.shadows import NUM_SHADOW, add_shadow
 from scenarionet_sim.cameras.draw.structures import (
     GROUP,
     FrameView,
@@ -73,7 +74,7 @@ class Items(NamedTuple):
     Attributes:
         boxes: (B, N, NUM_BOX), see above.
         kinds: (B, N, NUM_ITEM), see above.
-        shadows: (B, N, 12) see ``FrameMemory.shadows``; after ``list_items`` the first ones are those in view.
+        shadows: (B, N, NUM_SHADOW) see ``FrameMemory.shadows``; after ``list_items`` the first ones are those in view.
         drawn: (B, N) items in view.
         instances: (B, N, NUM_INSTANCE) see above, of the items in ``drawn``.
         counts: (B, NUM_COUNTS), see above.
@@ -121,7 +122,8 @@ def find_item(frame: int, number: int, shots: Shots, scene: SceneArrays, items: 
     if not write_box(number, view, solids, scene.ground, box):
         return
     if has_shadows(view) and casts_shadow(number < rows, box, view):
-        kind[HAS_SHADOW] = add_shadow(box, view, items.shadows[frame, number : number + 1], 0)
+        caster, shadow = caster_of(number, view.slot, solids), items.shadows[frame, number : number + 1]
+        kind[HAS_SHADOW] = add_shadow(box, caster, view, shadow, 0)
     radius = screen_radius(box, view)
     is_hidden = number == view.own and view.own_view == codes.HIDDEN
     if is_hidden or radius < (LEAST if number < rows else LEAST_FIXED):
@@ -138,7 +140,7 @@ def list_items(frame: int, scene: SceneArrays, items: Items) -> None:
     for number in range(items.kinds.shape[1]):
         kind = items.kinds[frame, number]
         if kind[HAS_SHADOW]:
-            for column in range(12):
+            for column in range(NUM_SHADOW):
                 items.shadows[frame, num_shadows, column] = items.shadows[frame, number, column]
             num_shadows += 1
         if kind[MESH] >= 0:

@@ -17,7 +17,9 @@ from scenarionet_sim.cameras.draw.placement import SMALL, add_instance, is_besid
 from scenarionet_sim.cameras.draw.shadows import LEAST_SHADOW, SHADOW_REACH, add_shadow
 from scenarionet_sim.cameras.draw.structures import GROUP, FrameMemory, FrameView, Ground, Item, Meshes, Solids
 
-NUM_PAINTS = 16
+NUM_PAINTS, OWN_PAINT = 15, 15
+"""Number of paints of other objects, and the paint of the own vehicle."""
+
 LEAST, LEAST_FIXED = 0.4, 0.9
 """Radius below which objects and fixtures are not drawn."""
 
@@ -120,6 +122,15 @@ def casts_shadow(is_object: bool, box: Float64, view: FrameView) -> bool:
     return not is_beside_picture(x, y, z, radius, view)
 
 
+@device_function(forceinline=True)
+def caster_of(item: int, slot: int, solids: Solids) -> int:
+    """Return the class by which an object or fixture casts its shadow."""
+    rows = solids.motion.shape[1]
+    if item >= rows:
+        return int(solids.fixed_kind[solids.fixed_range[slot, 0] + (item - rows) // GROUP, (item - rows) % GROUP, 1])
+    return codes.PERSON if solids.object_type[slot, item] in (2, 3) else codes.CAR_CLASS
+
+
 @device_function(forceinline=True, divides_by_zero=True)
 def appearance_of(item: int, view: FrameView, solids: Solids, box: Float64) -> tuple[int, int, int, int, float, float]:
     """Return mesh, class, paint, shining material or -1, and how far wheels rolled [m] and are steered [rad]."""
@@ -137,7 +148,7 @@ def appearance_of(item: int, view: FrameView, solids: Solids, box: Float64) -> t
         if view.is_colored and is_braking(solids, slot, item):
             glow = codes.TAIL_LAMP
     if item == view.own:
-        paint, semantic = 4, codes.OWN_VEHICLE
+        paint, semantic = OWN_PAINT, codes.OWN_VEHICLE
         if view.own_view == codes.INSIDE:
             mesh = codes.DECK
     return codes.BOX if view.are_boxes else mesh, semantic, paint, glow, spin, steer
@@ -176,7 +187,7 @@ def add_solids(
             else:
                 radius, has_shadow = radii[number_listed] * 1.0, are_cast and shadows[number_listed] > 0
             if has_shadow:
-                num_shadows = add_shadow(box, view, scratch.shadows, num_shadows)
+                num_shadows = add_shadow(box, caster_of(number, slot, solids), view, scratch.shadows, num_shadows)
             is_hidden = number == view.own and view.own_view == codes.HIDDEN
             if radius < (LEAST if is_object else LEAST_FIXED) or is_hidden or count >= len(scratch.instances):
                 continue

@@ -34,6 +34,9 @@ PART = 32
 LONG = 8
 """Pixels of a row from which on it is worth finding all that see the same triangle."""
 
+ROUND = 0.4
+"""Largest radius of the corners of shadows [m]."""
+
 SOFT = 0.3
 """Width of the soft edge of a shadow outside of its outline [m]."""
 
@@ -80,20 +83,29 @@ def _is_beside(shadow: Float64, frame: Float64, x0: float, y0: float, x1: float,
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _cast(strength: float, x0: float, y0: float, shadow: Float64, xs: Float32, ys: Float32, shade: Float32) -> None:
-    """Cast the shadow of a box, swept along the light, with an edge that softens with the distance from the box."""
+    """Cast the shadow of a rounded box, swept along the light, with an edge that softens with the distance from it."""
     cos, sin = single(shadow[2]), single(shadow[3])
-    half_length, half_width = single(shadow[4]), single(shadow[5])
-    sweep_x, sweep_y = single(shadow[6]), single(shadow[7])
+    sweep_x, sweep_y, touch = single(shadow[6]), single(shadow[7]), single(shadow[12])
+    corner = single(smaller(smaller(shadow[4], shadow[5]), ROUND))
+    half_length, half_width = single(shadow[4]) - corner, single(shadow[5]) - corner
     inverse = 1.0 / (sweep_x * sweep_x + sweep_y * sweep_y + 1e-9)
     for k in range(len(xs)):
         dx, dy = xs[k] - x0, ys[k] - y0
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
         along = smaller(larger((x * sweep_x + y * sweep_y) * inverse, 0.0), 1.0)
-        out = larger(abs(x - along * sweep_x) - half_length, abs(y - along * sweep_y) - half_width)
-        close = larger(abs(x) - half_length, abs(y) - half_width)
-        cast = smaller(larger(0.5 - out / (0.05 + 0.30 * along), 0.0), 1.0) * (1.0 - 0.35 * along)
-        contact = 0.9 * smaller(larger(0.55 - close * 2.0, 0.0), 1.0)
+        out = _outside(abs(x - along * sweep_x) - half_length, abs(y - along * sweep_y) - half_width) - corner
+        close = _outside(abs(x) - half_length, abs(y) - half_width) - corner
+        cast = smaller(larger(0.5 - out / (0.12 + 0.28 * along), 0.0), 1.0) * (1.0 - 0.35 * along)
+        contact = smaller(larger(0.55 - close * 2.0, 0.0), 1.0)
+        contact *= touch * contact * (3.0 - 2.0 * contact)
         shade[k] *= 1.0 - strength * larger(cast, contact)
+
+
+@device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
+def _outside(x: float, y: float) -> float:
+    """Return the distance of a point from a box, by how far it is outside of its sides; negative inside."""
+    u, v = larger(x, 0.0), larger(y, 0.0)
+    return float(math.sqrt(u * u + v * v) + smaller(larger(x, y), 0.0))
 
 
 @device_function(divides_by_zero=True, in_lanes=True)

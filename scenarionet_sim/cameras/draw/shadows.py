@@ -7,9 +7,13 @@ import math
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
+from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.structures import FrameView
 from scenarionet_sim.cameras.draw.vertices import NEAREST
+
+NUM_SHADOW = 13
+"""Columns of a shadow, see ``FrameMemory.shadows``."""
 
 SHADOW_REACH = 120.0
 """Shadows farther than this are not seen [m]."""
@@ -19,19 +23,27 @@ LEAST_SHADOW = 0.6
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def add_shadow(box: Float64, view: FrameView, shadows: Float64, num_shadows: int) -> int:
-    """Add the shadow of a box on the ground; return the new number of shadows."""
+def add_shadow(box: Float64, caster: int, view: FrameView, shadows: Float64, num_shadows: int) -> int:
+    """Add the shadow of a box on the ground, by its class; return the new number of shadows.
+
+    People are slimmer than their boxes, and crowns of trees do not touch the ground.
+    """
     pose, lens, light, width, height = view.pose, view.lens, view.light, view.width, view.height
     wx, wy = box[0] - pose[at.EYE], box[1] - pose[at.EYE + 1]
     if num_shadows >= len(shadows):
         return num_shadows
     cos, sin = math.cos(box[3]), math.sin(box[3])
+    share = 0.3 if caster in (codes.PERSON, codes.RIDER) else (0.4 if caster == codes.VEGETATION else 0.5)
+    half_length, half_width = share * box[4], share * box[5]
+    lift = 0.35 if caster == codes.VEGETATION else 0.0
     length = box[6] / larger(light[at.SUN + 2], 0.2)
+    wx, wy = wx - lift * length * light[at.SUN], wy - lift * length * light[at.SUN + 1]
+    length *= 1.0 - lift
     sweep_x = -length * (cos * light[at.SUN] + sin * light[at.SUN + 1])
     sweep_y = -length * (cos * light[at.SUN + 1] - sin * light[at.SUN])
     pad = 0.45
-    low_x, high_x = smaller(sweep_x, 0.0) - 0.5 * box[4] - pad, larger(sweep_x, 0.0) + 0.5 * box[4] + pad
-    low_y, high_y = smaller(sweep_y, 0.0) - 0.5 * box[5] - pad, larger(sweep_y, 0.0) + 0.5 * box[5] + pad
+    low_x, high_x = smaller(sweep_x, 0.0) - half_length - pad, larger(sweep_x, 0.0) + half_length + pad
+    low_y, high_y = smaller(sweep_y, 0.0) - half_width - pad, larger(sweep_y, 0.0) + half_width + pad
     left, top, right, bottom = width * 1.0, height * 1.0, 0.0, 0.0
     bx = by = bz = 0.0
     for corner in range(5):  # the outline, clipped before the camera
@@ -58,8 +70,9 @@ def add_shadow(box: Float64, view: FrameView, shadows: Float64, num_shadows: int
     if right <= 0.0 or left >= width or bottom <= 0.0 or top >= height or left >= right:
         return num_shadows
     shadow = shadows[num_shadows]
-    shadow[0], shadow[1], shadow[2], shadow[3] = box[0], box[1], cos, sin
-    shadow[4], shadow[5], shadow[6], shadow[7] = 0.5 * box[4], 0.5 * box[5], sweep_x, sweep_y
+    shadow[0], shadow[1], shadow[2], shadow[3] = pose[at.EYE] + wx, pose[at.EYE + 1] + wy, cos, sin
+    shadow[4], shadow[5], shadow[6], shadow[7] = half_length, half_width, sweep_x, sweep_y
+    shadow[12] = 0.0 if caster == codes.VEGETATION else 0.9
     shadow[8], shadow[9] = larger(math.floor(left), 0.0), larger(math.floor(top) - 1.0, 0.0)
     shadow[10], shadow[11] = smaller(math.ceil(right), width), smaller(math.ceil(bottom) + 1.0, height)
     return num_shadows + 1

@@ -260,7 +260,8 @@ class FrameMemory(NamedTuple):
         vertices: Of one mesh in view.
         triangles: Of the frame.
         instances: (I, NUM_INSTANCE), see ``columns``.
-        shadows: (I, 12) x, y, cos, sin, half length, half width, sweep x, y in its frame, and its screen bounds.
+        shadows: (I, NUM_SHADOW) x, y, cos, sin, half length, half width, sweep x, y in its frame, its screen bounds,
+            and how dark it is where the object stands.
         places: (2, BAND) first columns and ends of a triangle in the rows of a band.
         band: Pixels of a band; all but ``near`` and ``seen`` hold those of a tile.
         box: (7,) of an object.
