@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.log import HEADING
 from scenarionet_sim.arrays.log import X as MOTION_X
@@ -23,20 +23,22 @@ class Boxes(NamedTuple):
         numbers: (7, N) centre [m]; cosine and sine of the heading, NaN until :func:`rotation` is called; half of
             length and width [m]; radius of the circumscribed circle [m].
         row: (N,) row of each in the world.
+        num_boxes: (1,) their number.
     """
 
     numbers: Float64
     row: Int32
+    num_boxes: Int64
 
     @classmethod
     def of(cls, num_objects: int) -> Boxes:
         """Allocate the memory for worlds of up to so many objects."""
-        return cls(np.empty((7, num_objects)), np.empty(num_objects, np.int32))
+        return cls(np.empty((7, num_objects)), np.empty(num_objects, np.int32), np.zeros(1, np.int64))
 
 
 @device_function
-def write_boxes(count: int, motion: Float64, size: Float64, present: Bool, boxes: Boxes) -> int:
-    """Write the present ones of the first ``count`` objects (N, ...) of a world; return their number."""
+def write_boxes(count: int, motion: Float64, size: Float64, present: Bool, boxes: Boxes) -> None:
+    """Write the present ones of the first ``count`` objects (N, ...) of a world."""
     numbers, b = boxes.numbers, 0
     for n in range(count):
         if present[n]:
@@ -46,7 +48,7 @@ def write_boxes(count: int, motion: Float64, size: Float64, present: Bool, boxes
             numbers[HALF_LENGTH, b], numbers[HALF_WIDTH, b] = half_length, half_width
             numbers[RADIUS, b] = np.sqrt(half_length * half_length + half_width * half_width)
             b += 1
-    return b
+    boxes.num_boxes[0] = b
 
 
 @device_function

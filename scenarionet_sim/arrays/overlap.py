@@ -31,15 +31,13 @@ def is_overlapping(
 
 
 @device_function
-def touch(
-    n: int, motion: Float64, size: Float64, object_type: UInt8, boxes: Boxes, num_boxes: int, contacts: Bool
-) -> np.uint32:
+def touch(n: int, motion: Float64, size: Float64, object_type: UInt8, boxes: Boxes, contacts: Bool) -> np.uint32:
     """Find the objects whose boxes overlap that of one agent, which is present.
 
     Args:
         n: Row of the agent.
         motion, size, object_type: (N, ...) of its world.
-        boxes, num_boxes: Boxes of its world, and their number.
+        boxes: Boxes of its world.
         contacts: (N,) output; False before.
 
     Returns:
@@ -48,7 +46,7 @@ def touch(
     hits, numbers = np.uint32(0), boxes.numbers
     own, length, width = motion[n], size[n, 0], size[n, 1]
     cos, sin, radius = np.cos(own[HEADING]), np.sin(own[HEADING]), 0.5 * (length + width)
-    for b in range(num_boxes):
+    for b in range(boxes.num_boxes[0]):
         dx, dy, far = numbers[BOX_X, b] - own[X], numbers[BOX_Y, b] - own[Y], numbers[RADIUS, b] + radius
         if dx * dx + dy * dy > far * far:
             continue

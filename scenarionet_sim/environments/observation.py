@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium import spaces
 
-from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32
-from scenarionet_sim.sensors.base import CompiledSensor, Sensor, compiled_form
+from scenarionet_data.arrays.dtypes import Array, Float32, Int32
+from scenarionet_sim.sensors.base import Sensor
+from scenarionet_sim.sensors.compiled import compiled_form
 from scenarionet_sim.sensors.observation_kernels import Sensing
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
@@ -32,7 +33,7 @@ class Observation:
         self._sensors = tuple(sensors)
         forms = [compiled_form(sensor) for sensor in self._sensors]
         self._numbers = np.array([number for number, form in enumerate(forms) if form is not None], np.intp)
-        self._compiled = _sensing_of([form for form in forms if form is not None])
+        self._compiled = Sensing.of([form for form in forms if form is not None])
         self._uncompiled = [number for number, form in enumerate(forms) if form is None]
         self._sizes = [int(np.prod(sensor.shape)) for sensor in self._sensors]
         self._is_flat = form == "flat"
@@ -82,8 +83,7 @@ class Observation:
 
     def writing(self, values: Float32) -> Sensing:
         """Return the compiled sensors that write to an array for as many agents as :meth:`allocate` was called for."""
-        compiled = self._compiled
-        return Sensing(compiled.kind, self._place, compiled.scale, compiled.types, compiled.directions, values)
+        return self._compiled._replace(place=self._place, out=values)
 
     def _lay_out(self, num_agents: int) -> tuple[list[int], Int32]:
         """Return the first value of each sensor, and ``Sensing.place``."""
@@ -139,21 +139,6 @@ class Observation:
             name: observed[..., end - size : end].reshape(*observed.shape[:-1], *sensor.shape)
             for name, sensor, size, end in zip(self.names, self._sensors, self._sizes, ends, strict=True)
         }
-
-
-def _sensing_of(forms: Sequence[CompiledSensor]) -> Sensing:
-    """Return the arrays of compiled sensors, without places in an array of observations."""
-    kind, place = np.zeros(len(forms), np.uint8), np.zeros((len(forms), 4), np.int32)
-    scale, types = np.zeros((len(forms), 8)), np.zeros((len(forms), 256), np.bool_)
-    directions: list[Float64] = [np.zeros((0, 2))]
-    for row, form in enumerate(forms):
-        kind[row], scale[row, : len(form.scale)] = form.kind, form.scale
-        place[row, 2], place[row, 3] = sum(map(len, directions)), form.parts
-        if form.types is not None:
-            types[row] = form.types
-        if form.directions is not None:
-            directions.append(form.directions)
-    return Sensing(kind, place, scale, types, np.concatenate(directions), np.zeros(0, np.float32))
 
 
 def _joined(parts: list[spaces.Box]) -> spaces.Box:

@@ -80,7 +80,7 @@ def drive_along_paths(
     stations, boxes = memory.stations, memory.boxes
     count, num_steps, objects = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS], recorded.place[w, OBJECTS]
     motion, sizes = now.motion[w], now.size[w]
-    num_boxes = write_boxes(count, motion, sizes, now.present[w], boxes)
+    write_boxes(count, motion, sizes, now.present[w], boxes)
     t, own = smaller(now.timestep[w], num_steps - 1), -1
     log, lights = recorded.place[w, LOG] + (t + 1) * count, recorded.place[w, LIGHTS] + t
     for n in range(count):
@@ -92,7 +92,7 @@ def drive_along_paths(
         if s == np.inf:
             continue
         if not now.present[w, n]:
-            if t + 1 < num_steps and _is_free(recorded.log[log + n], size, motion, sizes, boxes, num_boxes):
+            if t + 1 < num_steps and _is_free(recorded.log[log + n], size, motion, sizes, boxes):
                 place_as_recorded(recorded.log[log + n], w, n, then.motion, then.present)
             continue
         path = PathRows(recorded.path, recorded.path_offsets[objects + n], recorded.path_offsets[objects + n + 1])
@@ -102,7 +102,7 @@ def drive_along_paths(
         speed = np.hypot(row[VX], row[VY])
         k = segment_at(path, s)
         num_stations = look_ahead(path, k, s, stations)
-        braking = _braking_for_boxes(motion, sizes, memory, num_boxes, own, num_stations, speed, law)
+        braking = _braking_for_boxes(motion, sizes, memory, own, num_stations, speed, law)
         for stop in range(recorded.stop_offsets[objects + n], recorded.stop_offsets[objects + n + 1]):
             color = colors[recorded.light_state[lights + recorded.stop_light[stop] * num_steps]]
             gap = recorded.stop_arc[stop] - s - size[0] / 2.0
@@ -143,12 +143,12 @@ def speed_before_stop(distance: float, speed: float, deceleration: float, dt: fl
 
 
 @device_function
-def _is_free(row: Float32, size: Float64, motion: Float64, sizes: Float64, boxes: Boxes, num_boxes: int) -> bool:
+def _is_free(row: Float32, size: Float64, motion: Float64, sizes: Float64, boxes: Boxes) -> bool:
     """Return whether a row of the log is valid and its box overlaps no other."""
     if row[VALID] == 0.0:
         return False
     numbers, cos, sin = boxes.numbers, np.cos(np.float64(row[HEADING])), np.sin(np.float64(row[HEADING]))
-    for b in range(num_boxes):
+    for b in range(boxes.num_boxes[0]):
         dx, dy, reach = numbers[BOX_X, b] - row[X], numbers[BOX_Y, b] - row[Y], numbers[RADIUS, b] + size[0] + size[1]
         if dx * dx + dy * dy > reach * reach:
             continue
@@ -163,13 +163,13 @@ def _is_free(row: Float32, size: Float64, motion: Float64, sizes: Float64, boxes
 
 @device_function
 def _braking_for_boxes(
-    motion: Float64, sizes: Float64, memory: SightMemory, num_boxes: int, own: int, count: int, speed: float, law: Law
+    motion: Float64, sizes: Float64, memory: SightMemory, own: int, count: int, speed: float, law: Law
 ) -> float:
     """Return the strongest deceleration required by boxes on the strip along ``count`` stations [m/s²]."""
     boxes, numbers, row = memory.boxes, memory.boxes.numbers, memory.boxes.row[own]
     half_width, braking = numbers[HALF_WIDTH, own] - law.overlap, 0.0
-    find_near(memory, count, num_boxes, half_width)
-    for b in range(num_boxes):
+    find_near(memory, count, half_width)
+    for b in range(boxes.num_boxes[0]):
         if not memory.is_near[b] or b == own:
             continue
         other = boxes.row[b]

@@ -73,7 +73,7 @@ def look_ahead(path: PathRows, k: int, s: float, stations: Float64) -> int:
 
 
 @device_function
-def find_near(memory: SightMemory, count: int, num_boxes: int, half_width: float) -> None:
+def find_near(memory: SightMemory, count: int, half_width: float) -> None:
     """Write the parts of the strip between ``count`` stations, and the boxes near a rectangle around all of them."""
     boxes, stations = memory.boxes.numbers, memory.stations
     low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
@@ -83,24 +83,22 @@ def find_near(memory: SightMemory, count: int, num_boxes: int, half_width: float
         tx, ty = following[_X] - x, following[_Y] - y
         stations[k, _MIDDLE_X], stations[k, _MIDDLE_Y] = x + 0.5 * tx, y + 0.5 * ty
         stations[k, _HALF] = 0.5 * np.sqrt(tx * tx + ty * ty)
-    x, reach_x = 0.5 * (low_x + high_x), 0.5 * (high_x - low_x) + half_width
-    y, reach_y = 0.5 * (low_y + high_y), 0.5 * (high_y - low_y) + half_width
-    _mark_near(num_boxes, x, y, reach_x, reach_y, boxes[BOX_X], boxes[BOX_Y], boxes[RADIUS], memory.is_near)
+    middle = 0.5 * (low_x + high_x), 0.5 * (low_y + high_y)
+    reach = 0.5 * (high_x - low_x) + half_width, 0.5 * (high_y - low_y) + half_width
+    circles = boxes[BOX_X], boxes[BOX_Y], boxes[RADIUS]
+    _mark_near(memory.boxes.num_boxes[0], middle, reach, circles, memory.is_near)
 
 
 @device_function(in_lanes=True)
 def _mark_near(
     count: int,
-    x: float,
-    y: float,
-    reach_x: float,
-    reach_y: float,
-    box_x: Float64,
-    box_y: Float64,
-    radius: Float64,
+    middle: tuple[float, float],
+    reach: tuple[float, float],
+    circles: tuple[Float64, Float64, Float64],
     is_near: Bool,
 ) -> None:
-    """Mark the boxes whose circumscribed circles may meet a rectangle."""
+    """Mark the circles (x, y and radius) that may meet a rectangle."""
+    (x, y), (reach_x, reach_y), (box_x, box_y, radius) = middle, reach, circles
     for b in range(count):
         is_near[b] = (abs(box_x[b] - x) <= reach_x + radius[b]) & (abs(box_y[b] - y) <= reach_y + radius[b])
 

@@ -1,15 +1,17 @@
 """Ray casting in the plane, at lines of the map.
 
-Rays start at the agent's centre and turn with it: ray k has the direction ``directions[k]`` in the agent's frame
-(x forward, y left). The output is the distance divided by the range: 0 at the centre, 1 without a hit.
+Rays start at the agent's centre and turn with it. The output is the distance divided by the range: 0 at the centre,
+1 without a hit.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
-from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, UInt8
+from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_road_edge
 from scenarionet_sim.arrays.log import HEADING, X, Y
 from scenarionet_sim.arrays.minmax import larger, smaller
@@ -34,6 +36,21 @@ def _line_bits() -> UInt8:
 LINE_BITS = _line_bits()
 """(256,) one bit for each ``MapFeatureType``, see ``Lines.cell_types``."""
 
+
+class Rays(NamedTuple):
+    """The rays of a sensor.
+
+    Attributes:
+        directions: (R, 2) unit vectors in the agent's frame, x forward and y left.
+        reach: Range [m].
+        types: (256,) visible types.
+    """
+
+    directions: Float64
+    reach: float
+    types: Bool
+
+
 _HUGE = 1e300
 """Substitute for 1 / 0: its product with 0 is 0, where infinity would give NaN."""
 
@@ -54,27 +71,28 @@ def ray_through_box(x: float, y: float, dx: float, dy: float, half_x: float, hal
 
 @device_function
 def nearest_segment(
-    x: float, y: float, dx: float, dy: float, reach: float, w: int, lines: Lines, is_visible: Bool, types: int
+    start: tuple[float, float], along: tuple[float, float], w: int, lines: Lines, rays: Rays, types: int
 ) -> float:
-    """Return the distance [m] from (x, y) along the unit vector (dx, dy) to the nearest visible segment.
+    """Return the distance [m] from a point along a unit vector to the nearest visible segment.
 
-    Traverses the grid cells along the ray, nearest first, and stops at the first with a hit; ``reach`` without a hit.
+    Traverses the grid cells along the ray, nearest first, and stops at the first with a hit; the reach without a hit.
     ``types`` are the bits of the visible types, as ``Lines.cell_types`` has them.
     Source: J. Amanatides, A. Woo, "A fast voxel traversal algorithm for ray tracing", 1987.
     """
+    (x, y), (dx, dy), reach = start, along, rays.reach
     over_x, over_y = _inverse(dx), _inverse(dy)
     left, low, cell_size = lines.frame[w, 0], lines.frame[w, 1], lines.frame[w, 2]
     columns, rows = int(lines.frame[w, 3]), int(lines.frame[w, 4])
     first_cell, first_block = lines.place[w, CELLS], lines.place[w, BLOCKS]
     width, height = columns * cell_size, rows * cell_size
-    start, best = 0.0, reach
+    begin, best = 0.0, reach
     if not (left <= x <= left + width and low <= y <= low + height):
         enter, leave = ray_through_box(x - left - width / 2, y - low - height / 2, dx, dy, width / 2, height / 2)
-        start = larger(enter, 0.0)
-        if enter > leave or leave < 0.0 or start >= reach:
+        begin = larger(enter, 0.0)
+        if enter > leave or leave < 0.0 or begin >= reach:
             return best
-    column = smaller(larger(int((x + start * dx - left) / cell_size), 0), columns - 1)
-    row = smaller(larger(int((y + start * dy - low) / cell_size), 0), rows - 1)
+    column = smaller(larger(int((x + begin * dx - left) / cell_size), 0), columns - 1)
+    row = smaller(larger(int((y + begin * dy - low) / cell_size), 0), rows - 1)
     # A ray along an axis never reaches the next row or column: its border is ahead, at an infinite distance.
     step_x, step_y = (1 if dx >= 0.0 else -1), (1 if dy >= 0.0 else -1)
     next_x = (left + (column + (dx >= 0.0)) * cell_size - x) * over_x
@@ -85,9 +103,9 @@ def nearest_segment(
         if lines.cell_types[first_cell + cell] & types:
             filled = lines.block_start[first_block + cell // CELLS_IN_BLOCK] + lines.cell_rank[first_cell + cell]
             for s in range(lines.filled_start[filled], lines.filled_start[filled + 1]):
-                along = _ray_to_segment(x, y, dx, dy, lines.segments[s])
-                if 0.0 <= along < best and is_visible[lines.segment_type[s]]:
-                    best = along
+                distance = _ray_to_segment(x, y, dx, dy, lines.segments[s])
+                if 0.0 <= distance < best and rays.types[lines.segment_type[s]]:
+                    best = distance
         if best <= smaller(next_x, next_y):
             break
         # Without branches, as the processor does not foresee the direction of the next cell.
@@ -109,40 +127,15 @@ def _ray_to_segment(x: float, y: float, dx: float, dy: float, segment: Float32) 
     return float((ax + share * (bx - ax)) * dx + (ay + share * (by - ay)) * dy)
 
 
-@kernel
-def cast_at_segments(
-    agents: Int32, motion: Float64, lines: Lines, is_visible: Bool, directions: Float64, reach: float, out: Float32
-) -> None:
-    """Cast rays of each agent at the lines of its map.
-
-    Args:
-        agents: (A, 2) world and row.
-        motion: See ``State``.
-        lines: Segments of W maps.
-        is_visible: (256,) by ``MapFeatureType``.
-        directions: (R, 2) unit vectors in the agent's frame.
-        reach: Range [m].
-        out: (A, R) output.
-    """
-    for a in range(agents.shape[0]):
-        w = agents[a, 0]
-        ranges_to_lines(w, motion[w, agents[a, 1]], lines, is_visible, directions, reach, out[a])
-
-
 @device_function
-def ranges_to_lines(
-    w: int, me: Float64, lines: Lines, is_visible: Bool, directions: Float64, reach: float, out: Float32
-) -> None:
-    """Cast the rays of one agent, with the row (7,) of motion, at the lines of world ``w``.
-
-    ``lines``, ``is_visible``, ``directions`` and ``reach`` are as in :func:`cast_at_segments`, ``out`` is (R,).
-    """
+def ranges_to_lines(w: int, me: Float64, lines: Lines, rays: Rays, out: Float32) -> None:
+    """Cast the rays of one agent, with the row (7,) of motion, at the lines of world ``w``; ``out`` is (R,)."""
     types = 0
-    for kind in range(len(is_visible)):
-        if is_visible[kind]:
+    for kind in range(len(rays.types)):
+        if rays.types[kind]:
             types |= LINE_BITS[kind]
     cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
-    for ray in range(directions.shape[0]):
-        forward, left = directions[ray, 0], directions[ray, 1]
-        dx, dy = cos * forward - sin * left, sin * forward + cos * left
-        out[ray] = nearest_segment(me[X], me[Y], dx, dy, reach, w, lines, is_visible, types) / reach
+    for ray in range(len(rays.directions)):
+        forward, left = rays.directions[ray, 0], rays.directions[ray, 1]
+        along = cos * forward - sin * left, sin * forward + cos * left
+        out[ray] = nearest_segment((me[X], me[Y]), along, w, lines, rays, types) / rays.reach

@@ -7,10 +7,10 @@ and y left from the centre of its box. Sensors keep no state between calls; nois
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from enum import IntEnum
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -26,24 +26,6 @@ if TYPE_CHECKING:
 
 OBJECT_TYPES = 256
 """Length of lookup tables by type code."""
-
-
-class CompiledSensor(NamedTuple):
-    """A sensor as the compiled step takes it, see ``sensors.observation_kernels.Sensing``.
-
-    Attributes:
-        kind: A constant of ``sensors.observation_kernels``, such as ``LIDAR``.
-        scale: Up to eight numbers.
-        parts: Number of rays or points.
-        types: (256,) visible types.
-        directions: (R, 2) of the rays.
-    """
-
-    kind: int
-    scale: Sequence[float]
-    parts: int = 0
-    types: Bool | None = None
-    directions: Float64 | None = None
 
 
 class Sensor(ABC):
@@ -77,11 +59,6 @@ class Sensor(ABC):
         Returns:
             ``out``.
         """
-
-    @property
-    def compiled(self) -> CompiledSensor | None:
-        """The sensor as a part of the compiled step; None if only :meth:`observe` can be called."""
-        return None
 
     def space(self) -> Box:
         """Return the Gymnasium space of one agent's observation.
@@ -169,9 +146,3 @@ def add_noise(shares: Float32, spread: float, dropout: float, rng: np.random.Gen
 def map_types(is_kind: Callable[[Any], Any]) -> tuple[MapFeatureType, ...]:
     """Return the map feature types that satisfy a predicate such as ``is_road_edge``."""
     return tuple(member for member in MapFeatureType if is_kind(member))
-
-
-def compiled_form(sensor: Sensor) -> CompiledSensor | None:
-    """Return a sensor as a part of the compiled step; None for one whose class replaces ``observe``."""
-    owner = next(kind for kind in type(sensor).__mro__ if "observe" in vars(kind))
-    return sensor.compiled if "compiled" in vars(owner) else None

@@ -14,17 +14,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
-from scenarionet_data.compiled.decorators import device_function, kernel
-from scenarionet_sim.arrays.boxes import HALF_LENGTH, HALF_WIDTH, RADIUS, Boxes, X, Y, rotation, write_boxes
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
+from scenarionet_data.compiled.decorators import device_function
+from scenarionet_sim.arrays.boxes import HALF_LENGTH, HALF_WIDTH, RADIUS, Boxes, X, Y, rotation
 from scenarionet_sim.arrays.log import HEADING
 from scenarionet_sim.arrays.minmax import larger, smaller
+from scenarionet_sim.arrays.structures import StateArrays
+from scenarionet_sim.roads.ray_kernels import Rays
 
 _ANGLE_ERROR = 2e-5
 """Largest error of :func:`_angle` [rad], and as much again."""
 
 _TINY = 1e-30
 """Substitute for the distance from a side that does not face the agent."""
+
+
+_Two = tuple[Int32, Int32]
+_Four = tuple[Float64, Float64, Float64, Float64]
 
 
 class RayMemory(NamedTuple):
@@ -51,120 +57,62 @@ class RayMemory(NamedTuple):
         return cls(np.empty(num_rays), near, sides, np.empty((2, num_objects), np.int32))
 
 
-@kernel
-def cast_at_boxes(
-    agents: Int32,
-    motion: Float64,
-    size: Float64,
-    object_type: UInt8,
-    present: Bool,
-    types: Bool,
-    directions: Float64,
-    reach: float,
-    out: Float32,
-) -> None:
-    """Cast evenly spread rays of each agent at the other objects' boxes.
-
-    Args:
-        agents: (A, 2) world and row, sorted.
-        motion, size, object_type, present: See ``State``.
-        types: (256,) visible types.
-        directions: (R, 2) unit vectors at angles 2 pi k / R from straight ahead, counter-clockwise.
-        reach: Range [m].
-        out: (A, R) output.
-    """
-    most, w, count = motion.shape[1], -1, 0
-    boxes = Boxes(np.empty((7, most)), np.empty(most, np.int32))
-    near, sides = np.empty((6, most)), np.empty((4, most))
-    memory = RayMemory(np.empty(len(directions)), near, sides, np.empty((2, most), np.int32))
-    for a in range(agents.shape[0]):
-        if agents[a, 0] != w:
-            w = agents[a, 0]
-            count = write_boxes(most, motion[w], size[w], present[w], boxes)
-        n = agents[a, 1]
-        ranges_to_boxes(n, motion[w], boxes, count, object_type[w], types, directions, reach, memory, out[a])
-
-
 @device_function(divides_by_zero=True)
 def ranges_to_boxes(
-    own: int,
-    motion: Float64,
-    boxes: Boxes,
-    count: int,
-    object_type: UInt8,
-    types: Bool,
-    directions: Float64,
-    reach: float,
-    memory: RayMemory,
-    out: Float32,
+    w: int, own: int, now: StateArrays, boxes: Boxes, rays: Rays, memory: RayMemory, out: Float32
 ) -> None:
-    """Cast the rays of one agent at the other boxes of its world, see :func:`cast_at_boxes`.
+    """Cast the rays of one agent at the other boxes of its world.
 
     Boxes pass one loop after another, as the processor computes several at once only where it foresees all branches.
 
     Args:
-        own: Row of the agent.
-        motion, object_type: (N, ...) of its world.
-        boxes, count: Boxes of its world and their number.
-        types, directions, reach: As in :func:`cast_at_boxes`.
+        w, own: World and row of the agent.
+        now: Current state.
+        boxes: Boxes of its world.
+        rays: Evenly spread from straight ahead, counter-clockwise.
         memory: Written.
         out: (R,) output.
     """
+    motion, directions, reach = now.motion[w], rays.directions, rays.reach
     me, numbers, near, sides, found, seen = motion[own], boxes.numbers, memory.near, memory.sides, memory.rays, 0
-    for b in range(count):
+    for b in range(boxes.num_boxes[0]):
         dx, dy, far = numbers[X, b] - me[X], numbers[Y, b] - me[Y], reach + numbers[RADIUS, b]
         row = boxes.row[b]
-        if dx * dx + dy * dy < far * far and row != own and types[object_type[row]]:
+        if dx * dx + dy * dy < far * far and row != own and rays.types[now.object_type[w, row]]:
             near[0, seen], near[1, seen] = dx, dy
             near[2, seen], near[3, seen] = rotation(b, motion, boxes)
             near[4, seen], near[5, seen] = numbers[HALF_LENGTH, b], numbers[HALF_WIDTH, b]
             seen += 1
-    _face(
-        seen, np.cos(me[HEADING]), np.sin(me[HEADING]), reach, near[0], near[1], near[2], near[3], near[4], near[5],
-        directions, sides[0], sides[1], sides[2], sides[3], found[0], found[1],
-    )  # fmt: skip
-    rays, nearness = len(directions), memory.nearness
-    for ray in range(rays):
+    axis, facing = (np.cos(me[HEADING]), np.sin(me[HEADING])), (sides[0], sides[1], sides[2], sides[3])
+    _face(seen, axis, near, directions, reach, facing, (found[0], found[1]))
+    num_rays, nearness = len(directions), memory.nearness
+    for ray in range(num_rays):
         nearness[ray] = 1.0
     for place in range(seen):
         ax, ay, bx, by = sides[0, place], sides[1, place], sides[2, place], sides[3, place]
         if ax == 0.0 and ay == 0.0:
-            for ray in range(rays):
+            for ray in range(num_rays):
                 nearness[ray] = np.inf
         for ray in range(found[0, place], found[1, place] + 1):
-            k = ray if ray < rays else ray - rays
+            k = ray if ray < num_rays else ray - num_rays
             dx, dy = directions[k, 0], directions[k, 1]
             nearness[k] = larger(nearness[k], smaller(ax * dx + ay * dy, bx * dx + by * dy))
-    for ray in range(rays):
+    for ray in range(num_rays):
         out[ray] = 1.0 / nearness[ray]
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _face(
-    count: int,
-    cos_me: float,
-    sin_me: float,
-    reach: float,
-    offset_x: Float64,
-    offset_y: Float64,
-    cos_box: Float64,
-    sin_box: Float64,
-    half_length: Float64,
-    half_width: Float64,
-    directions: Float64,
-    a_x: Float64,
-    a_y: Float64,
-    b_x: Float64,
-    b_y: Float64,
-    first: Int32,
-    last: Int32,
+    count: int, axis: tuple[float, float], near: Float64, directions: Float64, reach: float, sides: _Four, found: _Two
 ) -> None:
-    """Find the sides of boxes that face the agent, and the rays that meet them; see ``RayMemory``."""
+    """Find the sides of boxes that face an agent of that axis, and the rays that meet them; see ``RayMemory``."""
+    (cos_me, sin_me), (a_x, a_y, b_x, b_y), (first, last) = axis, sides, found
     for k in range(count):
-        dx, dy, half_x, half_y = offset_x[k], offset_y[k], half_length[k], half_width[k]
+        dx, dy, half_x, half_y = near[0, k], near[1, k], near[4, k], near[5, k]
         # Cosine and sine of the box, and the agent in the frame of the box.
-        cos, sin = cos_me * cos_box[k] + sin_me * sin_box[k], cos_me * sin_box[k] - sin_me * cos_box[k]
-        x, y = -(cos_box[k] * dx + sin_box[k] * dy), sin_box[k] * dx - cos_box[k] * dy
+        cos_box, sin_box = near[2, k], near[3, k]
+        cos, sin = cos_me * cos_box + sin_me * sin_box, cos_me * sin_box - sin_me * cos_box
+        x, y = -(cos_box * dx + sin_box * dy), sin_box * dx - cos_box * dy
         # 1 or -1 for a side that faces the agent, which it sees alone where the other is 0.
         side_x = np.float64(abs(x) > half_x) * np.copysign(1.0, x)
         side_y = np.float64(abs(y) > half_y) * np.copysign(1.0, y)

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
-import numpy as np
-
-from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_road_edge, is_road_line
-from scenarionet_sim.roads.ray_kernels import cast_at_segments
-from scenarionet_sim.sensors.base import CompiledSensor, Sensor, add_noise, directions, map_types, require, table
+from scenarionet_sim.sensors.base import map_types, require
+from scenarionet_sim.sensors.compiled import RaySensor
 from scenarionet_sim.sensors.observation_kernels import LINE_RAYS
-from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import WorldBatch
 
 BOUNDARIES = (
     MapFeatureType.ROAD_LINE_SOLID_SINGLE_WHITE,
@@ -26,7 +22,7 @@ because some sources (nuScenes and nuPlan in ScenarioNet's pickles) record the r
 
 
 @dataclass(frozen=True)
-class LineRays(Sensor):
+class LineRays(RaySensor):
     """Rays from the agent's centre to the nearest line of the map.
 
     Observes (rays,) float32 in [0, 1]: the distance as a share of ``range``, 1 without a line in reach or without
@@ -41,37 +37,15 @@ class LineRays(Sensor):
         dropout: Probability that a ray has no return.
     """
 
+    kind: ClassVar[int] = LINE_RAYS
+
     rays: int = 12
     range: float = 50.0
     types: tuple[MapFeatureType, ...] = ()
-    noise: float = 0.0
-    dropout: float = 0.0
 
     def __post_init__(self) -> None:
-        name = type(self).__name__
-        require(self.rays > 0, f"{name} needs at least one ray, found rays={self.rays}")
-        require(self.range > 0, f"{name} needs a range above 0 m, found range={self.range}")
-        require(len(self.types) > 0, f"{name} needs at least one line type, found types=()")
-        require(self.noise >= 0, f"the noise of {name} must be at least 0 m, found noise={self.noise}")
-        require(0 <= self.dropout <= 1, f"the dropout of {name} must be a probability, found dropout={self.dropout}")
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """(rays,)."""
-        return (self.rays,)
-
-    @property
-    def compiled(self) -> CompiledSensor | None:
-        """A part of the compiled step, unless it is noisy."""
-        if self.noise or self.dropout:
-            return None
-        return CompiledSensor(LINE_RAYS, [self.range], self.rays, table(self.types), directions(self.rays))
-
-    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
-        """Write the ranges."""
-        cast_at_segments(agents, state.motion, batch.lines, table(self.types), directions(self.rays), self.range, out)
-        add_noise(out, self.noise / self.range, self.dropout, rng)
-        return out
+        super().__post_init__()
+        require(len(self.types) > 0, f"{type(self).__name__} needs at least one line type, found types=()")
 
 
 @dataclass(frozen=True)

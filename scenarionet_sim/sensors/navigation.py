@@ -9,15 +9,16 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
-from scenarionet_sim.sensors.base import CompiledSensor, Sensor, require, require_located
-from scenarionet_sim.sensors.observation_kernels import WAY_AHEAD
-from scenarionet_sim.sensors.route_kernels import observe_light, points_ahead
+from scenarionet_sim.sensors.base import Sensor, require, require_located
+from scenarionet_sim.sensors.compiled import CompiledSensor
+from scenarionet_sim.sensors.observation_kernels import WAY_AHEAD, SensorForm
+from scenarionet_sim.sensors.route_kernels import observe_light
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
 @dataclass(frozen=True)
-class Navigation(Sensor):
+class Navigation(CompiledSensor):
     """Points of the reference path ahead of the agent, in its frame; the paper uses 10 points at 2 m spacing.
 
     Observes (points, 2) float32 in [-1, 1]: x forward and y left as shares of ``range``, clipped. The first point is
@@ -46,18 +47,9 @@ class Navigation(Sensor):
         return self.points, 2
 
     @property
-    def compiled(self) -> CompiledSensor:
-        """A part of the compiled step."""
-        return CompiledSensor(WAY_AHEAD, [self.spacing, self.range], self.points)
-
-    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
-        """Write the points."""
-        ahead = np.empty((len(agents), self.points, 2))
-        lost = points_ahead(agents, state.motion, state.route, batch.recorded, self.spacing, ahead)
-        require_located(lost, agents)
-        np.divide(ahead, self.range, out=out, casting="same_kind")
-        np.minimum(out, 1.0, out=out)  # np.clip is three times slower for so few values
-        return np.maximum(out, -1.0, out=out)
+    def form(self) -> SensorForm:
+        """The sensor as kernels take it."""
+        return SensorForm(WAY_AHEAD, [self.spacing, self.range], self.points)
 
 
 @dataclass(frozen=True)

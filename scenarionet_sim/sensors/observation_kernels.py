@@ -2,21 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
-from scenarionet_data.compiled.decorators import device_function
-from scenarionet_sim.arrays.boxes import Boxes
-from scenarionet_sim.arrays.structures import OBJECTS, Lines, Recorded, StateArrays
-from scenarionet_sim.roads.ray_kernels import ranges_to_lines
+from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_sim.arrays.boxes import Boxes, write_boxes
+from scenarionet_sim.arrays.structures import NUM_OBJECTS, OBJECTS, Lines, Recorded, StateArrays
+from scenarionet_sim.roads.ray_kernels import Rays, ranges_to_lines
 from scenarionet_sim.sensors.box_ray_kernels import RayMemory, ranges_to_boxes
 from scenarionet_sim.sensors.route_kernels import own_motion, way_ahead
 from scenarionet_sim.worlds.path_kernels import PathRows
 
 LIDAR, LINE_RAYS, OWN_MOTION, WAY_AHEAD = range(4)
 """Kinds of sensors."""
+
+
+class SensorForm(NamedTuple):
+    """A sensor as kernels take it, see ``Sensing``.
+
+    Attributes:
+        kind: See ``LIDAR``.
+        scale: Up to eight numbers.
+        parts: Number of rays or points.
+        types: (256,) visible types.
+        directions: (R, 2) of the rays.
+    """
+
+    kind: int
+    scale: Sequence[float]
+    parts: int = 0
+    types: Bool | None = None
+    directions: Float64 | None = None
 
 
 class Sensing(NamedTuple):
@@ -40,12 +59,19 @@ class Sensing(NamedTuple):
     out: Float32
 
     @classmethod
-    def of_no_sensors(cls) -> Sensing:
-        """Return the arrays of no sensors."""
-        no_place, no_types = np.zeros((0, 4), np.int32), np.zeros((0, 256), np.bool_)
-        return cls(
-            np.zeros(0, np.uint8), no_place, np.zeros((0, 8)), no_types, np.zeros((0, 2)), np.zeros(0, np.float32)
-        )
+    def of(cls, forms: Sequence[SensorForm]) -> Sensing:
+        """Return the arrays of sensors, without places in an array of observations."""
+        kind, place = np.zeros(len(forms), np.uint8), np.zeros((len(forms), 4), np.int32)
+        scale, types = np.zeros((len(forms), 8)), np.zeros((len(forms), 256), np.bool_)
+        directions: list[Float64] = [np.zeros((0, 2))]
+        for row, form in enumerate(forms):
+            kind[row], scale[row, : len(form.scale)] = form.kind, form.scale
+            place[row, 2], place[row, 3] = sum(map(len, directions)), form.parts
+            if form.types is not None:
+                types[row] = form.types
+            if form.directions is not None:
+                directions.append(form.directions)
+        return cls(kind, place, scale, types, np.concatenate(directions), np.zeros(0, np.float32))
 
 
 class Scratch(NamedTuple):
@@ -72,32 +98,21 @@ class Scratch(NamedTuple):
 
 @device_function(forceinline=True)
 def observe(
-    a: int,
-    w: int,
-    n: int,
-    num_boxes: int,
-    recorded: Recorded,
-    lines: Lines,
-    then: StateArrays,
-    routes: Float64,
-    sensing: Sensing,
-    scratch: Scratch,
+    a: int, w: int, n: int, recorded: Recorded, lines: Lines, now: StateArrays, sensing: Sensing, scratch: Scratch
 ) -> None:
-    """Write the observations of an agent by all compiled sensors; ``num_boxes`` is that of ``scratch.boxes``."""
-    me, route, row = then.motion[w, n], routes[w, n], recorded.place[w, OBJECTS] + n
+    """Write the observations of agent ``a`` by all compiled sensors; ``scratch.boxes`` are those of its world."""
+    me, route, row = now.motion[w, n], now.route[w, n], recorded.place[w, OBJECTS] + n
     path = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
     for s in range(len(sensing.kind)):
         kind, scale, count = sensing.kind[s], sensing.scale[s], sensing.place[s, 3]
         at, ray = sensing.place[s, 0] + a * sensing.place[s, 1], sensing.place[s, 2]
+        rays = Rays(sensing.directions[ray : ray + count], scale[0], sensing.types[s])
         if kind == LIDAR:
-            rays, seen = sensing.directions[ray : ray + count], sensing.out[at : at + count]
-            world = scratch.boxes, num_boxes, then.object_type[w], sensing.types[s]
-            ranges_to_boxes(n, then.motion[w], *world, rays, scale[0], scratch.rays, seen)
+            ranges_to_boxes(w, n, now, scratch.boxes, rays, scratch.rays, sensing.out[at : at + count])
         elif kind == LINE_RAYS:
-            rays = sensing.directions[ray : ray + count]
-            ranges_to_lines(w, me, lines, sensing.types[s], rays, scale[0], sensing.out[at : at + count])
+            ranges_to_lines(w, me, lines, rays, sensing.out[at : at + count])
         elif kind == OWN_MOTION:
-            own_motion(me, route, then.size[w, n, 0], path, scale[7], scratch.values)
+            own_motion(me, route, now.size[w, n, 0], path, scale[7], scratch.values)
             for k in range(7):
                 sensing.out[at + k] = _within(np.float32(scratch.values[k] * scale[k]))
         elif kind == WAY_AHEAD:
@@ -112,3 +127,31 @@ def observe(
 def _within(value: np.float32) -> np.float32:
     """Limit a value to [-1, 1]."""
     return np.float32(-1.0) if value < -1.0 else (np.float32(1.0) if value > 1.0 else value)
+
+
+@kernel
+def observe_by_one(
+    agents: Int32, recorded: Recorded, lines: Lines, now: StateArrays, sensing: Sensing, scratch: Scratch
+) -> int:
+    """Write the observations of agents by one sensor outside of the compiled step.
+
+    Args:
+        agents: (A, 2) world and row, sorted.
+        recorded, lines: Worlds.
+        now: Current state.
+        sensing: The sensor.
+        scratch: Written.
+
+    Returns:
+        Index of the first agent whose arc length is NaN (not located on its path), or -1.
+    """
+    lost, last = -1, -1
+    for a in range(len(agents)):
+        w, n = agents[a, 0], agents[a, 1]
+        if lost < 0 and np.isnan(now.route[w, n, 0]):
+            lost = a
+        if w != last and sensing.kind[0] == LIDAR:
+            write_boxes(recorded.place[w, NUM_OBJECTS], now.motion[w], now.size[w], now.present[w], scratch.boxes)
+        last = w
+        observe(a, w, n, recorded, lines, now, sensing, scratch)
+    return lost

@@ -15,36 +15,16 @@ _STANDING = 0.1
 """Speed [m/s] below which a vehicle's motion does not reveal its steering."""
 
 
-@kernel
-def points_ahead(
-    agents: Int32, motion: Float64, route: Float64, recorded: Recorded, spacing: float, out: Float64
-) -> int:
-    """Sample points of each agent's path ahead; points beyond the end are the end.
-
-    Args:
-        agents: (A, 2) world and row.
-        motion, route: See ``State``.
-        recorded: Paths of W worlds.
-        spacing: Distance between points along the path [m]; the first is one spacing ahead.
-        out: (A, K, 2) output [m]; 0 for an agent without a path.
-
-    Returns:
-        Index of the first agent whose arc length is NaN (not located on its path), or -1.
-    """
-    lost = -1
-    for a in range(agents.shape[0]):
-        w, own = agents[a, 0], agents[a, 1]
-        if lost < 0 and np.isnan(route[w, own, 0]):
-            lost = a
-        row = recorded.place[w, OBJECTS] + own
-        way = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
-        way_ahead(motion[w, own], route[w, own], way, spacing, out[a])
-    return lost
-
-
 @device_function
 def way_ahead(me: Float64, route: Float64, way: PathRows, spacing: float, out: Float64) -> None:
-    """Sample the path of one agent, with rows (7,) of motion and (2,) of route; see :func:`points_ahead`."""
+    """Sample points of an agent's path ahead; points beyond the end are the end.
+
+    Args:
+        me, route: (7,) and (2,) rows of motion and route, see ``State``.
+        way: Its path.
+        spacing: Distance between points along the path [m]; the first is one spacing ahead.
+        out: (K, 2) output [m]; 0 for an agent without a path.
+    """
     cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
     x, y, segment = 0.0, 0.0, segment_at(way, larger(route[0], 0.0))
     for k in range(out.shape[0]):
@@ -60,43 +40,18 @@ def way_ahead(me: Float64, route: Float64, way: PathRows, spacing: float, out: F
         out[k, 0], out[k, 1] = cos * dx + sin * dy, cos * dy - sin * dx
 
 
-@kernel
-def observe_self(
-    agents: Int32,
-    motion: Float64,
-    route: Float64,
-    size: Float64,
-    recorded: Recorded,
-    wheelbase: float,
-    out: Float64,
-) -> int:
-    """Observe each agent's own motion and its location on its path.
-
-    Args:
-        agents: (A, 2) world and row.
-        motion, route, size: See ``State``.
-        recorded: Paths of W worlds.
-        wheelbase: Distance between the axles, as a share of the length.
-        out: (A, 7) output: speed forward and to the left [m/s], yaw rate [rad/s], steering angle [rad], heading
-            relative to the path [rad] in [-pi, pi], offset to its left [m], completed share of its length.
-
-    Returns:
-        Index of the first agent whose arc length is NaN (not located on its path), or -1.
-    """
-    lost = -1
-    for a in range(agents.shape[0]):
-        w, own = agents[a, 0], agents[a, 1]
-        if lost < 0 and np.isnan(route[w, own, 0]):
-            lost = a
-        row = recorded.place[w, OBJECTS] + own
-        way = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
-        own_motion(motion[w, own], route[w, own], size[w, own, 0], way, wheelbase, out[a])
-    return lost
-
-
 @device_function
 def own_motion(me: Float64, route: Float64, length: float, way: PathRows, wheelbase: float, out: Float64) -> None:
-    """Observe one agent, with rows (7,) of motion and (2,) of route; see :func:`observe_self`."""
+    """Observe an agent's own motion and its location on its path.
+
+    Args:
+        me, route: (7,) and (2,) rows of motion and route, see ``State``.
+        length: Of its box [m].
+        way: Its path.
+        wheelbase: Distance between the axles, as a share of the length.
+        out: (7,) output: speed forward and to the left [m/s], yaw rate [rad/s], steering angle [rad], heading relative
+            to the path [rad] in [-pi, pi], offset to its left [m], completed share of its length.
+    """
     cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
     forward = cos * me[VX] + sin * me[VY]
     out[0] = forward

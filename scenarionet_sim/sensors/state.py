@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int32
-from scenarionet_sim.sensors.base import CompiledSensor, Sensor, require, require_located
-from scenarionet_sim.sensors.observation_kernels import OWN_MOTION
-from scenarionet_sim.sensors.route_kernels import observe_self
-from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import WorldBatch
+from scenarionet_sim.sensors.base import require
+from scenarionet_sim.sensors.compiled import CompiledSensor
+from scenarionet_sim.sensors.observation_kernels import OWN_MOTION, SensorForm
 
 WHEELBASE = 0.6
 """Distance between the axles as a share of the length, for the steering angle."""
 
 
 @dataclass(frozen=True)
-class EgoState(Sensor):
+class EgoState(CompiledSensor):
     """Steering, heading, velocity and location relative to the reference path.
 
     Observes (7,) float32 in [-1, 1], each clipped there:
@@ -55,22 +51,7 @@ class EgoState(Sensor):
         return (7,)
 
     @property
-    def compiled(self) -> CompiledSensor:
-        """A part of the compiled step."""
-        return CompiledSensor(OWN_MOTION, [*self._scale, WHEELBASE])
-
-    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
-        """Write the seven values."""
-        observed = np.empty((len(agents), 7))
-        own = state.motion, state.route, state.size
-        lost = observe_self(agents, *own, batch.recorded, WHEELBASE, observed)
-        require_located(lost, agents)
-        np.multiply(observed, self._scale, out=out, casting="same_kind")
-        np.minimum(out, 1.0, out=out)  # np.clip is three times slower for so few values
-        return np.maximum(out, -1.0, out=out)
-
-    @cached_property
-    def _scale(self) -> Float64:
-        """(7,) factors of the columns."""
+    def form(self) -> SensorForm:
+        """The sensor as kernels take it: factors of the columns, and the wheelbase."""
         full = [self.max_speed, self.max_speed, self.max_yaw_rate, np.pi / 2, np.pi, self.max_offset, 1.0]
-        return 1.0 / np.array(full)
+        return SensorForm(OWN_MOTION, [*(1.0 / np.array(full)), WHEELBASE])

@@ -40,7 +40,7 @@ class Observer:
     def nothing(cls, num_worlds: int) -> Observer:
         """Return an observer of W worlds that does nothing."""
         totals = np.zeros((0, 0, NUM_TOTALS))
-        return cls(np.zeros(12), totals, StepResult.of(0), Sensing.of_no_sensors(), 0, Seats.of(num_worlds, 0, 0))
+        return cls(np.zeros(12), totals, StepResult.of(0), Sensing.of(()), 0, Seats.of(num_worlds, 0, 0))
 
     def resize(self, num_places: int, num_worlds: int, num_objects: int) -> None:
         """Make room for the results of agents at other places, or of worlds of up to another number of objects."""

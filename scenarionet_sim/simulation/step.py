@@ -128,16 +128,15 @@ def _finish(
                 drive_bicycle(action[0], action[1], dt, settings.substeps, vehicle, then.size[w, n, 0], row)
     if phases & LOCATE and not has_begun:
         admit_agents(w, recorded, arrays.now, then, arrays.traffic.driver, agents)
-    num_boxes = 0
     if phases & (LOCATE | OBSERVE) and _has_agents(w, agents):
         count = recorded.place[w, NUM_OBJECTS]
-        num_boxes = write_boxes(count, then.motion[w], then.size[w], then.present[w], scratch.boxes)
+        write_boxes(count, then.motion[w], then.size[w], then.present[w], scratch.boxes)
     if phases & LOCATE:
         for k in range(num_places):
             n = agents.rows[w, k]
             if n >= 0:
                 _locate(w, n, settings, recorded, then, agents)
-                _find_contacts(first + k, w, n, num_boxes, then, agents, scratch)
+                _find_contacts(first + k, w, n, then, agents, scratch)
                 if has_begun or agents.is_new[w, k]:  # what it touches from the beginning is no crash
                     _remember_contacts(first + k, agents)
     if phases & SCORE:
@@ -156,6 +155,7 @@ def _finish(
                 if agents.is_new[w, k]:
                     excuse(first + k, result)
     if phases & OBSERVE:
+        seen = StateArrays(then.motion, agents.route, then.present, then.size, then.object_type, then.timestep)
         for k in range(smaller(num_places, num_observed)):
             n = agents.rows[w, k]
             if n < 0:
@@ -163,7 +163,7 @@ def _finish(
             if np.isnan(agents.route[w, n, 0]):
                 lost = first + k
             at = w * num_observed + k
-            observe(at, w, n, num_boxes, recorded, arrays.lines, then, agents.route, exchange.sensing, scratch)
+            observe(at, w, n, recorded, arrays.lines, seen, exchange.sensing, scratch)
     if phases & SETTLE:
         settle(w, recorded, arrays.now, then, arrays.traffic.driver, agents, result, arrays.seats)
     if phases & GO_ON:
@@ -237,16 +237,14 @@ def _locate(
 
 
 @device_function(forceinline=True)
-def _find_contacts(
-    a: int, w: int, n: int, num_boxes: int, then: StateArrays, agents: DrivenArrays, scratch: Scratch
-) -> None:
+def _find_contacts(a: int, w: int, n: int, then: StateArrays, agents: DrivenArrays, scratch: Scratch) -> None:
     """Find what an agent touches: nothing if it is absent."""
     contacts, agents.hits[a] = agents.contacts[a], 0
     for m in range(len(contacts)):
         contacts[m] = False
     if then.present[w, n]:
         motion, size, object_type = then.motion[w], then.size[w], then.object_type[w]
-        agents.hits[a] = touch(n, motion, size, object_type, scratch.boxes, num_boxes, contacts)
+        agents.hits[a] = touch(n, motion, size, object_type, scratch.boxes, contacts)
 
 
 @device_function(forceinline=True)

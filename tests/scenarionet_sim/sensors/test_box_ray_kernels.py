@@ -5,19 +5,32 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scenarionet_data.compiled.decorators import kernel
+from scenarionet_sim.arrays.boxes import Boxes, write_boxes
 from scenarionet_sim.arrays.log import HEADING
+from scenarionet_sim.arrays.structures import StateArrays
+from scenarionet_sim.roads.ray_kernels import Rays
 from scenarionet_sim.sensors.base import directions, table
-from scenarionet_sim.sensors.box_ray_kernels import cast_at_boxes
+from scenarionet_sim.sensors.box_ray_kernels import RayMemory, ranges_to_boxes
 
 REACH = 50.0
 
 
+@kernel
+def cast_at_boxes(now, boxes, rays, memory, out):
+    """Cast the rays of the first object of each world, with float64 output."""
+    for w in range(len(out)):
+        write_boxes(now.motion.shape[1], now.motion[w], now.size[w], now.present[w], boxes)
+        ranges_to_boxes(w, 0, now, boxes, rays, memory, out[w])
+
+
 def cast(motion, size, rays):
     """Shares that the first object of each world sees."""
-    found = np.empty((len(motion), rays))
-    agents = np.stack([np.arange(len(motion)), np.zeros(len(motion))], axis=1).astype(np.int32)
-    kinds, present = np.ones(motion.shape[:2], np.uint8), np.ones(motion.shape[:2], np.bool_)
-    cast_at_boxes(agents, motion, size, kinds, present, table(None), directions(rays), REACH, found)
+    (worlds, objects), found = motion.shape[:2], np.empty((len(motion), rays))
+    kinds, present = np.ones((worlds, objects), np.uint8), np.ones((worlds, objects), np.bool_)
+    now = StateArrays(motion, np.zeros((worlds, objects, 2)), present, size, kinds, np.zeros(worlds, np.int32))
+    memory = RayMemory.of(rays, objects)
+    cast_at_boxes(now, Boxes.of(objects), Rays(directions(rays), REACH, table(None)), memory, found)
     return found
 
 

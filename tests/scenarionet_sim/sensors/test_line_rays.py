@@ -12,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.building import MapBuilder
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.arrays.log import HEADING, X, Y
-from scenarionet_sim.roads.ray_kernels import cast_at_segments
+from scenarionet_sim.roads.ray_kernels import Rays, ranges_to_lines
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.sensors.base import directions, table
 from scenarionet_sim.sensors.line_rays import BOUNDARIES, BoundaryDetector, LaneLineDetector
@@ -65,13 +66,18 @@ def alone():
     return World.from_scenario(make_drive())
 
 
+@kernel
+def cast_at_lines(me, lines, rays, out):
+    ranges_to_lines(0, me, lines, rays, out)
+
+
 def cast(roads, position, heading, rays, reach):
-    """Call the kernel with float64 output."""
-    found, motion = np.empty((1, rays)), np.zeros((1, 1, 7))
-    motion[0, 0, [X, Y, HEADING]] = *position, heading
+    """Return ranges in float64."""
+    found, me = np.empty(rays), np.zeros(7)
+    me[[X, Y, HEADING]] = *position, heading
     lines = WorldBatch([replace(alone(), roads=roads)]).lines
-    cast_at_segments(np.array([[0, 0]], np.int32), motion, lines, table(BOUNDARIES), directions(rays), reach, found)
-    return found[0]
+    cast_at_lines(me, lines, Rays(directions(rays), reach, table(BOUNDARIES)), found)
+    return found
 
 
 @given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from([3.0, 30.0, 300.0]))
