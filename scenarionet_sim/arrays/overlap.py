@@ -11,13 +11,14 @@ from scenarionet_sim.arrays.boxes import X as BOX_X
 from scenarionet_sim.arrays.boxes import Y as BOX_Y
 from scenarionet_sim.arrays.log import HEADING, X, Y, Z
 
+Rectangle = tuple[float, float, float, float]
+"""Cosine and sine of the heading; length and width [m]."""
+
 
 @device_function
-def is_overlapping(
-    dx: float, dy: float, cos: float, sin: float, length: float, width: float,
-    other_cos: float, other_sin: float, other_length: float, other_width: float,
-) -> bool:  # fmt: skip
+def is_overlapping(dx: float, dy: float, box: Rectangle, other: Rectangle) -> bool:
     """Return whether two rectangles overlap by more than an edge; (dx, dy) leads from the first centre to the other."""
+    (cos, sin, length, width), (other_cos, other_sin, other_length, other_width) = box, other
     c, s = abs(cos * other_cos + sin * other_sin), abs(cos * other_sin - sin * other_cos)
     along, across = abs(cos * dx + sin * dy), abs(cos * dy - sin * dx)
     if 2.0 * along >= length + c * other_length + s * other_width:
@@ -45,7 +46,7 @@ def touch(n: int, motion: Float64, size: Float64, object_type: UInt8, boxes: Box
     """
     hits, numbers = np.uint32(0), boxes.numbers
     own, length, width = motion[n], size[n, 0], size[n, 1]
-    cos, sin, radius = np.cos(own[HEADING]), np.sin(own[HEADING]), 0.5 * (length + width)
+    box, radius = (np.cos(own[HEADING]), np.sin(own[HEADING]), length, width), 0.5 * (length + width)
     for b in range(boxes.num_boxes[0]):
         dx, dy, far = numbers[BOX_X, b] - own[X], numbers[BOX_Y, b] - own[Y], numbers[RADIUS, b] + radius
         if dx * dx + dy * dy > far * far:
@@ -53,8 +54,8 @@ def touch(n: int, motion: Float64, size: Float64, object_type: UInt8, boxes: Box
         m = boxes.row[b]
         if m == n or 2.0 * abs(motion[m, Z] - own[Z]) > size[m, 2] + size[n, 2]:
             continue
-        other_cos, other_sin = rotation(b, motion, boxes)
-        if is_overlapping(dx, dy, cos, sin, length, width, other_cos, other_sin, size[m, 0], size[m, 1]):
+        cos, sin = rotation(b, motion, boxes)
+        if is_overlapping(dx, dy, box, (cos, sin, size[m, 0], size[m, 1])):
             contacts[m] = True
             hits |= np.uint32(1) << np.uint32(object_type[m])
     return hits

@@ -66,6 +66,19 @@ class StoredWorlds(NamedTuple):
         return cls(np.zeros((0, NUM_PLACES), np.int64), np.zeros((0, 5)), np.zeros((0, 3), np.int64))
 
 
+class Slots(NamedTuple):
+    """The worlds that W slots play.
+
+    Attributes:
+        number: (W,) number of each slot's world among the ``StoredWorlds``, -1 for none.
+        place, frame: (W, NUM_PLACES), (W, 5) see ``Recorded`` and ``Lines``.
+    """
+
+    number: Int64
+    place: Int64
+    frame: Float64
+
+
 class Series(NamedTuple):
     """What slots play of n scenarios.
 

@@ -147,16 +147,16 @@ def _is_free(row: Float32, size: Float64, motion: Float64, sizes: Float64, boxes
     """Return whether a row of the log is valid and its box overlaps no other."""
     if row[VALID] == 0.0:
         return False
-    numbers, cos, sin = boxes.numbers, np.cos(np.float64(row[HEADING])), np.sin(np.float64(row[HEADING]))
+    numbers, heading = boxes.numbers, np.float64(row[HEADING])
+    box = np.cos(heading), np.sin(heading), size[0], size[1]
     for b in range(boxes.num_boxes[0]):
         dx, dy, reach = numbers[BOX_X, b] - row[X], numbers[BOX_Y, b] - row[Y], numbers[RADIUS, b] + size[0] + size[1]
         if dx * dx + dy * dy > reach * reach:
             continue
         other = boxes.row[b]
-        cos_b, sin_b = rotation(b, motion, boxes)
-        if abs(motion[other, Z] - row[Z]) <= sizes[other, 2] / 2.0 + size[2] / 2.0 and is_overlapping(
-            dx, dy, cos, sin, size[0], size[1], cos_b, sin_b, sizes[other, 0], sizes[other, 1]
-        ):
+        cos, sin = rotation(b, motion, boxes)
+        is_level = abs(motion[other, Z] - row[Z]) <= sizes[other, 2] / 2.0 + size[2] / 2.0
+        if is_level and is_overlapping(dx, dy, box, (cos, sin, sizes[other, 0], sizes[other, 1])):
             return False
     return True
 

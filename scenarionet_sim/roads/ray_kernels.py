@@ -37,7 +37,7 @@ LINE_BITS = _line_bits()
 """(256,) one bit for each ``MapFeatureType``, see ``Lines.cell_types``."""
 
 
-class Rays(NamedTuple):
+class RayFan(NamedTuple):
     """The rays of a sensor.
 
     Attributes:
@@ -71,7 +71,7 @@ def ray_through_box(x: float, y: float, dx: float, dy: float, half_x: float, hal
 
 @device_function
 def nearest_segment(
-    start: tuple[float, float], along: tuple[float, float], w: int, lines: Lines, rays: Rays, types: int
+    start: tuple[float, float], along: tuple[float, float], w: int, lines: Lines, rays: RayFan, types: int
 ) -> float:
     """Return the distance [m] from a point along a unit vector to the nearest visible segment.
 
@@ -128,7 +128,7 @@ def _ray_to_segment(x: float, y: float, dx: float, dy: float, segment: Float32) 
 
 
 @device_function
-def ranges_to_lines(w: int, me: Float64, lines: Lines, rays: Rays, out: Float32) -> None:
+def ranges_to_lines(w: int, me: Float64, lines: Lines, rays: RayFan, out: Float32) -> None:
     """Cast the rays of one agent, with the row (7,) of motion, at the lines of world ``w``; ``out`` is (R,)."""
     types = 0
     for kind in range(len(rays.types)):

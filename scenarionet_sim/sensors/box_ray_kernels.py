@@ -20,7 +20,7 @@ from scenarionet_sim.arrays.boxes import HALF_LENGTH, HALF_WIDTH, RADIUS, Boxes,
 from scenarionet_sim.arrays.log import HEADING
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.arrays.structures import StateArrays
-from scenarionet_sim.roads.ray_kernels import Rays
+from scenarionet_sim.roads.ray_kernels import RayFan
 
 _ANGLE_ERROR = 2e-5
 """Largest error of :func:`_angle` [rad], and as much again."""
@@ -59,7 +59,7 @@ class RayMemory(NamedTuple):
 
 @device_function(divides_by_zero=True)
 def ranges_to_boxes(
-    w: int, own: int, now: StateArrays, boxes: Boxes, rays: Rays, memory: RayMemory, out: Float32
+    w: int, own: int, now: StateArrays, boxes: Boxes, rays: RayFan, memory: RayMemory, out: Float32
 ) -> None:
     """Cast the rays of one agent at the other boxes of its world.
 

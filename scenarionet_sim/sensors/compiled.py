@@ -45,7 +45,7 @@ class CompiledSensor(Sensor):
         sensing = _sensing_of(self)._replace(out=out.reshape(-1))
         scratch = Scratch.of(batch.max_objects, sensing)
         lost = observe_by_one(agents, batch.recorded, batch.lines, state.moment, sensing, scratch)
-        if self.form.kind in (OWN_MOTION, WAY_AHEAD):
+        if sensing.kind[0] in (OWN_MOTION, WAY_AHEAD):
             require_located(lost, agents)
         self.disturb(out, rng)
         return out

@@ -11,7 +11,7 @@ from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.boxes import Boxes, write_boxes
 from scenarionet_sim.arrays.structures import NUM_OBJECTS, OBJECTS, Lines, Recorded, StateArrays
-from scenarionet_sim.roads.ray_kernels import Rays, ranges_to_lines
+from scenarionet_sim.roads.ray_kernels import RayFan, ranges_to_lines
 from scenarionet_sim.sensors.box_ray_kernels import RayMemory, ranges_to_boxes
 from scenarionet_sim.sensors.route_kernels import own_motion, way_ahead
 from scenarionet_sim.worlds.path_kernels import PathRows
@@ -106,7 +106,7 @@ def observe(
     for s in range(len(sensing.kind)):
         kind, scale, count = sensing.kind[s], sensing.scale[s], sensing.place[s, 3]
         at, ray = sensing.place[s, 0] + a * sensing.place[s, 1], sensing.place[s, 2]
-        rays = Rays(sensing.directions[ray : ray + count], scale[0], sensing.types[s])
+        rays = RayFan(sensing.directions[ray : ray + count], scale[0], sensing.types[s])
         if kind == LIDAR:
             ranges_to_boxes(w, n, now, scratch.boxes, rays, scratch.rays, sensing.out[at : at + count])
         elif kind == LINE_RAYS:

@@ -48,7 +48,7 @@ def spin(
                 continue
             dx, dy, turn = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y], motion[w, n, HEADING] - me[HEADING]
             half_x, half_y = 0.5 * size[w, n, 0], 0.5 * size[w, n, 1]
-            first, last, x, y, cos, sin = _box_ahead(dx, dy, cos_me, sin_me, turn, half_x, half_y, reach, count)
+            first, last, x, y, cos, sin = _box_ahead(dx, dy, cos_me, sin_me, turn, (half_x, half_y), reach, count)
             for ray in range(first, last + 1):
                 k = ray + count if ray < 0 else ray
                 forward = cos * directions[k, 0] + sin * directions[k, 1]
@@ -87,7 +87,7 @@ def _rays_at_circle(x: float, y: float, radius: float, count: int) -> tuple[int,
 
 @device_function
 def _box_ahead(
-    dx: float, dy: float, cos: float, sin: float, turn: float, half_x: float, half_y: float, reach: float, count: int
+    dx: float, dy: float, cos: float, sin: float, turn: float, half: tuple[float, float], reach: float, count: int
 ) -> tuple[int, int, float, float, float, float]:
     """Transform a box into the frame of an agent.
 
@@ -95,14 +95,14 @@ def _box_ahead(
         dx, dy: Offset from the agent to the box [m].
         cos, sin: Cosine and sine of the agent's heading.
         turn: Heading of the box minus the agent's [rad].
-        half_x, half_y: Half of the box's length and width [m].
+        half: Half of the box's length and width [m].
         reach, count: Range [m], and number of rays, evenly spread from straight ahead.
 
     Returns:
         First and last ray that may meet it (first > last if out of reach); the agent's position x, y in the frame
         of the box; cosine and sine of ``turn``.
     """
-    radius = np.sqrt(half_x * half_x + half_y * half_y)
+    radius = np.sqrt(half[0] * half[0] + half[1] * half[1])
     if dx * dx + dy * dy >= (reach + radius) * (reach + radius):
         return 0, -1, 0.0, 0.0, 0.0, 0.0
     ahead, left = cos * dx + sin * dy, cos * dy - sin * dx

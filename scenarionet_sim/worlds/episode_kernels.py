@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, Int32, Int64, UInt8
+from scenarionet_data.arrays.dtypes import Int32, Int64, UInt8
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.log import VALID
 from scenarionet_sim.arrays.structures import (
@@ -16,6 +16,7 @@ from scenarionet_sim.arrays.structures import (
     USERS,
     Recorded,
     Series,
+    Slots,
     StateArrays,
     StoredWorlds,
 )
@@ -59,24 +60,21 @@ def begin_world(w: int, at: int, recorded: Recorded, now: StateArrays, then: Sta
 
 
 @kernel(allocates=False)
-def play_worlds(
-    slots: Int64, numbers: Int64, moment: int, stored: StoredWorlds, playing: Int64, place: Int64, frame: Float64
-) -> int:
+def play_worlds(which: Int64, numbers: Int64, moment: int, stored: StoredWorlds, slots: Slots) -> int:
     """Put worlds into slots.
 
     Args:
-        slots: (B,) the slots.
+        which: (B,) the slots.
         numbers: (B,) numbers of their worlds among those that are stored.
         moment: Number of the call, from which the time follows since when a world is unused.
         stored: The worlds; written.
-        playing: (W,) number of each slot's world, -1 for none; written.
-        place, frame: (W, NUM_PLACES), (W, 5) see ``Recorded`` and ``Lines``; written.
+        slots: All slots; written.
 
     Returns:
         Number of worlds that no slot plays.
     """
-    for b in range(len(slots)):
-        _play(slots[b], numbers[b], moment, stored, playing, place, frame)
+    for b in range(len(which)):
+        _play(which[b], numbers[b], moment, stored, slots)
     num_unused = 0
     for number in range(len(stored.usage)):
         num_unused += stored.usage[number, USERS] == 0
@@ -85,29 +83,21 @@ def play_worlds(
 
 @kernel(allocates=False)
 def play_scenarios(
-    slots: Int64,
-    coming: Int64,
-    moment: int,
-    series: Series,
-    stored: StoredWorlds,
-    playing: Int64,
-    place: Int64,
-    frame: Float64,
-    begins: Int32,
+    which: Int64, coming: Int64, moment: int, series: Series, stored: StoredWorlds, slots: Slots, begins: Int32
 ) -> int:
     """Let episodes of scenarios begin in slots at their first timesteps, if all of their worlds are stored.
 
     Args:
-        slots: (B,) the slots.
+        which: (B,) the slots.
         coming: (B + L,) their scenarios, and those that come later.
         series: What is known of scenarios; written.
-        moment, stored, playing, place, frame: See :func:`play_worlds`.
+        moment, stored, slots: See :func:`play_worlds`.
         begins: (W,) see ``StepArrays``; written.
 
     Returns:
         Number of the later ones that are not stored; -1 if one of the others is not, and then nothing is changed.
     """
-    count, num_unknown = len(slots), 0
+    count, num_unknown = len(which), 0
     for k in range(len(coming)):
         number, serial = series.known[coming[k], 0], series.known[coming[k], 1]
         if serial == 0 or stored.usage[number, SERIAL] != serial:
@@ -115,21 +105,21 @@ def play_scenarios(
                 return -1
             num_unknown += 1
     for b in range(count):
-        series.playing[slots[b]], series.was_played[coming[b]] = coming[b], True
-        _play(slots[b], series.known[coming[b], 0], moment, stored, playing, place, frame)
-        begins[slots[b]] = AT_FIRST
+        series.playing[which[b]], series.was_played[coming[b]] = coming[b], True
+        _play(which[b], series.known[coming[b], 0], moment, stored, slots)
+        begins[which[b]] = AT_FIRST
     return num_unknown
 
 
 @device_function
-def _play(w: int, number: int, moment: int, stored: StoredWorlds, playing: Int64, place: Int64, frame: Float64) -> None:
+def _play(w: int, number: int, moment: int, stored: StoredWorlds, slots: Slots) -> None:
     """Put a world into a slot."""
     stored.usage[number, USERS] += 1
-    if playing[w] >= 0:
-        stored.usage[playing[w], USERS] -= 1
-        stored.usage[playing[w], USED] = moment
-    playing[w] = number
-    for column in range(place.shape[1]):
-        place[w, column] = stored.place[number, column]
-    for column in range(frame.shape[1]):
-        frame[w, column] = stored.frame[number, column]
+    if slots.number[w] >= 0:
+        stored.usage[slots.number[w], USERS] -= 1
+        stored.usage[slots.number[w], USED] = moment
+    slots.number[w] = number
+    for column in range(slots.place.shape[1]):
+        slots.place[w, column] = stored.place[number, column]
+    for column in range(slots.frame.shape[1]):
+        slots.frame[w, column] = stored.frame[number, column]

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64, IntP, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, IntP, UInt8
 from scenarionet_data.compiled.checking import unchecked
 from scenarionet_sim.arrays.log import VALID
 from scenarionet_sim.arrays.structures import (
@@ -26,6 +26,7 @@ from scenarionet_sim.arrays.structures import (
     SERIAL,
     USED,
     USERS,
+    Slots,
     StoredWorlds,
 )
 from scenarionet_sim.worlds.blocks import Blocks
@@ -113,10 +114,10 @@ class WorldPool:
         found = self._numbers.get((id(world), id(policies)))
         return self._store(world, policies) if found is None else found
 
-    def play(self, slots: IntP, numbers: IntP, playing: Int64, place: Int64, frame: Float64) -> None:
+    def play(self, which: IntP, numbers: IntP, slots: Slots) -> None:
         """Put worlds into slots, and remove those that no slot has played for longest; see ``play_worlds``."""
         self.moment += 1
-        num_unused = unchecked(play_worlds)(slots, numbers, self.moment, self.stored, playing, place, frame)
+        num_unused = unchecked(play_worlds)(which, numbers, self.moment, self.stored, slots)
         if num_unused > self._keep:
             usage = self.stored.usage
             unused = np.flatnonzero(usage[:, USERS] == 0)

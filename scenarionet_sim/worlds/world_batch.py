@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int32, Int64, IntP
-from scenarionet_sim.arrays.structures import EGO, NUM_OBJECTS, NUM_PLACES, NUM_STEPS, SERIAL, Lines, Recorded, Series
+from scenarionet_data.arrays.dtypes import Array, Int32, Int64, IntP
+from scenarionet_sim.arrays.structures import (
+    EGO,
+    NUM_OBJECTS,
+    NUM_PLACES,
+    NUM_STEPS,
+    SERIAL,
+    Lines,
+    Recorded,
+    Series,
+    Slots,
+)
 from scenarionet_sim.worlds.episode_kernels import play_scenarios
 from scenarionet_sim.worlds.pool import WorldPool
 from scenarionet_sim.worlds.world import World
@@ -43,8 +53,7 @@ class WorldBatch:
     ) -> None:
         self.pool = WorldPool(prepare, keep)
         self.place: Int64 = np.zeros((len(worlds), NUM_PLACES), np.int64)
-        self._frame: Float64 = np.zeros((len(worlds), 5))
-        self._playing: Int64 = np.full(len(worlds), -1, np.int64)
+        self._slots = Slots(np.full(len(worlds), -1, np.int64), self.place, np.zeros((len(worlds), 5)))
         self._worlds: list[World] | None = None
         self._num_slots = len(worlds)
         self._arrays: dict[str, Array] = {}
@@ -57,7 +66,7 @@ class WorldBatch:
     def worlds(self) -> list[World]:
         """The worlds as prepared, by slot; a new list after some have changed."""
         if self._worlds is None:
-            self._worlds = [self.pool.worlds[number].world for number in self._playing.tolist()]
+            self._worlds = [self.pool.worlds[number].world for number in self._slots.number.tolist()]
         return self._worlds
 
     @property
@@ -89,10 +98,10 @@ class WorldBatch:
         """Put worlds into slots, or for None the same again, for episodes with some policies."""
         slots, pool = np.asarray(slots, np.int64), self.pool
         numbers = np.array([
-            pool.number(pool.worlds[self._playing[slot]].key[0] if world is None else world, policies)
+            pool.number(pool.worlds[self._slots.number[slot]].key[0] if world is None else world, policies)
             for slot, world in zip(slots, worlds, strict=True)
         ])  # fmt: skip
-        pool.play(slots, numbers, self._playing, self.place, self._frame)
+        pool.play(slots, numbers, self._slots)
         self._worlds = None
         if pool.arrays is not self._arrays:
             self._collect()
@@ -101,13 +110,11 @@ class WorldBatch:
         """Let episodes of scenarios begin in slots, if the pool has all of their worlds; see ``play_scenarios``."""
         pool, self._worlds = self.pool, None
         pool.moment += 1
-        return play_scenarios(
-            slots, coming, pool.moment, series, pool.stored, self._playing, self.place, self._frame, begins
-        )  # fmt: skip
+        return play_scenarios(slots, coming, pool.moment, series, pool.stored, self._slots, begins)
 
     def note(self, slots: IntP, scenarios: IntP, series: Series) -> None:
         """Note that some slots play the worlds of scenarios."""
-        numbers = self._playing[slots]
+        numbers = self._slots.number[slots]
         series.playing[slots], series.was_played[scenarios] = scenarios, True
         series.known[scenarios, 0], series.known[scenarios, 1] = numbers, self.pool.stored.usage[numbers, SERIAL]
 
@@ -119,6 +126,6 @@ class WorldBatch:
 
     def _collect(self) -> None:
         self._arrays = self.pool.arrays
-        arrays = self._arrays | {"place": self.place, "frame": self._frame}
+        arrays = self._arrays | {"place": self.place, "frame": self._slots.frame}
         self.recorded = Recorded(**{name: arrays[name] for name in Recorded._fields})
         self.lines = Lines(**{name: arrays[name] for name in Lines._fields})

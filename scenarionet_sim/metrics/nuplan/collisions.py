@@ -129,7 +129,7 @@ def _keep_overlaps(
             present[t, n] = 4.0 * (dx * dx + dy * dy) <= reach * reach
             if present[t, n]:
                 c, s = math.cos(other_heading[t, n]), math.sin(other_heading[t, n])
-                present[t, n] = is_overlapping(dx, dy, cos, sin, size[0], size[1], c, s, length, width)
+                present[t, n] = is_overlapping(dx, dy, (cos, sin, size[0], size[1]), (c, s, length, width))
 
 
 def collision_score(collisions: Iterable[EgoCollision]) -> float:

@@ -52,50 +52,58 @@ def time_to_collision(
     for each in collisions:
         counts[each.step :, each.track] = False
     found = np.full(len(ego.time), np.inf)
-    _project(
-        ego.position, ego.heading, ego.speed, ego.rear_axle, np.array([ego.length, ego.width]),
-        others.position, others.heading, others.speed, others.size, counts, ~is_in_lane | is_in_intersection,
-        times, found,
-    )  # fmt: skip
+    limit = np.where(~is_in_lane | is_in_intersection, BEHIND, AHEAD)
+    motions = [(moving.position, moving.heading, moving.speed) for moving in (ego, others)]
+    size = np.vstack(([ego.length, ego.width], others.size))
+    _project(motions[0], ego.rear_axle, motions[1], size, counts, limit, times, found)
     found[[each.step for each in collisions if each.is_at_fault]] = 0.0
     return found
 
 
+_Motion = tuple[Float64, Float64, Float64]
+"""Position (..., 2), heading (...) and speed (...)."""
+
+
 @kernel
 def _project(
-    position: Float64, heading: Float64, speed: Float64, rear_axle: Float64, size: Float64, others: Float64,
-    other_heading: Float64, other_speed: Float64, other_size: Float64, counts: Bool, sees_beside: Bool, times: Float64,
+    ego: _Motion,
+    axle: Float64,
+    others: _Motion,
+    size: Float64,
+    counts: Bool,
+    limit: Float64,
+    times: Float64,
     found: Float64,
-) -> None:  # fmt: skip
-    """Fill the first of ``times`` at which the projected boxes overlap, for each moment."""
+) -> None:
+    """Fill the first of ``times`` at which the projected boxes overlap, for each moment.
+
+    Args:
+        ego, others: Over T moments, (T, N) of the others.
+        axle: (T, 2) rear axle of the ego.
+        size: (1 + N, 2) of the ego and of the others.
+        counts: (T, N) others that count.
+        limit: (T,) least cosine of the direction from the axle to another one.
+        times: Increasing.
+        found: (T,) output.
+    """
+    (position, heading, speed), (other_position, other_heading, other_speed) = ego, others
     for t in range(len(position)):
         if speed[t] <= _STANDING:
             continue
         cos, sin = math.cos(heading[t]), math.sin(heading[t])
-        limit = BEHIND if sees_beside[t] else AHEAD
-        for n in range(others.shape[1]):
+        for n in range(counts.shape[1]):
             if not counts[t, n]:
                 continue
-            x, y = others[t, n, 0] - rear_axle[t, 0], others[t, n, 1] - rear_axle[t, 1]
+            x, y = other_position[t, n, 0] - axle[t, 0], other_position[t, n, 1] - axle[t, 1]
             along = (cos * x + sin * y) / max(math.hypot(x, y), 1e-9)
-            if along <= limit:
+            if along <= limit[t]:
                 continue
             c, s = math.cos(other_heading[t, n]), math.sin(other_heading[t, n])
-            dx, dy = others[t, n, 0] - position[t, 0], others[t, n, 1] - position[t, 1]
+            dx, dy = other_position[t, n, 0] - position[t, 0], other_position[t, n, 1] - position[t, 1]
             vx, vy = other_speed[t, n] * c - speed[t] * cos, other_speed[t, n] * s - speed[t] * sin
             for ahead in times:
                 if ahead >= found[t]:
                     break
-                if is_overlapping(
-                    dx + vx * ahead,
-                    dy + vy * ahead,
-                    cos,
-                    sin,
-                    size[0],
-                    size[1],
-                    c,
-                    s,
-                    other_size[n, 0],
-                    other_size[n, 1],
-                ):
+                x, y = dx + vx * ahead, dy + vy * ahead
+                if is_overlapping(x, y, (cos, sin, size[0, 0], size[0, 1]), (c, s, size[1 + n, 0], size[1 + n, 1])):
                     found[t] = ahead

@@ -31,5 +31,5 @@ def overlaps(position: Float64, heading: Float64, size: Float64, present: Bool, 
                 continue
             dx, dy = position[t, n, 0] - position[t, row, 0], position[t, n, 1] - position[t, row, 1]
             c, s = math.cos(heading[t, n]), math.sin(heading[t, n])
-            found[t] = is_overlapping(dx, dy, cos, sin, length, width, c, s, size[n, 0], size[n, 1])
+            found[t] = is_overlapping(dx, dy, (cos, sin, length, width), (c, s, size[n, 0], size[n, 1]))
     return found

@@ -44,19 +44,14 @@ class Surroundings:
     """What objects move among: road edges, lanes and traffic lights, in the source frame.
 
     Attributes:
-        edge_points, edge_offsets: (P, 3) and (K + 1,) points of the road edges, the road on their left.
-        edge_is_cyclic: (K,) whether an edge is a closed line.
-        edge_blocks: See :func:`kernels.blocks`.
+        edges: The road edges.
         lane_points, lane_offsets: (P, 2) and (L + 1,) centre lines of surface streets.
         light_lane: (S,) lane of each traffic light.
         light_stop: (S, 2) its stop point.
         is_red: (S, T).
     """
 
-    edge_points: Float64
-    edge_offsets: Int64
-    edge_is_cyclic: Bool
-    edge_blocks: Float64
+    edges: kernels.Edges
     lane_points: Float64
     lane_offsets: Int64
     light_lane: Int64
@@ -77,15 +72,13 @@ class Surroundings:
             for row in np.flatnonzero(is_street & (features.polyline.lengths > 1)).tolist():
                 lane_row[features.ids[row]] = len(lanes)
                 lanes.append((features.polyline[row] + scenario.origin)[:, :2])
-        edge_points, edge_offsets = _joined(edges, 3)
+        points, offsets = _joined(edges, 3)
+        is_cyclic = np.array([((edge[0] - edge[-1]) ** 2).sum() < _CYCLIC for edge in edges], np.bool_)
         lane_points, lane_offsets = _joined(lanes, 2)
         lights = scenario.lights
         known = [row for row in range(len(lights)) if lights.lane_ids[row] in lane_row]
         return cls(
-            edge_points,
-            edge_offsets,
-            np.array([((edge[0] - edge[-1]) ** 2).sum() < _CYCLIC for edge in edges], np.bool_),
-            kernels.blocks(edge_points, edge_offsets),
+            kernels.Edges(points, offsets, is_cyclic, kernels.blocks(points, offsets)),
             lane_points,
             lane_offsets,
             np.array([lane_row[lights.lane_ids[row]] for row in known], np.int64),
@@ -135,17 +128,9 @@ def compute_features(
     kernels.nearest_object(*boxes, motion.valid, rows, _ROUNDING, distance)
     in_plane = np.linalg.norm(central_difference(motion.position[..., :2], axis=2), axis=-1) / dt
     kernels.time_to_object_ahead(*boxes, in_plane, motion.valid, rows, time)
-    has_edges = len(surroundings.edge_blocks) > 0
+    has_edges = len(surroundings.edges.boxes) > 0
     if has_edges:
-        kernels.edge_distance(
-            *boxes,
-            rows,
-            surroundings.edge_points,
-            surroundings.edge_offsets,
-            surroundings.edge_is_cyclic,
-            surroundings.edge_blocks,
-            edge,
-        )
+        kernels.edge_distance(*boxes, rows, surroundings.edges, edge)
     edge = np.where(motion.valid[:, rows] & has_edges, edge, np.float32(-kernels.FAR))
     moves = kinematics(motion.position[:, rows], motion.heading[:, rows], dt)
     speed, acceleration, turn, turn_acceleration = (values.astype(np.float32) for values in moves)

@@ -7,6 +7,7 @@ seconds.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -144,11 +145,25 @@ def time_to_object_ahead(
                         time[r, e, t] = min(nearest / closing, MAX_TIME)
 
 
+class Edges(NamedTuple):
+    """Road edges.
+
+    Attributes:
+        points, offsets: (P, 3) and (K + 1,): edge k is ``points[offsets[k]:offsets[k + 1]]``; its left is the road.
+        is_cyclic: (K,) whether its last point follows its first one.
+        boxes: (B, 7) min x, min y, max x, max y, edge, first segment, end, of blocks of segments.
+    """
+
+    points: Float64
+    offsets: Int64
+    is_cyclic: Bool
+    boxes: Float64
+
+
 @kernel(nogil=True)
 def edge_distance(
-    position: Float64, heading: Float64, size: Float32, rows: Int64, points: Float64, offsets: Int64, is_cyclic: Bool,
-    boxes: Float64, distance: Float32,
-) -> None:  # fmt: skip
+    position: Float64, heading: Float64, size: Float32, rows: Int64, edges: Edges, distance: Float32
+) -> None:
     """Find the signed distance of each evaluated object's worst corner to the nearest road edge, positive off the road.
 
     The nearest edge is chosen with heights stretched by 3, so that edges on another level do not count; the distance
@@ -156,9 +171,7 @@ def edge_distance(
 
     Args:
         position, heading, size, rows: See :func:`nearest_object`.
-        points, offsets: (P, 3) and (K + 1,): edge k is ``points[offsets[k]:offsets[k + 1]]``; its left is the road.
-        is_cyclic: (K,) whether its last point follows its first one.
-        boxes: (B, 7) min x, min y, max x, max y, edge, first segment, end, of blocks of segments.
+        edges: The road edges.
         distance: (R, E, T) output.
     """
     for r in range(len(position)):
@@ -173,30 +186,26 @@ def edge_distance(
                     u = 0.5 * size[r, n, t, 0] * (1.0 if corner < 2 else -1.0)
                     v = 0.5 * size[r, n, t, 1] * (1.0 if corner % 2 else -1.0)
                     x, y = position[r, n, t, 0] + cos * u - sin * v, position[r, n, t, 1] + sin * u + cos * v
-                    found, hint[corner] = signed_distance(
-                        x, y, z, points, offsets, is_cyclic, boxes, _Z_STRETCH, hint[corner]
-                    )
+                    found, hint[corner] = signed_distance(x, y, z, edges, hint[corner])
                     worst = max(worst, found)
                 distance[r, e, t] = worst
 
 
 @device_function
-def signed_distance(
-    x: float, y: float, z: float, points: Float64, offsets: Int64, is_cyclic: Bool, boxes: Float64, stretch: float,
-    hint: int,
-) -> tuple[float, int]:  # fmt: skip
-    """Signed distance in the plane from a point to the nearest polyline, negative on its left; and the block it is in.
+def signed_distance(x: float, y: float, z: float, edges: Edges, hint: int) -> tuple[float, int]:
+    """Signed distance in the plane from a point to the nearest edge, negative on its left; and the block it is in.
 
     ``hint`` is a block likely to contain it, which is searched first.
     """
-    best, segment, block = _search(x, y, z, points, boxes[hint], stretch, np.inf, -1)
+    points, offsets, is_cyclic, boxes = edges
+    best, segment, block = _search(x, y, z, points, boxes[hint], np.inf, -1)
     where = hint if block else 0
     for k in range(len(boxes)):
         dx = max(max(boxes[k, 0] - x, x - boxes[k, 2]), 0.0)
         dy = max(max(boxes[k, 1] - y, y - boxes[k, 3]), 0.0)
         if k == hint or dx * dx + dy * dy > best:
             continue
-        best, segment, block = _search(x, y, z, points, boxes[k], stretch, best, segment)
+        best, segment, block = _search(x, y, z, points, boxes[k], best, segment)
         if block:
             where = k
     edge = int(boxes[where, 4])
@@ -217,7 +226,7 @@ def signed_distance(
 
 @device_function
 def _search(
-    x: float, y: float, z: float, points: Float64, box: Float64, stretch: float, best: float, segment: int
+    x: float, y: float, z: float, points: Float64, box: Float64, best: float, segment: int
 ) -> tuple[float, int, bool]:
     """Search a block for a segment that is nearer, or as near and earlier; squared distances in space."""
     found = False
@@ -227,7 +236,7 @@ def _search(
         square = ux * ux + uy * uy
         share = min(max((dx * ux + dy * uy) / square, 0.0), 1.0) if square > 0.0 else 0.0
         dx, dy = dx - share * ux, dy - share * uy
-        dz = stretch * (z - points[k, 2] - share * (points[k + 1, 2] - points[k, 2]))
+        dz = _Z_STRETCH * (z - points[k, 2] - share * (points[k + 1, 2] - points[k, 2]))
         distance = dx * dx + dy * dy + dz * dz
         if distance < best or (distance == best and k < segment):
             best, segment, found = distance, k, True

@@ -9,7 +9,7 @@ from scenarionet_data.compiled.decorators import kernel
 from scenarionet_sim.arrays.boxes import Boxes, write_boxes
 from scenarionet_sim.arrays.log import HEADING
 from scenarionet_sim.arrays.structures import StateArrays
-from scenarionet_sim.roads.ray_kernels import Rays
+from scenarionet_sim.roads.ray_kernels import RayFan
 from scenarionet_sim.sensors.base import directions, table
 from scenarionet_sim.sensors.box_ray_kernels import RayMemory, ranges_to_boxes
 
@@ -30,7 +30,7 @@ def cast(motion, size, rays):
     kinds, present = np.ones((worlds, objects), np.uint8), np.ones((worlds, objects), np.bool_)
     now = StateArrays(motion, np.zeros((worlds, objects, 2)), present, size, kinds, np.zeros(worlds, np.int32))
     memory = RayMemory.of(rays, objects)
-    cast_at_boxes(now, Boxes.of(objects), Rays(directions(rays), REACH, table(None)), memory, found)
+    cast_at_boxes(now, Boxes.of(objects), RayFan(directions(rays), REACH, table(None)), memory, found)
     return found
 
 

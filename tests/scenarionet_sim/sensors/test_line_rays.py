@@ -16,7 +16,7 @@ from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.arrays.log import HEADING, X, Y
-from scenarionet_sim.roads.ray_kernels import Rays, ranges_to_lines
+from scenarionet_sim.roads.ray_kernels import RayFan, ranges_to_lines
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.sensors.base import directions, table
 from scenarionet_sim.sensors.line_rays import BOUNDARIES, BoundaryDetector, LaneLineDetector
@@ -76,7 +76,7 @@ def cast(roads, position, heading, rays, reach):
     found, me = np.empty(rays), np.zeros(7)
     me[[X, Y, HEADING]] = *position, heading
     lines = WorldBatch([replace(alone(), roads=roads)]).lines
-    cast_at_lines(me, lines, Rays(directions(rays), reach, table(BOUNDARIES)), found)
+    cast_at_lines(me, lines, RayFan(directions(rays), reach, table(BOUNDARIES)), found)
     return found
 
 

@@ -145,10 +145,7 @@ def edge_distances(points: np.ndarray, *edges: list[list[float]], cyclic: bool =
         np.zeros((1, len(points), 1)),
         np.zeros((1, len(points), 1, 3), np.float32),
         np.arange(len(points)),
-        joined,
-        offsets,
-        np.full(len(lines), cyclic),
-        kernels.blocks(joined, offsets),
+        kernels.Edges(joined, offsets, np.full(len(lines), cyclic), kernels.blocks(joined, offsets)),
         found,
     )
     return found[0, :, 0]
