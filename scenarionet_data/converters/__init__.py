@@ -24,6 +24,7 @@ _BUILTIN = {
     "nuscenes": "scenarionet_data.converters.nuscenes:NuScenes",
     "pg": "scenarionet_data.converters.pg:Procedural",
     "scenarionet": "scenarionet_data.converters.scenarionet:ScenarioNetPickles",
+    "table": "scenarionet_data.converters.table:Table",
     "waymo": "scenarionet_data.converters.waymo:Waymo",
 }
 

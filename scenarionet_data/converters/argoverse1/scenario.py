@@ -9,8 +9,8 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import make_origin, make_tracks
+from scenarionet_data.building.motion import DT, Motion, estimate_motion, step_of
 from scenarionet_data.converters.argoverse1.map_features import Argoverse1City
-from scenarionet_data.converters.argoverse1.motion import DT, Motion, estimate_motion, step_of
 from scenarionet_data.converters.argoverse1.recording import Argoverse1Recording
 from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED
 from scenarionet_data.errors import BadParameter

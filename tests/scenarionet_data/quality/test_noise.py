@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from scenarionet_data.building import make_tracks
+from scenarionet_data.building.motion import estimate_motion
 from scenarionet_data.converters.argoverse1 import RARE_NOISE, USUAL_NOISE, Argoverse1
-from scenarionet_data.converters.argoverse1.motion import estimate_motion
 from scenarionet_data.converters.base import Budgets
 from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.scenario.description import ScenarioDescription

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.converters.argoverse1.motion import DT, Motion, estimate_motion, step_of
+from scenarionet_data.building.motion import DT, Motion, estimate_motion, step_of
 from scenarionet_data.ingest.options import Frames
 
 

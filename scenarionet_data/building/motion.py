@@ -1,6 +1,6 @@
-"""Estimate motion from Argoverse 1's noisy positions at uneven times: at these times, or at 10 Hz.
+"""Estimate motion from noisy positions at uneven times: at these times, or at 10 Hz.
 
-Positions are the output of a tracker: they scatter by about 0.1 m, freeze and catch up, and sometimes jump by metres.
+Positions of a tracker, as in Argoverse 1, scatter by about 0.1 m, freeze and catch up, and sometimes jump by metres.
 Finite differences would be mostly noise, so velocities are slopes of lines fitted to one second.
 
 Points and velocities in the plane are complex numbers x + iy: half the array operations, twice the speed.
@@ -9,13 +9,13 @@ Points and velocities in the plane are complex numbers x + iy: half the array op
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Complex128, Float64, Int64
-from scenarionet_data.building import Resampling
-from scenarionet_data.converters.argoverse1.kernels import fit_slopes
-from scenarionet_data.ingest.options import Frames
+from scenarionet_data.building.motion_kernels import fit_slopes
+from scenarionet_data.building.resampling import Resampling
 
 DT = 0.1
 """Nominal timestep [s]."""
@@ -56,7 +56,12 @@ class Motion:
 
 
 def estimate_motion(
-    track: Int64, frame: Int64, position: Float64, times: Float64, frames: Frames, is_interpolated: Bool
+    track: Int64,
+    frame: Int64,
+    position: Float64,
+    times: Float64,
+    frames: Literal["recorded", "resampled"],
+    is_interpolated: Bool,
 ) -> Motion:
     """Estimate the motion of tracks recorded at uneven times.
 

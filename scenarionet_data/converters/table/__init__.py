@@ -1,0 +1,155 @@
+"""Tables of your own: tracks as CSV or Parquet, with a map as GeoJSON, Lanelet2 or OpenDRIVE.
+
+RAW is a file, or a folder of files, with one row per road user and time; ``columns.toml`` says what the columns hold.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from scenarionet_data.building import MapBuilder
+from scenarionet_data.converters.base import Budgets, Converter, find_files
+from scenarionet_data.converters.cities import CityMap
+from scenarionet_data.converters.formats.map_files import read_map
+from scenarionet_data.converters.table.columns import DEGREES, Columns, read_columns
+from scenarionet_data.converters.table.contradictions import find_contradictions
+from scenarionet_data.converters.table.rows import TrackRows, read_rows
+from scenarionet_data.converters.table.windows import Window, WindowOptions, cut, describe
+from scenarionet_data.errors import CorruptSource, SourceNotFound
+from scenarionet_data.ingest.defects import Defects
+from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
+from scenarionet_data.scenario.description import ScenarioDescription, Source
+
+_ENDINGS = (".csv", ".parquet")
+
+
+@dataclass(frozen=True)
+class TableOptions(WindowOptions):
+    """Columns, map, windows and egos."""
+
+    columns: str = field(default="", metadata={"doc": "columns.toml: what the columns hold.", "is_path": True})
+    map: str = field(
+        default="", metadata={"doc": "Map of all files: *.geojson, *.osm (Lanelet2), *.xodr.", "is_path": True}
+    )
+    trust: bool = field(default=False, metadata={"doc": "Convert tables that contradict themselves or the map, too."})
+
+
+class Table(Converter[Window]):
+    """One shard per file; the map is shared."""
+
+    name = "table"
+    version = "1"
+    release = "v1"
+    licence = "that of the table"
+    raw = "a file *.csv or *.parquet with one row per road user and time, or a folder of such files"
+    Options = TableOptions
+    properties = ("log",)
+    budgets = Budgets()
+
+    def shards(self, raw: str, split: str, version: str, options: TableOptions) -> Iterator[Shard]:
+        """List files."""
+        known = [Path(path) for path in (options.columns, options.map) if path]
+        for path in known:
+            if not path.is_file():
+                raise SourceNotFound(f"{path}: no such file; the options columns and map name files")
+        read_columns(options.columns)
+        root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
+        for path in _tables(raw, split):
+            log = path.relative_to(root).with_suffix("").as_posix()
+            item = RawItem(path.relative_to(root).as_posix(), fingerprint([path, *known]))
+            yield Shard(
+                self.name, version, split, re.sub(r"[^A-Za-z0-9._-]", "-", item.name), str(root), (item,), options,
+                {"log": log},
+            )  # fmt: skip
+
+    def files(self, shard: Shard) -> Iterator[list[str]]:
+        """The table, and its columns and map if they are below the same folder."""
+        options, root = shard.options_as(TableOptions), Path(shard.root)
+        beside = [Path(path) for path in (options.columns, options.map) if path]
+        near = [path.relative_to(root).as_posix() for path in beside if path.is_relative_to(root)]
+        yield [*near, *(item.name for item in shard.items)]
+
+    def maps(self, raw: str, version: str, options: TableOptions) -> Iterator[Shard]:  # noqa: ARG002
+        """The map."""
+        if options.map:
+            path = Path(options.map)
+            item = RawItem(path.name, fingerprint([path, *([Path(options.columns)] if options.columns else [])]))
+            yield Shard(self.name, version, "", path.stem, str(path.parent), (item,), options)
+
+    def map_features(self, shard: Shard) -> MapBuilder:
+        """Read the map."""
+        return _city(shard.options_as(TableOptions)).features
+
+    def records(self, shard: Shard) -> Iterator[Window]:
+        """Read a file and cut it into windows.
+
+        Raises:
+            CorruptSource: It cannot be read, or contradicts itself or the map.
+        """
+        options, defects, file = shard.options_as(TableOptions), Defects(), shard.items[0].name
+        rows, clock = read_rows(shard.paths[0], file, read_columns(options.columns), defects)
+        city = _city(options) if options.map else None
+        contradictions = find_contradictions(rows, clock, city.bounds if city else None)
+        if contradictions and not options.trust:
+            raise CorruptSource(
+                f"{shard.paths[0]}: {'; '.join(contradictions)}. Say what is so in columns.toml, or convert it as "
+                "it is with -p trust=true"
+            )
+        _tell_gaps(rows, file, defects)
+        yield from cut(rows, clock, options, defects)
+
+    def scenario(self, shard: Shard, record: Window) -> ScenarioDescription:
+        """Convert a window."""
+        options, log = shard.options_as(TableOptions), str(shard.properties["log"])
+        columns = read_columns(options.columns)
+        city = _city(options) if options.map else None
+        source = Source(log, shard.items[0].name, columns.licence, log=log, crs=f"table {_frame(columns)}")
+        has_z = bool(record.rows.height.any())
+        return describe(shard, record, source, city, Path(options.map).stem if options.map else None, has_z)
+
+
+def _tables(raw: str, split: str) -> list[Path]:
+    if Path(raw).is_file():
+        if Path(raw).suffix not in _ENDINGS:
+            raise SourceNotFound(f"{raw}: expected {' or '.join(_ENDINGS)}, found {Path(raw).suffix or 'no ending'}")
+        return [Path(raw)]
+    found = []
+    for ending in _ENDINGS:
+        try:
+            found += find_files(raw, f"*{ending}", Table.raw, split)
+        except SourceNotFound as error:
+            missing = error
+    if not found:
+        raise missing
+    return sorted(found)
+
+
+def _frame(columns: Columns) -> str:
+    if columns.origin is None:
+        return "in metres"
+    return f"in metres from {columns.origin[0]:.7f}, {columns.origin[1]:.7f} degrees"
+
+
+def _tell_gaps(rows: TrackRows, file: str, defects: Defects) -> None:
+    """Say which tracks lack states between their first and last."""
+    number = np.bincount(rows.track)
+    first = np.flatnonzero(np.diff(rows.track, prepend=-1))
+    missing = rows.frame[np.append(first[1:], len(rows.frame)) - 1] - rows.frame[first] + 1 - number
+    reason = "expected a row for each timestep from a track's first to its last, found gaps, where it is not valid"
+    defects.assume("tracks", file, [f"track {name}" for name in rows.ids[missing > 0]], "time", reason)
+
+
+def _city(options: TableOptions) -> CityMap:
+    return _read_city(options.map, options.columns, fingerprint([Path(options.map)]))
+
+
+@lru_cache(maxsize=4)
+def _read_city(path: str, columns: str, mark: str) -> CityMap:  # noqa: ARG001  # a changed file is read again
+    told = read_columns(columns)
+    return CityMap(read_map(Path(path), told.origin, told.to_metres if told.map_unit == DEGREES else None))
