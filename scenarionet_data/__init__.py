@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from scenarionet_data.building.plausible import find_bad_rows as find_bad_rows
     from scenarionet_data.conversion import convert as convert
     from scenarionet_data.conversion import plan_conversion as plan_conversion
+    from scenarionet_data.conversion.adding import add_scenarios as add_scenarios
     from scenarionet_data.converters.base import Budgets as Budgets
     from scenarionet_data.converters.base import Converter as Converter
     from scenarionet_data.converters.base import find_files as find_files

@@ -102,6 +102,18 @@ def test_picture_examples_run(monkeypatch, tmp_path):
     } <= written
 
 
+def test_table_examples_run(monkeypatch, tmp_path):
+    page = "docs/guides/tables.md"
+    told, *_ = blocks(page, "toml")
+    for name, (text,) in (("tracks.csv", blocks(page, "csv")), ("map.geojson", blocks(page, "json"))):
+        (tmp_path / name).write_text(text)
+    (tmp_path / "columns.toml").write_text(told)
+    assert run_blocks(page, monkeypatch, tmp_path) == 2
+    lake = Lake(tmp_path / "lake")
+    assert lake.sql("SELECT num_objects, num_map_features FROM metadata").rows() == [(2, 3), (2, 3)]
+    assert lake.sql("SELECT count(*) FROM defects").item() == 0
+
+
 @pytest.mark.long
 def test_browse_examples_run(monkeypatch, tmp_path):
     """Commands that serve a page are only parsed: they run until Ctrl-C."""

@@ -80,7 +80,8 @@ def estimate_motion(
     piece[track, frame] = _pieces(track, times[frame], points)
     seen, filled = piece >= 0, np.zeros(shape, np.bool_)
     filled[track, frame] = is_interpolated
-    velocity, certainty = _fitted_velocity(place, piece, times)
+    velocity, certainty = np.zeros_like(place), np.zeros(shape)
+    fit_slopes(place, piece, times, _HALF_FRAMES, _HALF_WINDOW, velocity, certainty)
     velocity = _from_nearest(velocity, certainty > 0)
     speed = np.abs(velocity)
     is_moving = seen & (speed > _MOVING) & (speed * certainty > 3.0 * _SCATTER)
@@ -123,18 +124,6 @@ def _middle(a: Float64, b: Float64, c: Float64) -> Float64:
     """Median of three."""
     middle: Float64 = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
     return middle
-
-
-def _fitted_velocity(place: Complex128, piece: Int64, times: Float64) -> tuple[Complex128, Float64]:
-    """Fit lines to the frames around each frame, within its piece.
-
-    Returns:
-        (N, S) slopes [m/s], 0 where no fit is possible, and (N, S) the root of the summed squared distances from the
-        frames' mean time [s]: the standard deviation of positions divided by it is the slope's.
-    """
-    slope, certainty = np.zeros_like(place), np.zeros(piece.shape)
-    fit_slopes(place, piece, times, _HALF_FRAMES, _HALF_WINDOW, slope, certainty)
-    return slope, certainty
 
 
 def _from_nearest(values: Complex128, known: Bool) -> Complex128:

@@ -27,14 +27,23 @@ class Committer:
         plan: Which old shards the new ones replace.
         operation: Operation recorded in the snapshot, for example ``convert waymo``.
         report: Updated with every result.
+        in_one: Commit nothing before the end.
     """
 
-    def __init__(self, files: LakeFiles, plan: ConversionPlan, operation: str, report: ConversionReport) -> None:
+    def __init__(
+        self,
+        files: LakeFiles,
+        plan: ConversionPlan,
+        operation: str,
+        report: ConversionReport,
+        in_one: bool = False,
+    ) -> None:
         self._files = files
         self._plan = plan
         self._operation = operation
         self._report = report
         self._finished: list[ShardRecord] = []
+        self._in_one = in_one
         self._committed_at = time.monotonic()
 
     def add(self, result: ShardResult) -> None:
@@ -55,7 +64,8 @@ class Committer:
         if record.num_scenarios or record.num_quarantined:  # a shared map has no split
             report.partitions.add((record.dataset, record.version, record.split))
         self._finished.append(record)
-        if time.monotonic() - self._committed_at > _COMMIT_EVERY and not self._plan.replaced:
+        is_due = time.monotonic() - self._committed_at > _COMMIT_EVERY and not self._in_one
+        if is_due and not self._plan.replaced:
             self.commit()
 
     def commit(self) -> None:

@@ -41,6 +41,7 @@ ACCEPTED: Mapping[str, tuple[str, ...]] = {
     "argoverse1": ("train", "val", "test", "test_obs"),
     "argoverse2": ("train", "val", "test"),
     "interaction": ("train", "val", "test"),
+    "table": ("train", "val", "test"),
 }
 """Names of splits by dataset: those of the lake, and those of the dataset's folders. Others become labels."""
 

@@ -26,12 +26,14 @@ from scenarionet_data.operations.tagging import Tagging
 if TYPE_CHECKING:  # loading, packs and export import numba, which takes 0.5 s that a query does not need
     import polars as pl
 
+    from scenarionet_data.conversion.report import ConversionReport
     from scenarionet_data.execution.executors import Executor
     from scenarionet_data.execution.progress import Progress
     from scenarionet_data.export import ExportReport
     from scenarionet_data.loader import ScenarioLoader
     from scenarionet_data.packs.packing import PackReport
     from scenarionet_data.publishing.publish import Catalog, PublishReport
+    from scenarionet_data.scenario.description import ScenarioDescription
 
 
 class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combining[Database], Tagging, HasCard):
@@ -162,6 +164,15 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
         return view.sql(f"SELECT * FROM (\n{spans.sql}\n) ORDER BY {order}")
 
     # --- scenarios ------------------------------------------------------------------------------------
+
+    def add(self, scenarios: Iterable[ScenarioDescription], *, check: bool = True) -> ConversionReport:
+        """Add scenarios made in Python, in one commit; see :func:`scenarionet_data.add_scenarios`.
+
+        This handle keeps its snapshot: ``Lake(root)`` has the new ones.
+        """
+        from scenarionet_data.conversion.adding import add_scenarios
+
+        return add_scenarios(self, scenarios, check=check)
 
     def loader(self, database: DatabaseRecord | str | Iterable[str] | None = None) -> ScenarioLoader:
         """Return a loader of a database, of scenario ids, or of all scenarios in order of id."""

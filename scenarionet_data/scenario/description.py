@@ -9,7 +9,7 @@ N objects, T timesteps, L lights, M map features. Where an object is not valid, 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -101,6 +101,14 @@ class ScenarioDescription(ScenarioPart, HasCard):
     def ego_index(self) -> int:
         """Row of the ego in ``tracks``."""
         return self.tracks.index(self.ego_id)
+
+    def with_own_map(self) -> ScenarioDescription:
+        """Return the scenario with the part of the shared map that it has loaded as a map of its own."""
+        if self.map_id is None:
+            return self
+        lanes = set() if self.map is None else set(self.map.ids)
+        is_in_map = np.array([each in lanes for each in self.lights.lane_ids], np.bool_)
+        return replace(self, lights=replace(self.lights, is_lane_in_map=is_in_map), map_id=None, map_crop=None)
 
     def __repr__(self) -> str:
         return (

@@ -13,8 +13,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-import numpy as np
-
 from scenarionet_data.conversion.committer import Committer
 from scenarionet_data.conversion.jobs import ShardJob, convert_shard, lost_shard
 from scenarionet_data.conversion.plan import make_plan
@@ -106,17 +104,12 @@ class Variations(Converter[tuple[ScenarioDescription, RawItem]]):
         values: dict[str, float] = json.loads(item.fingerprint)
         changed, origins = change(parent, values)
         check_limits(parent, changed, origins, options.acceleration, options.jerk)
-        lanes = set() if parent.map is None else set(parent.map.ids)  # a shared map becomes the variation's own
-        is_in_map = np.array([each in lanes for each in parent.lights.lane_ids], np.bool_)
         return dataclasses.replace(
-            changed,
+            changed.with_own_map(),
             id=make_scenario_id(DATASET, shard.version, parent.id, item.name.rpartition("@")[2]),
             dataset=DATASET,
             version=shard.version,
             split=shard.split,
-            lights=dataclasses.replace(changed.lights, is_lane_in_map=is_in_map),
-            map_id=None,
-            map_crop=None,
             extras={**parent.extras, "parent": parent.id, "parameters": values},
         )
 

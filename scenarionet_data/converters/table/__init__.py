@@ -17,7 +17,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter, find_files
 from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.formats.map_files import read_map
-from scenarionet_data.converters.table.columns import DEGREES, Columns, read_columns
+from scenarionet_data.converters.table.columns import DEGREES, read_columns
 from scenarionet_data.converters.table.contradictions import find_contradictions
 from scenarionet_data.converters.table.rows import TrackRows, read_rows
 from scenarionet_data.converters.table.windows import Window, WindowOptions, cut, describe
@@ -60,7 +60,10 @@ class Table(Converter[Window]):
                 raise SourceNotFound(f"{path}: no such file; the options columns and map name files")
         read_columns(options.columns)
         root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
-        for path in _tables(raw, split):
+        found = [path for path in find_files(raw, "*", self.raw, split) if path.suffix in _ENDINGS]
+        if not found:
+            raise SourceNotFound(f"{raw}: expected {' or '.join(_ENDINGS)}, found none; give {self.raw}")
+        for path in found:
             log = path.relative_to(root).with_suffix("").as_posix()
             item = RawItem(path.relative_to(root).as_posix(), fingerprint([path, *known]))
             yield Shard(
@@ -109,31 +112,15 @@ class Table(Converter[Window]):
         options, log = shard.options_as(TableOptions), str(shard.properties["log"])
         columns = read_columns(options.columns)
         city = _city(options) if options.map else None
-        source = Source(log, shard.items[0].name, columns.licence, log=log, crs=f"table {_frame(columns)}")
+        source = Source(
+            log,
+            shard.items[0].name,
+            columns.licence,
+            log=log,
+            crs=f"metres from {columns.origin}" if columns.origin else "metres",
+        )
         has_z = bool(record.rows.height.any())
         return describe(shard, record, source, city, Path(options.map).stem if options.map else None, has_z)
-
-
-def _tables(raw: str, split: str) -> list[Path]:
-    if Path(raw).is_file():
-        if Path(raw).suffix not in _ENDINGS:
-            raise SourceNotFound(f"{raw}: expected {' or '.join(_ENDINGS)}, found {Path(raw).suffix or 'no ending'}")
-        return [Path(raw)]
-    found = []
-    for ending in _ENDINGS:
-        try:
-            found += find_files(raw, f"*{ending}", Table.raw, split)
-        except SourceNotFound as error:
-            missing = error
-    if not found:
-        raise missing
-    return sorted(found)
-
-
-def _frame(columns: Columns) -> str:
-    if columns.origin is None:
-        return "in metres"
-    return f"in metres from {columns.origin[0]:.7f}, {columns.origin[1]:.7f} degrees"
 
 
 def _tell_gaps(rows: TrackRows, file: str, defects: Defects) -> None:

@@ -164,9 +164,16 @@ def _columns(content: Mapping[str, Any]) -> Columns:
         if missing:
             raise BadParameter(f"columns: expected {', '.join(NEEDED)}, found no {missing[0]}")
         found["columns"] = {quantity: _column(quantity, told) for quantity, told in content["columns"].items()}
-    types = {word.lower(): _type(told) for word, told in content.get("types", {}).items()}
+    types = {}
+    for word, told in content.get("types", {}).items():
+        if str(told).upper() not in ObjectType.__members__:
+            raise BadParameter(f"types.{word}: expected one of {', '.join(ObjectType.__members__)}, found {told!r}")
+        types[word.lower()] = ObjectType[told.upper()]
     found["types"] = {**TYPES, **types}
-    sizes = {_word(word): _numbers(f"sizes.{word}", told, 3) for word, told in content.get("sizes", {}).items()}
+    sizes = {
+        ObjectType.__members__.get(word, word.lower()): _numbers(f"sizes.{word}", told, 3)
+        for word, told in content.get("sizes", {}).items()
+    }
     found["sizes"] = {**SIZES, **sizes}
     if "step" in content.get("time", {}):
         (found["step"],) = _numbers("time.step", [content["time"]["step"]], 1)
@@ -199,17 +206,6 @@ def _column(quantity: str, told: Any) -> Column:
     if unit and unit not in units:
         raise BadParameter(f"columns.{quantity}: expected the unit {' or '.join(units) or 'none'}, found {unit!r}")
     return Column(told["column"], unit)
-
-
-def _type(told: Any) -> ObjectType:
-    names = ObjectType.__members__
-    if not isinstance(told, str) or told.upper() not in names:
-        raise BadParameter(f"types: expected one of {', '.join(names)}, found {told!r}")
-    return names[told.upper()]
-
-
-def _word(word: str) -> str | ObjectType:
-    return ObjectType.__members__.get(word, word.lower())
 
 
 def _numbers(name: str, told: Any, count: int) -> tuple[float, ...]:

@@ -17,8 +17,8 @@ _MOVING = 2.0
 """Speed [m/s] from which the direction of motion is clear."""
 _FEWEST = 20
 """States in motion below which nothing is compared."""
-_WRONG, _RIGHT = np.pi / 4.0, np.pi / 12.0
-"""Median angle between heading and motion of a table that is wrong, and of an alternative that fits [rad]."""
+_WRONG, _RIGHT = np.pi / 9.0, np.pi / 18.0
+"""Angle between heading and motion, which a quarter exceeds, of a wrong table, and of a reading that fits [rad]."""
 _SMALLEST = 0.5
 """Extent of a recording with tracks [m], below which it cannot be in metres."""
 _NEAR = 50.0
@@ -40,7 +40,8 @@ def find_contradictions(rows: TrackRows, clock: Clock, bounds: Float64 | None) -
         return found
     found += _sizes(rows)
     same = np.diff(rows.track) == 0
-    seconds = _times(rows, clock)
+    first = int(rows.frame.min())
+    seconds = clock.timestamps(first, int(rows.frame.max()) + 1)[rows.frame - first]
     step = np.diff(rows.position, axis=0)[same] / np.diff(seconds)[same, None]
     before = np.flatnonzero(same)
     speed = np.hypot(*step.T)
@@ -51,12 +52,6 @@ def find_contradictions(rows: TrackRows, clock: Clock, bounds: Float64 | None) -
     if is_moving.sum() >= _FEWEST:
         found += _directions("heading", rows.heading[before[is_moving]], step[is_moving], is_angle=True)
     return found + (_places(rows.position, bounds) if bounds is not None else [])
-
-
-def _times(rows: TrackRows, clock: Clock) -> Float64:
-    first = int(rows.frame.min())
-    times: Float64 = clock.timestamps(first, int(rows.frame.max()) + 1)[rows.frame - first]
-    return times
 
 
 def _sizes(rows: TrackRows) -> list[str]:
@@ -100,23 +95,24 @@ def _directions(name: str, heading: Float64, step: Float64, is_angle: bool) -> l
         "y may point right or down": (heading, step * np.array([1.0, -1.0])),
         "it may point backwards": (heading + np.pi, step),
     }
-    if is_angle:
+    if is_angle and np.abs(heading).max() > 2.0 * np.pi:
         readings = {
             'its unit may be degrees (unit = "deg")': (np.radians(heading), step),
             'it may be clockwise from north in degrees (unit = "compass")': (np.pi / 2.0 - np.radians(heading), step),
-            "it may be clockwise from north in radians": (np.pi / 2.0 - heading, step),
             **readings,
         }
+    elif is_angle:
+        readings["it may be clockwise from north in radians"] = np.pi / 2.0 - heading, step
     fitting = [words for words, (angle, moved) in readings.items() if _off(angle, moved) < _RIGHT]
     off = np.degrees(_off(heading, step))
-    return [f"{name} is {off:.0f} degrees off the motion of half of the road users: "
+    return [f"{name} is {off:.0f} degrees or more off the motion of a quarter of all states: "
             f"{fitting[0] if fitting else 'no usual reading of it fits'}"]  # fmt: skip
 
 
 def _off(heading: Float64, step: Float64) -> float:
-    """Median angle between headings and directions of motion [rad]."""
+    """Angle between headings and directions of motion that a quarter exceeds [rad]."""
     away = np.abs((heading - _angles(step) + np.pi) % (2.0 * np.pi) - np.pi)
-    return float(np.median(away))
+    return float(np.quantile(away, 0.75))
 
 
 def _places(position: Float64, bounds: Float64) -> list[str]:

@@ -135,7 +135,11 @@ def read_rows(path: Path, file: str, columns: Columns, defects: Defects) -> tupl
     heading = given.get("heading", np.zeros(count))
     if "heading" in given and columns.columns["heading"].unit == COMPASS:
         heading = np.pi / 2.0 - heading
-    velocity = _velocity(given, heading)
+    velocity = None
+    if "vx" in given:
+        velocity = np.column_stack([given["vx"], given["vy"]])
+    elif "speed" in given and "heading" in given:
+        velocity = given["speed"][:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     size, has_size = _sizes(given, columns, kinds, word, words.dictionary.to_pylist())
 
     keep = is_timed
@@ -151,7 +155,8 @@ def read_rows(path: Path, file: str, columns: Columns, defects: Defects) -> tupl
         defects.drop("tracks", file, line[new].tolist(), fault.field, fault.reason)
         keep = keep & ~fault.mask
     if not keep.any():
-        raise CorruptSource(f"{path}: expected rows of road users, found none that can be used{_first(defects)}")
+        why = "; ".join(f"{each.field}: {each.reason} ({each.count:,} rows)" for each in defects.found())
+        raise CorruptSource(f"{path}: expected rows that can be used, found none ({why}); download it again")
     order = np.flatnonzero(keep)
     order = order[np.lexsort((frame[order], track[order]))]
     known, first, renumbered = np.unique(track[order], return_index=True, return_inverse=True)
@@ -185,12 +190,6 @@ def read_rows(path: Path, file: str, columns: Columns, defects: Defects) -> tupl
         has_velocities=np.full(len(known), velocity is not None),
     )
     return rows, clock
-
-
-def _first(defects: Defects) -> str:
-    found = defects.found()
-    why = f": {found[0].field}: {found[0].reason} (of {found[0].count:,} rows)" if found else ""
-    return f"{why}; download it again"
 
 
 def _read_table(path: Path, file: str, columns: Columns, defects: Defects) -> tuple[pa.Table, dict[str, str]]:
@@ -294,16 +293,6 @@ def _distinct(time: Float64, order: Int64) -> tuple[Clock, Int64]:
     frame[order] = found
     step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
     return Clock(step, float(times[0]), times - times[0]), frame
-
-
-def _velocity(given: dict[str, Float64], heading: Float64) -> Float64 | None:
-    """(R, 2) recorded velocities [m/s]; None if there are none."""
-    if "vx" in given:
-        return np.column_stack([given["vx"], given["vy"]])
-    if "speed" in given and "heading" in given:
-        velocity: Float64 = given["speed"][:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
-        return velocity
-    return None
 
 
 def _sizes(

@@ -8,7 +8,6 @@ from math import isfinite
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_data.building import StateGrid, make_origin, make_tracks
 from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.table.rows import Clock, TrackRows
@@ -134,6 +133,8 @@ def describe(
     position = grid.place(np.column_stack([rows.position, rows.height]))
     origin = make_origin(position[window.ego], seen, has_z=has_z)
     roads, crop = city.around(rows.position, _MARGIN, origin, has_z) if city else (None, None)
+    steps = np.flatnonzero(seen)
+    later = steps[steps >= min(round(options.history / window.clock.step), len(times) - 1)]
     name = f"{log}-{rows.ids[window.ego]}" if options.ego == "each" else log
     return ScenarioDescription(
         id=make_scenario_id(shard.dataset, shard.version, name, window.moment_ms),
@@ -142,7 +143,7 @@ def describe(
         split=shard.split,
         timestamps=times,
         dt=window.clock.step,
-        current_timestep=_current(seen, round(options.history / window.clock.step)),
+        current_timestep=int(later[0] if len(later) else steps[-1]),  # after the history, or else before
         ego_id=rows.ids[window.ego],
         origin=origin,
         has_z=has_z,
@@ -168,10 +169,3 @@ def describe(
         extras={"start_timestamp_ms": window.moment_ms},
         defects=window.defects.found(),
     )
-
-
-def _current(seen: Bool, history: int) -> int:
-    """The timestep after the history, or the nearest one after it, or else before, at which the ego is seen."""
-    steps = np.flatnonzero(seen)
-    later = steps[steps >= min(history, len(seen) - 1)]
-    return int(later[0] if len(later) else steps[-1])

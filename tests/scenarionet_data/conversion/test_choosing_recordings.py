@@ -59,6 +59,11 @@ def _interaction(raw: Path) -> Path:
     return interaction.write_recording(raw, 1)
 
 
+def _table(raw: Path) -> Path:
+    (raw / "a.csv").write_text("track,time,x,y\n1,0,0,0\n1,0.1,1,0\n")
+    return raw
+
+
 def _pg(_raw: Path) -> str:
     return "0:3"
 
@@ -72,6 +77,7 @@ WRITE: dict[str, Callable[[Path], Path | str]] = {
     "nuscenes": _nuscenes,
     "pg": _pg,
     "scenarionet": scenarionet_pickles.write_vintages,
+    "table": _table,
     "waymo": _waymo,
 }
 SPLIT = {"nuscenes": "mini", "nuplan": "mini"}
