@@ -20,7 +20,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.base import Budgets, Converter, find_files
 from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.formats.lanelet2 import read_lanelet2
-from scenarionet_data.converters.table.columns import TYPES, Column, Columns
+from scenarionet_data.converters.table.columns import TYPES, TableColumn, TableColumns
 from scenarionet_data.converters.table.rows import joined, read_rows
 from scenarionet_data.converters.table.windows import Window, WindowOptions, cut, describe
 from scenarionet_data.errors import SourceNotFound
@@ -41,13 +41,13 @@ _UNSURE = {
     "motorcycle/bicycle": ObjectType.CYCLIST,
     "pedestrian/bicycle": ObjectType.PEDESTRIAN,
 }
-COLUMNS = Columns(
+COLUMNS = TableColumns(
     columns={
-        "track": Column("track_id"),
-        "type": Column("agent_type"),
-        "time": Column("timestamp_ms", "ms"),
-        **{name: Column(name) for name in ("x", "y", "vx", "vy", "length", "width")},
-        "heading": Column("psi_rad"),
+        "track": TableColumn("track_id"),
+        "type": TableColumn("agent_type"),
+        "time": TableColumn("timestamp_ms", "ms"),
+        **{name: TableColumn(name) for name in ("x", "y", "vx", "vy", "length", "width")},
+        "heading": TableColumn("psi_rad"),
     },
     types={**TYPES, **_UNSURE},
     unsure=frozenset(_UNSURE),

@@ -31,7 +31,7 @@ _ENDINGS = (".csv", ".parquet")
 
 @dataclass(frozen=True)
 class TableOptions(WindowOptions):
-    """Columns, map, windows and egos."""
+    """TableColumns, map, windows and egos."""
 
     columns: str = field(default="", metadata={"doc": "columns.toml: what the columns hold.", "is_path": True})
     map: str = field(

@@ -76,7 +76,7 @@ SIZES: Mapping[str | ObjectType, tuple[float, float, float]] = {
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """Name of a column, and the unit of its numbers."""
 
     name: str
@@ -84,7 +84,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Columns:
+class TableColumns:
     """What the columns hold.
 
     Attributes:
@@ -98,7 +98,9 @@ class Columns:
         licence: Licence of the table.
     """
 
-    columns: Mapping[str, Column] = field(default_factory=lambda: {name: Column(name) for name in (*TEXTS, *UNITS)})
+    columns: Mapping[str, TableColumn] = field(
+        default_factory=lambda: {name: TableColumn(name) for name in (*TEXTS, *UNITS)}
+    )
     types: Mapping[str, ObjectType] = field(default_factory=lambda: TYPES)
     unsure: frozenset[str] = frozenset()
     sizes: Mapping[str | ObjectType, tuple[float, float, float]] = field(default_factory=lambda: SIZES)
@@ -128,14 +130,14 @@ class Columns:
         return to_utm(latitude, longitude, zone) - start
 
 
-def read_columns(path: str) -> Columns:
+def read_columns(path: str) -> TableColumns:
     """Read ``columns.toml``; without a path, columns are named as quantities and have their default units.
 
     Raises:
         BadParameter: No such file, no TOML, or a key or value that is not known.
     """
     if not path:
-        return Columns()
+        return TableColumns()
     try:
         content = tomllib.loads(Path(path).read_text("utf-8"))
     except (OSError, ValueError) as error:
@@ -146,7 +148,7 @@ def read_columns(path: str) -> Columns:
         raise BadParameter(f"{path}: {error}") from error
 
 
-def _columns(content: Mapping[str, Any]) -> Columns:
+def _columns(content: Mapping[str, Any]) -> TableColumns:
     known = {
         "columns": (*TEXTS, *UNITS), "types": None, "sizes": None, "time": ("step",), "frame": ("origin",),
         "map": ("unit",), "source": ("licence",),
@@ -186,7 +188,7 @@ def _columns(content: Mapping[str, Any]) -> Columns:
         raise BadParameter(f"map.unit: expected m or {DEGREES}, found {unit!r}")
     if "licence" in content.get("source", {}):
         found["licence"] = str(content["source"]["licence"])
-    return Columns(**found, map_unit=unit)
+    return TableColumns(**found, map_unit=unit)
 
 
 def _check(name: str, known: tuple[str, ...], what: str) -> None:
@@ -196,16 +198,16 @@ def _check(name: str, known: tuple[str, ...], what: str) -> None:
         raise BadParameter(f"no {what} {name!r}; {hint}expected {', '.join(known)}")
 
 
-def _column(quantity: str, told: Any) -> Column:
+def _column(quantity: str, told: Any) -> TableColumn:
     if isinstance(told, str):
-        return Column(told)
+        return TableColumn(told)
     if not (isinstance(told, dict) and isinstance(told.get("column"), str) and set(told) <= {"column", "unit"}):
         expected = f'expected a name, or {{column = "...", unit = "..."}}, found {told!r}'
         raise BadParameter(f"columns.{quantity}: {expected}")
     unit, units = told.get("unit", ""), UNITS.get(quantity, {})
     if unit and unit not in units:
         raise BadParameter(f"columns.{quantity}: expected the unit {' or '.join(units) or 'none'}, found {unit!r}")
-    return Column(told["column"], unit)
+    return TableColumn(told["column"], unit)
 
 
 def _numbers(name: str, told: Any, count: int) -> tuple[float, ...]:

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, Object
 from scenarionet_data.building.motion import estimate_motion
 from scenarionet_data.building.plausible import find_bad_rows, find_repeated_rows
-from scenarionet_data.converters.table.columns import COMPASS, DEGREES, NEEDED, TEXTS, Columns
+from scenarionet_data.converters.table.columns import COMPASS, DEGREES, NEEDED, TEXTS, TableColumns
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -108,7 +108,7 @@ def joined(first: TrackRows, second: TrackRows) -> TrackRows:
     )
 
 
-def read_rows(path: Path, file: str, columns: Columns, defects: Defects) -> tuple[TrackRows, Clock]:
+def read_rows(path: Path, file: str, columns: TableColumns, defects: Defects) -> tuple[TrackRows, Clock]:
     """Read a file; rows that cannot be used are dropped.
 
     Args:
@@ -192,7 +192,7 @@ def read_rows(path: Path, file: str, columns: Columns, defects: Defects) -> tupl
     return rows, clock
 
 
-def _read_table(path: Path, file: str, columns: Columns, defects: Defects) -> tuple[pa.Table, dict[str, str]]:
+def _read_table(path: Path, file: str, columns: TableColumns, defects: Defects) -> tuple[pa.Table, dict[str, str]]:
     """A file, and the name of its column of each quantity that it has; text in columns of numbers is kept as text."""
     lines: list[int] = []
 
@@ -226,7 +226,7 @@ def _read_table(path: Path, file: str, columns: Columns, defects: Defects) -> tu
     return table, wanted
 
 
-def _wanted(path: Path, names: list[str], columns: Columns) -> dict[str, str]:
+def _wanted(path: Path, names: list[str], columns: TableColumns) -> dict[str, str]:
     """Name of the column of each quantity that the file has."""
     wanted = {quantity: column.name for quantity, column in columns.columns.items() if column.name in names}
     missing = [columns.columns[quantity].name for quantity in NEEDED if quantity not in wanted]
@@ -264,7 +264,7 @@ def _number(text: object) -> float:
         return np.nan
 
 
-def _types(words: pa.DictionaryArray, columns: Columns) -> tuple[Int64, Int64]:
+def _types(words: pa.DictionaryArray, columns: TableColumns) -> tuple[Int64, Int64]:
     """(R,) type and number of the word of each row; without a column of types all are vehicles."""
     known = words.dictionary.to_pylist()
     types = [columns.types.get(word.lower(), ObjectType.OTHER) for word in known]
@@ -296,7 +296,7 @@ def _distinct(time: Float64, order: Int64) -> tuple[Clock, Int64]:
 
 
 def _sizes(
-    given: dict[str, Float64], columns: Columns, kinds: Int64, word: Int64, words: list[str]
+    given: dict[str, Float64], columns: TableColumns, kinds: Int64, word: Int64, words: list[str]
 ) -> tuple[Float64, bool]:
     """(R, 3) length, width, height [m], and whether length and width are recorded."""
     default = columns.sizes.get(ObjectType.OTHER, columns.sizes.get(ObjectType.VEHICLE))
