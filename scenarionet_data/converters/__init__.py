@@ -24,7 +24,7 @@ _BUILTIN = {
     "nuscenes": "scenarionet_data.converters.nuscenes:NuScenes",
     "pg": "scenarionet_data.converters.pg:Procedural",
     "scenarionet": "scenarionet_data.converters.scenarionet:ScenarioNetPickles",
-    "table": "scenarionet_data.converters.table:Table",
+    "table": "scenarionet_data.converters.table:TrackTable",
     "waymo": "scenarionet_data.converters.waymo:Waymo",
 }
 

@@ -22,7 +22,7 @@ from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.formats.lanelet2 import read_lanelet2
 from scenarionet_data.converters.table.columns import TYPES, TableColumn, TableColumns
 from scenarionet_data.converters.table.rows import joined, read_rows
-from scenarionet_data.converters.table.windows import Window, WindowOptions, cut, describe
+from scenarionet_data.converters.table.windows import TrackWindow, WindowOptions, cut, describe
 from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.options import Options
@@ -67,7 +67,7 @@ class InteractionOptions(WindowOptions):
     maps: str = field(default="", metadata={"doc": "Folder of the *.osm files; empty: below RAW.", "is_path": True})
 
 
-class Interaction(Converter[Window]):
+class Interaction(Converter[TrackWindow]):
     """One shard per recording; the map of a place is shared."""
 
     name = "interaction"
@@ -116,7 +116,7 @@ class Interaction(Converter[Window]):
         """Read the map of a place."""
         return _read_place(shard.paths[0], fingerprint(shard.paths)).features
 
-    def records(self, shard: Shard) -> Iterator[Window]:
+    def records(self, shard: Shard) -> Iterator[TrackWindow]:
         """Cut a recording into windows."""
         defects = Defects()
         path, file = shard.paths[0], shard.items[0].name
@@ -126,7 +126,7 @@ class Interaction(Converter[Window]):
             rows = joined(rows, read_rows(beside, file.replace(_VEHICLES, _PEDESTRIANS), COLUMNS, defects)[0])
         yield from cut(rows, clock, shard.options_as(InteractionOptions), defects)
 
-    def scenario(self, shard: Shard, record: Window) -> ScenarioDescription:
+    def scenario(self, shard: Shard, record: TrackWindow) -> ScenarioDescription:
         """Convert a window."""
         log, place = str(shard.properties["log"]), str(shard.properties["location"])
         file = shard.options_as(InteractionOptions).maps

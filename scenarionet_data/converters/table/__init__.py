@@ -20,7 +20,7 @@ from scenarionet_data.converters.formats.map_files import read_map
 from scenarionet_data.converters.table.columns import DEGREES, read_columns
 from scenarionet_data.converters.table.contradictions import find_contradictions
 from scenarionet_data.converters.table.rows import TrackRows, read_rows
-from scenarionet_data.converters.table.windows import Window, WindowOptions, cut, describe
+from scenarionet_data.converters.table.windows import TrackWindow, WindowOptions, cut, describe
 from scenarionet_data.errors import CorruptSource, SourceNotFound
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
@@ -40,7 +40,7 @@ class TableOptions(WindowOptions):
     trust: bool = field(default=False, metadata={"doc": "Convert tables that contradict themselves or the map, too."})
 
 
-class Table(Converter[Window]):
+class TrackTable(Converter[TrackWindow]):
     """One shard per file; the map is shared."""
 
     name = "table"
@@ -89,7 +89,7 @@ class Table(Converter[Window]):
         """Read the map."""
         return _city(shard.options_as(TableOptions)).features
 
-    def records(self, shard: Shard) -> Iterator[Window]:
+    def records(self, shard: Shard) -> Iterator[TrackWindow]:
         """Read a file and cut it into windows.
 
         Raises:
@@ -107,7 +107,7 @@ class Table(Converter[Window]):
         _tell_gaps(rows, file, defects)
         yield from cut(rows, clock, options, defects)
 
-    def scenario(self, shard: Shard, record: Window) -> ScenarioDescription:
+    def scenario(self, shard: Shard, record: TrackWindow) -> ScenarioDescription:
         """Convert a window."""
         options, log = shard.options_as(TableOptions), str(shard.properties["log"])
         columns = read_columns(options.columns)

@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.converters.table.columns import LENGTHS, SPEEDS
-from scenarionet_data.converters.table.rows import Clock, TrackRows
+from scenarionet_data.converters.table.rows import FrameClock, TrackRows
 from scenarionet_data.scenario.vocabulary import ObjectType
 
 _MOVING = 2.0
@@ -25,7 +25,7 @@ _NEAR = 50.0
 """Distance from the map's box within which a road user is on it [m]."""
 
 
-def find_contradictions(rows: TrackRows, clock: Clock, bounds: Float64 | None) -> list[str]:
+def find_contradictions(rows: TrackRows, clock: FrameClock, bounds: Float64 | None) -> list[str]:
     """Return a sentence for each contradiction, with what would fit.
 
     Args:

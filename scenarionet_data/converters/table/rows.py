@@ -30,7 +30,7 @@ _LONGEST = 86_400.0
 
 
 @dataclass(frozen=True)
-class Clock:
+class FrameClock:
     """Times of frames.
 
     Attributes:
@@ -108,7 +108,7 @@ def joined(first: TrackRows, second: TrackRows) -> TrackRows:
     )
 
 
-def read_rows(path: Path, file: str, columns: TableColumns, defects: Defects) -> tuple[TrackRows, Clock]:
+def read_rows(path: Path, file: str, columns: TableColumns, defects: Defects) -> tuple[TrackRows, FrameClock]:
     """Read a file; rows that cannot be used are dropped.
 
     Args:
@@ -273,26 +273,26 @@ def _types(words: pa.DictionaryArray, columns: TableColumns) -> tuple[Int64, Int
     return np.array([*types, missing], np.int64)[word], word
 
 
-def _frames(time: Float64, step: float | None) -> tuple[Clock, Int64, Bool]:
+def _frames(time: Float64, step: float | None) -> tuple[FrameClock, Int64, Bool]:
     """The clock, (R,) frames, and whether each time can be used."""
     finite = np.isfinite(time)
     middle = float(np.partition(time[finite], finite.sum() // 2)[finite.sum() // 2]) if finite.any() else 0.0
     is_timed = finite & (np.abs(np.where(finite, time, 0.0) - middle) <= _LONGEST)
     if step is None:
-        return Clock(1.0, middle), np.unique(np.where(is_timed, time, middle), return_inverse=True)[1], is_timed
-    clock = Clock(step, middle - round(middle / step) * step)
+        return FrameClock(1.0, middle), np.unique(np.where(is_timed, time, middle), return_inverse=True)[1], is_timed
+    clock = FrameClock(step, middle - round(middle / step) * step)
     frames = (np.where(is_timed, time, middle) - clock.start) / step
     frame = np.round(frames).astype(np.int64)
     return clock, frame, is_timed & (np.abs(frames - frame) <= _OFF_STEP)
 
 
-def _distinct(time: Float64, order: Int64) -> tuple[Clock, Int64]:
+def _distinct(time: Float64, order: Int64) -> tuple[FrameClock, Int64]:
     """The clock of the times of rows ``order``, and (R,) frames."""
     times, found = np.unique(time[order], return_inverse=True)
     frame = np.zeros(len(time), np.int64)
     frame[order] = found
     step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
-    return Clock(step, float(times[0]), times - times[0]), frame
+    return FrameClock(step, float(times[0]), times - times[0]), frame
 
 
 def _sizes(

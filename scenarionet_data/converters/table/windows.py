@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarionet_data.building import StateGrid, make_origin, make_tracks
 from scenarionet_data.converters.cities import CityMap
-from scenarionet_data.converters.table.rows import Clock, TrackRows
+from scenarionet_data.converters.table.rows import FrameClock, TrackRows
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.options import Options
@@ -51,7 +51,7 @@ class WindowOptions(Options):
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class TrackWindow:
     """Frames ``first`` to ``last - 1`` of a recording, seen from one vehicle: one scenario.
 
     Attributes:
@@ -61,7 +61,7 @@ class Window:
     """
 
     rows: TrackRows
-    clock: Clock
+    clock: FrameClock
     first: int
     last: int
     ego: int | None
@@ -73,7 +73,7 @@ class Window:
         return round(self.clock.moment(self.first) * 1000.0)
 
 
-def cut(rows: TrackRows, clock: Clock, options: WindowOptions, defects: Defects) -> Iterator[Window]:
+def cut(rows: TrackRows, clock: FrameClock, options: WindowOptions, defects: Defects) -> Iterator[TrackWindow]:
     """Cut a recording every ``stride`` seconds into ``window`` seconds.
 
     What remains at the end joins the last window if it would end within its history: no row is left out.
@@ -91,7 +91,7 @@ def cut(rows: TrackRows, clock: Clock, options: WindowOptions, defects: Defects)
         last = first + size if first + size + history < end else end
         window = rows.take((rows.frame >= first) & (rows.frame < last))
         for ego in _egos(window, clock.step, options) if len(window.line) else ():
-            yield Window(window, clock, first, last, ego, defects)
+            yield TrackWindow(window, clock, first, last, ego, defects)
             defects = Defects()
         if last == end:
             return
@@ -110,7 +110,7 @@ def _egos(rows: TrackRows, step: float, options: WindowOptions) -> list[int | No
 
 
 def describe(
-    shard: Shard, window: Window, source: Source, city: CityMap | None, map_id: str | None, has_z: bool = False
+    shard: Shard, window: TrackWindow, source: Source, city: CityMap | None, map_id: str | None, has_z: bool = False
 ) -> ScenarioDescription:
     """Make the scenario of a window.
 

@@ -15,7 +15,7 @@ from scenarionet_data import Lake, convert
 from scenarionet_data.building.projection import to_utm
 from scenarionet_data.converters.argoverse1 import Argoverse1
 from scenarionet_data.converters.interaction import Interaction
-from scenarionet_data.converters.table import Table
+from scenarionet_data.converters.table import TrackTable
 from scenarionet_data.errors import BadParameter, CorruptSource, SourceNotFound
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.testing import ConverterConformance, differences
@@ -23,7 +23,7 @@ from tests.fixtures import argoverse1, interaction
 from tests.fixtures.examples import blocks
 from tests.fixtures.reading import scenarios
 
-CONVERTER = Table()
+CONVERTER = TrackTable()
 NAMES = ("track", "time", "type", "x", "y", "vx", "vy", "heading", "length", "width")
 _, INTERACTION, ARGOVERSE = blocks("docs/guides/tables.md", "toml")
 
