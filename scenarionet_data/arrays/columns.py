@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+import pyarrow as pa
 
-from scenarionet_data.arrays.dtypes import Array, Int32, Int64, Object, UInt8
-from scenarionet_data.arrays.texts import Texts
+from scenarionet_data.arrays.dtypes import Array, Bool, Int32, Int64, Object, UInt8
 
 WORDS, BITS, INDICES, TEXTS = range(4)
 """How values are stored: as numbers of 4 bytes, truth values, numbers of words in a dictionary, or texts."""
@@ -131,6 +132,59 @@ def _dtype(column: ColumnType) -> str:
     return "float32" if column.element == "float32" else "int32"
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Texts:
+    """n texts as bytes, of which str are made when they are read: a map has a thousand ids, which few programs look at.
+
+    Attributes:
+        ends: (n + 1,) int64; text ``i`` is ``data[ends[i]:ends[i + 1]]``.
+        data: (m,) uint8 UTF-8.
+        is_null: (n,) bool; None if no text is null.
+    """
+
+    ends: Int64
+    data: UInt8
+    is_null: Bool | None = None
+
+    def strings(self) -> Object:
+        """(n,) str or None."""
+        buffers = [None, pa.py_buffer(self.ends), pa.py_buffer(self.data)]
+        found: Object = pa.Array.from_buffers(pa.large_string(), len(self.ends) - 1, buffers).to_numpy(
+            zero_copy_only=False
+        )
+        if self.is_null is not None:
+            found[self.is_null] = None
+        return found
+
+    def part(self, first: int, last: int) -> Texts:
+        """Texts ``first`` to ``last`` in the same memory."""
+        is_null = None if self.is_null is None else self.is_null[first:last]
+        return Texts(self.ends[first : last + 1], self.data, is_null)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Texts]) -> Texts:
+        """Texts of several, in memory of their own."""
+        lengths = np.concatenate([np.zeros(1, np.int64), *(np.diff(part.ends) for part in parts)])
+        data = np.concatenate([part.data[part.ends[0] : part.ends[-1]] for part in parts])
+        nulls = [np.zeros(len(p.ends) - 1, np.bool_) if p.is_null is None else p.is_null for p in parts]
+        has_nulls = any(part.is_null is not None for part in parts)
+        return cls(np.cumsum(lengths), data, np.concatenate(nulls) if has_nulls else None)
+
+    @classmethod
+    def from_arrow(cls, values: pa.Array) -> Texts:
+        """Texts of an Arrow array.
+
+        Raises:
+            ArrowInvalid: A text is not UTF-8.
+        """
+        large = values.cast(pa.large_string())
+        large.validate(full=True)
+        _, ends, data = large.buffers()
+        found = np.frombuffer(ends or bytes(8), np.int64)[large.offset : large.offset + len(large) + 1]
+        is_null = large.is_null().to_numpy(zero_copy_only=False) if large.null_count else None
+        return cls(found, np.frombuffer(data or b"", np.uint8), is_null)
+
+
 class Columns:
     """Rows of a table.
 
@@ -201,3 +255,88 @@ def chosen(words: tuple[str, ...], indices: Int32) -> Object:
 def _objects(words: tuple[str, ...]) -> Object:
     """Words, and None behind them."""
     return np.array([*words, None], dtype=object)
+
+
+def from_arrow(rows: pa.RecordBatch | pa.Table, layout: ColumnLayout) -> Columns:
+    """Some columns of an Arrow table; columns that it lacks are null in every row.
+
+    Raises:
+        ArrowInvalid: A text is not UTF-8.
+    """
+    present, words = set(rows.schema.names), {}
+    parts: list[tuple[Array, Array | Texts]] = []
+    for declared, kind, dtype in zip(layout.columns, layout.kinds, layout.dtypes, strict=True):
+        if declared.name not in present:
+            column = pa.nulls(rows.num_rows, pa.list_(pa.null()) if declared.is_list else pa.null())
+        else:
+            column = rows.column(declared.name)
+            column = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+        lengths = column.value_lengths().fill_null(0) if declared.is_list else column.is_valid().cast(pa.int32())
+        values = column.flatten() if declared.is_list else column
+        if kind == INDICES:
+            values = values if pa.types.is_dictionary(values.type) else values.cast("string").dictionary_encode()
+            words[declared.name], values = tuple(values.dictionary.to_pylist()), values.indices
+        if kind == TEXTS:
+            parts.append((lengths.to_numpy(), Texts.from_arrow(values)))
+            continue
+        if kind != WORDS and values.null_count:
+            values = values.cast(dtype).fill_null(-1)
+        found = values.cast("float32" if dtype == "float32" else values.type).to_numpy(zero_copy_only=False)
+        parts.append((lengths.to_numpy(), found.astype(dtype, copy=False)))
+    return _packed(rows.num_rows, layout, parts, words)
+
+
+def pick(columns: Columns, spans: Sequence[tuple[int, int]]) -> Columns:
+    """Rows of some spans (first row, number of rows), concatenated; the spans must be within the rows."""
+    layout = columns.layout
+    parts: list[tuple[Array, Array | Texts]] = []
+    for place, column in enumerate(layout.columns):
+        lengths, ends = columns.lengths(place), columns.offsets(place)
+        elements = [(ends[first], ends[first + count]) for first, count in spans]
+        ranges = elements if column.is_list else [(first, first + count) for first, count in spans]
+        kept = np.concatenate([lengths[:0], *(lengths[first : first + count] for first, count in spans)])
+        if layout.kinds[place] == TEXTS:
+            texts = columns.texts(column.name)
+            parts.append((kept, Texts.joined([texts.part(first, end) for first, end in ranges])))
+        else:
+            values = columns.values(column.name)
+            parts.append((kept, np.concatenate([values[:0], *(values[first:end] for first, end in ranges)])))
+    return _packed(sum(count for _, count in spans), layout, parts, columns.words)
+
+
+def offsets_of(lengths: Array) -> Int32:
+    """(n + 1,) int32 cumulative sum of lengths, starting at 0."""
+    offsets = np.zeros(len(lengths) + 1, np.int32)
+    np.cumsum(lengths, out=offsets[1:])
+    return offsets
+
+
+def _packed(
+    num_rows: int,
+    layout: ColumnLayout,
+    parts: Sequence[tuple[Array, Array | Texts]],
+    words: Mapping[str, tuple[str, ...]],
+) -> Columns:
+    """Columns from the lengths and the values of each one."""
+    described = np.zeros((len(layout.columns), NUM_COLUMN_FIELDS), np.int64)
+    pieces, size = [_PADDING[:0]], 0
+    for column, (lengths, values), kind in zip(described, parts, layout.kinds, strict=True):
+        added: list[Array] = [np.ascontiguousarray(lengths, np.int32), offsets_of(lengths)]
+        if isinstance(values, Texts):
+            added += values.data[values.ends[0] : values.ends[-1]], values.ends
+        else:
+            added.append(np.ascontiguousarray(values, np.int8 if kind == BITS else values.dtype))
+        places = []
+        for array in added:
+            places.append(size)
+            pieces += array.view(np.uint8), _PADDING[: -array.nbytes % WIDEST]
+            size += len(pieces[-2]) + len(pieces[-1])
+        if isinstance(values, Texts):
+            pieces[-2] = (values.ends + (places[2] - values.ends[0])).view(np.uint8)
+        column[LENGTHS], column[OFFSETS] = places[0] // 4, places[1] // 4
+        column[FIRST], column[SIZE] = places[-1] // added[-1].itemsize, len(added[-1]) - isinstance(values, Texts)
+    return Columns(num_rows, layout, ColumnBlock(described, np.concatenate(pieces)), words)
+
+
+_PADDING: UInt8 = np.zeros(WIDEST, np.uint8)
+"""Behind each array of a block, so that kernels, which see the memory as an array of each width, find all aligned."""

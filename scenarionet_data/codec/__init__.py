@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from scenarionet_data.arrays.columns import from_arrow
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
-from scenarionet_data.arrays.packed_columns import from_arrow
-from scenarionet_data.codec.columns import LAYOUTS, ScenarioColumns, codes
-from scenarionet_data.codec.lights import decode_lights, encode_lights
-from scenarionet_data.codec.maps import check_points, decode_maps, encode_map
-from scenarionet_data.codec.tracks import check_lists, decode_tracks, encode_tracks
+from scenarionet_data.codec.lights import StoredLights, encode_lights, no_lights
+from scenarionet_data.codec.maps import StoredFeatures, check_points, encode_map
+from scenarionet_data.codec.stored_part import LAYOUTS, ScenarioColumns, codes
+from scenarionet_data.codec.tracks import StoredTracks, check_lists, encode_tracks
 from scenarionet_data.scenario.canonical_json import from_json, to_json
 from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
@@ -33,7 +33,7 @@ __all__ = [
     "codes",
     "decode",
     "decode_many",
-    "decode_maps",
+    "decode_map",
     "decode_tracks",
     "encode",
     "encode_map",
@@ -108,38 +108,56 @@ def decode_many(
     Raises:
         LakeError: Rows are inconsistent: a file is damaged.
     """
-    steps = [row["num_timesteps"] for row in metadata]
-    objects, lamps = decode_tracks(tracks, steps), decode_lights(lights, steps)
-    parts = zip(metadata, objects, lamps, _maps(metadata, maps, shared_maps), strict=True)
-    return [_scenario(*each) for each in parts]
+    scenarios = []
+    for number, (row, features) in enumerate(zip(metadata, shared_maps, strict=True)):
+        steps, crop = row["num_timesteps"], row["map_crop"]
+        if crop is None and row["map_id"] is not None:  # a map without features has no rows
+            features = MapFeatures.read({}, StoredFeatures(maps, number, steps)) if maps else MapFeatures.empty()
+        values = {
+            "id": row["scenario_id"],
+            "dataset": row["dataset"],
+            "version": row["version"],
+            "split": row["split"],
+            "dt": row["dt"],
+            "current_timestep": row["current_timestep"],
+            "ego_id": row["ego_id"],
+            "has_z": row["has_z"],
+            "tracks": Tracks.read({}, StoredTracks(tracks, number, steps)),
+            "lights": Lights.read({}, StoredLights(lights, number, steps)) if lights else no_lights(steps),
+            "map": features,
+            "map_id": row["map_id"] if crop is not None else None,
+            "map_crop": tuple(crop) if crop is not None else None,
+            "defects": (),
+            "num_recorded_rows": None,
+        }
+        scenarios.append(ScenarioDescription.read(values, _Described(row)))
+    return scenarios
+
+
+def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
+    """Decode the tracks of scenarios alone.
+
+    Args:
+        rows: Rows of the tracks table.
+        steps: (scenarios) number of timesteps.
+
+    Raises:
+        LakeError: Lists do not match their spans, or spans exceed the scenario: the file is damaged.
+    """
+    return [Tracks.read({}, StoredTracks(rows, number, count)) for number, count in enumerate(steps)]
+
+
+def decode_map(rows: ScenarioColumns) -> MapFeatures:
+    """Decode the map features of all rows, in their frame.
+
+    Raises:
+        LakeError: Lists of coordinates differ in length: the file is damaged.
+    """
+    return MapFeatures.read({}, StoredFeatures(rows, 0, 0))
 
 
 def _rows(table: str, batch: pa.RecordBatch) -> ScenarioColumns:
     return ScenarioColumns(from_arrow(batch, LAYOUTS[table]), [0, batch.num_rows], Memory(0))
-
-
-def _scenario(
-    row: Mapping[str, Any], tracks: Tracks, lights: Lights, features: MapFeatures | None
-) -> ScenarioDescription:
-    crop = row["map_crop"]
-    values = {
-        "id": row["scenario_id"],
-        "dataset": row["dataset"],
-        "version": row["version"],
-        "split": row["split"],
-        "dt": row["dt"],
-        "current_timestep": row["current_timestep"],
-        "ego_id": row["ego_id"],
-        "has_z": row["has_z"],
-        "tracks": tracks,
-        "lights": lights,
-        "map": features,
-        "map_id": row["map_id"] if crop is not None else None,
-        "map_crop": tuple(crop) if crop is not None else None,
-        "defects": (),
-        "num_recorded_rows": None,
-    }
-    return ScenarioDescription.read(values, _Described(row))
 
 
 class _Described:
@@ -187,18 +205,6 @@ _MAKERS: dict[str, Callable[[Mapping[str, Any]], Any]] = {
     "tracks_to_predict": _tracks_to_predict,
     "extras": lambda row: from_json(row["extras"]),
 }
-
-
-def _maps(
-    metadata: Sequence[Mapping[str, Any]], maps: ScenarioColumns | None, shared_maps: Sequence[MapFeatures | None]
-) -> list[MapFeatures | None]:
-    """Map of each scenario: its own, or the crop of its shared one; None without a map."""
-    # A map without features has no rows.
-    own = decode_maps(maps) if maps else [MapFeatures.empty() for _ in metadata]
-    return [
-        features if row["map_id"] is not None and row["map_crop"] is None else crop
-        for row, features, crop in zip(metadata, own, shared_maps, strict=True)
-    ]
 
 
 def _describe(scenario: ScenarioDescription) -> dict[str, Any]:

@@ -10,6 +10,15 @@ from scenarionet_data.compiled.decorators import device_function, kernel
 EQUAL, OR_ONE, OR_NONE, OR_NEVER = range(4)
 """Lengths that a list may have: that of its span; or 1; or 0; or 0 if those of its scenario all have it."""
 
+TRACK_LISTS = {
+    **dict.fromkeys(("x", "y"), EQUAL),
+    "z": OR_NEVER,  # null in scenarios without heights
+    **dict.fromkeys(("heading", "vx", "vy"), EQUAL),
+    **dict.fromkeys(("length", "width", "height"), OR_ONE),
+    **dict.fromkeys(("valid", "is_interpolated"), OR_NONE),  # null when they are the same in the whole span
+}
+"""Columns of lists of tracks, and lengths that theirs may have besides that of the span."""
+
 
 @kernel(nogil=True, allocates=False)
 def check_spans(block: ColumnBlock, start: int, lists: int, bounds: Array, steps: Array) -> bool:

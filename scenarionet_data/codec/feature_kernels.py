@@ -18,11 +18,11 @@ from scenarionet_data.compiled.decorators import device_function, kernel
 @kernel(nogil=True, allocates=False)
 def fill_features(
     block: ColumnBlock,
-    columns: Array,
     plan: PartPlan,
     first: int,
     last: int,
-    codes: Array,
+    steps: int,  # noqa: ARG001
+    codes: tuple[Array],
     memory: Array,
     places: Array,
 ) -> int:
@@ -30,17 +30,17 @@ def fill_features(
 
     Args:
         block: Rows of maps.
-        columns: (11,) int64 columns x, y, z, polygon_x, polygon_y, polygon_z, width_left, width_right, speed_limit,
-            feature_type, is_intersection.
-        plan: Its texts.
+        plan: Columns and arrays of ``StoredFeatures``.
         first, last: Rows of the scenario.
+        steps: Not used; all parts of a scenario are filled with the same arguments.
         codes: uint8 code of each word of feature_type.
         memory: uint8, filled.
         places: Those of the arrays of ``StoredFeatures``.
 
     Returns:
-        Place in ``columns`` of the first whose lists do not match its polylines, or their number.
+        Place in the plan's columns of the first whose lists do not match its polylines, or their number.
     """
+    columns = plan.columns
     for place in range(8):
         if not are_as_long(block, columns[place - place % 3], columns[place], OR_NONE, first, last):
             return place
@@ -54,7 +54,7 @@ def fill_features(
     for row in range(last - first):
         speed_limit[row] = as_float32(block.memory)[limits + row]
         is_intersection[row] = block.memory[bits + row]
-    copy_codes(block, columns[9], first, codes, memory[places[9] : places[10]])
+    copy_codes(block, columns[9], first, codes[0], memory[places[9] : places[10]])
     copy_texts(block, plan, first, last, memory, places)
     return len(columns)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,15 +9,11 @@ import pyarrow as pa
 
 from scenarionet_data.arrays.columns import Columns
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
 from scenarionet_data.codec.check_kernels import OR_NONE, check_lengths
-from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
 from scenarionet_data.codec.feature_kernels import fill_features, find_bounds
 from scenarionet_data.codec.stored_part import StoredPart
-from scenarionet_data.compiled.checking import unchecked
-from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -82,28 +77,14 @@ def encode_map(
     return batch("maps", columns)
 
 
-def decode_maps(rows: ScenarioColumns) -> list[MapFeatures]:
-    """Decode the map features of scenarios, in the frame of the rows.
-
-    Args:
-        rows: Rows of the maps table.
-
-    Raises:
-        LakeError: Lists of coordinates differ in length: the file is damaged.
-    """
-    return [_features(rows.columns, first, last, rows.memory) for first, last in pairwise(rows.bounds)]
-
-
 class StoredFeatures(StoredPart):
-    """Map features in memory; see ``MapFeatures`` for the shapes.
+    """Map features in memory, in the frame of the rows; see ``MapFeatures`` for the shapes."""
 
-    Args:
-        columns: Rows.
-        first, last: Those of the scenario.
-        steps: Not used.
-        memory: Where to take theirs from.
-    """
-
+    table = "maps"
+    columns = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection")
+    words: ClassVar = {"feature_type": MapFeatureType}
+    fill = fill_features
+    expected = "does not match its polylines"
     arrays: ClassVar = {
         "polyline": (np.float32, "x", (3,)),
         "polygon": (np.float32, "polygon_x", (3,)),
@@ -126,20 +107,6 @@ class StoredFeatures(StoredPart):
         return super().__getitem__(field)
 
 
-_COLUMNS = (*_FIRST_AXES, "speed_limit", "feature_type", "is_intersection")
-
-
-def _features(columns: Columns, first: int, last: int, memory: Memory) -> MapFeatures:
-    """Features of one scenario."""
-    stored = StoredFeatures(columns, first, last, 0, memory)
-    codes, places = codes_of_words(columns, "feature_type", MapFeatureType), columns.layout.places(_COLUMNS)
-    described = places, stored.plan, first, last, codes, stored.memory, stored.places
-    done = unchecked(fill_features)(columns.block, *described)
-    if done < len(_COLUMNS):
-        raise _damage(_COLUMNS[done])
-    return MapFeatures.read({}, stored)
-
-
 def check_points(columns: Columns, names: tuple[str, ...]) -> None:
     """Raise unless the lists of all coordinates of points have the same lengths; all but the first may be null.
 
@@ -154,14 +121,7 @@ def check_points(columns: Columns, names: tuple[str, ...]) -> None:
     bounds = np.array([0, columns.num_rows])
     differs = check_lengths(columns.block, likes, places, np.full(len(names), OR_NONE), bounds)
     if differs < len(names):
-        raise _damage(names[differs])
-
-
-def _damage(column: str) -> LakeError:
-    return LakeError(
-        f"maps.{column} does not match its polylines: its file is damaged; `scenarionet maintain check` lists "
-        "the affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
-    )
+        raise StoredFeatures.damage(names[differs])
 
 
 def _bounding_boxes(features: MapFeatures) -> Array:

@@ -19,12 +19,14 @@ class PartPlan(NamedTuple):
     """Arrays of a part.
 
     Attributes:
+        columns: int64 columns that the part's kernel reads, in the order of ``StoredPart.columns``.
         texts: (n,) int64 columns of texts.
         are_lists: (n,) bool whether each of them holds lists.
         arrays: (A, 3) int64 for each other array the bytes of an element; its length: ROWS, ENDS, or the column whose
             elements it has; and whether it has as many elements for each timestep.
     """
 
+    columns: Int64
     texts: Int64
     are_lists: Bool
     arrays: Int64

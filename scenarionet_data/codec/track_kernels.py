@@ -12,26 +12,25 @@ import numpy as np
 
 from scenarionet_data.arrays.columns import FIRST, LENGTHS, ColumnBlock
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.codec.check_kernels import are_as_long, are_inside
+from scenarionet_data.codec.check_kernels import TRACK_LISTS, are_as_long, are_inside
 from scenarionet_data.codec.copy_kernels import copy, copy_codes, copy_flags, element, join_points
 from scenarionet_data.codec.part_kernels import PartPlan, copy_texts
 from scenarionet_data.compiled.byte_views import as_float32, as_int32, as_int64
 from scenarionet_data.compiled.decorators import device_function, kernel
 
 _START = 11
+_OTHERS = tuple(TRACK_LISTS.values())
 _NONE = np.float32(0)
 
 
 @kernel(nogil=True, allocates=False)
 def fill_tracks(
     block: ColumnBlock,
-    columns: Array,
-    others: Array,
     plan: PartPlan,
     first: int,
     last: int,
     steps: int,
-    codes: Array,
+    codes: tuple[Array],
     memory: Array,
     places: Array,
 ) -> int:
@@ -39,10 +38,7 @@ def fill_tracks(
 
     Args:
         block: Rows of tracks.
-        columns: (17,) int64 columns x, y, z, heading, vx, vy, length, width, height, valid, is_interpolated, start,
-            object_type, is_size_assumed, is_type_assumed, is_velocity_estimated, source_type.
-        others: (11,) int64 lengths that the lists may have besides that of x, see :func:`check_lengths`.
-        plan: Its texts.
+        plan: Columns and arrays of ``StoredTracks``.
         first, last: Rows of the scenario.
         steps: Its number of timesteps.
         codes: uint8 code of each word of object_type.
@@ -50,12 +46,13 @@ def fill_tracks(
         places: Those of the arrays of ``StoredTracks``.
 
     Returns:
-        Place in ``columns`` of the first that does not match the spans of the scenario, or their number.
+        Place in the plan's columns of the first that does not match the spans of the scenario, or their number.
     """
+    columns = plan.columns
     if not are_inside(block, columns[_START], columns[0], first, last, steps):
         return _START
-    for place in range(len(others)):
-        if not are_as_long(block, columns[0], columns[place], others[place], first, last):
+    for place in range(len(_OTHERS)):
+        if not are_as_long(block, columns[0], columns[place], _OTHERS[place], first, last):
             return place
     _clear(as_int64(memory)[: places[len(places) - 2] + 7 >> 3])
     numbers, integers = as_float32(memory), as_int32(memory)
@@ -83,7 +80,7 @@ def fill_tracks(
             points = numbers[start + width * begin : start + width * end]
             _join_pairs(block, columns[4 * kind : 4 * kind + 2], first + row, count, points, width)
         _fill_sizes(block, columns[6:9], first + row, valid[begin:end], size[3 * begin : 3 * end])
-    copy_codes(block, columns[12], first, codes, memory[places[9] : places[10]])
+    copy_codes(block, columns[12], first, codes[0], memory[places[9] : places[10]])
     for flag in range(3):
         copy_flags(block, columns[13 + flag], first, memory[places[10 + flag] : places[11 + flag]])
     source_type = integers[places[6] >> 2 : places[7] >> 2]

@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data.arrays.columns import Columns, chosen
+from scenarionet_data.arrays.columns import chosen, offsets_of
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.arrays.memory import Memory
-from scenarionet_data.arrays.packed_columns import offsets_of
 from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
-from scenarionet_data.codec.check_kernels import EQUAL, OR_NEVER, OR_NONE, OR_ONE, check_lengths, check_spans
-from scenarionet_data.codec.columns import ScenarioColumns, codes_of_words
-from scenarionet_data.codec.stored_part import STEPS, StoredPart
+from scenarionet_data.codec.check_kernels import TRACK_LISTS, check_lengths, check_spans
+from scenarionet_data.codec.stored_part import STEPS, ScenarioColumns, StoredPart
 from scenarionet_data.codec.track_kernels import fill_tracks
-from scenarionet_data.compiled.checking import unchecked
-from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.description import Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
-
-_OTHER_LENGTHS = {
-    **dict.fromkeys(("x", "y"), EQUAL),
-    "z": OR_NEVER,  # null in scenarios without heights
-    **dict.fromkeys(("heading", "vx", "vy"), EQUAL),
-    **dict.fromkeys(("length", "width", "height"), OR_ONE),
-    **dict.fromkeys(("valid", "is_interpolated"), OR_NONE),  # null when they are the same in the whole span
-}
-"""Columns of lists, and lengths that theirs may have besides that of the span."""
-_LENGTHS = np.array(list(_OTHER_LENGTHS.values()))
 
 
 def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBatch:
@@ -72,30 +56,22 @@ def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBat
     return batch("tracks", columns)
 
 
-def decode_tracks(rows: ScenarioColumns, steps: Sequence[int]) -> list[Tracks]:
-    """Decode the tracks of scenarios.
-
-    Args:
-        rows: Rows of the tracks table.
-        steps: (scenarios) number of timesteps.
-
-    Raises:
-        LakeError: Lists do not match their spans, or spans exceed the scenario: the file is damaged.
-    """
-    columns, memory, bounds = rows.columns, rows.memory, pairwise(rows.bounds)
-    return [_tracks(columns, first, last, count, memory) for (first, last), count in zip(bounds, steps, strict=True)]
-
-
 class StoredTracks(StoredPart):
-    """Tracks in memory; see ``Tracks`` for the shapes.
+    """Tracks in memory; see ``Tracks`` for the shapes."""
 
-    Args:
-        columns: Rows.
-        first, last: Those of the scenario.
-        steps: T.
-        memory: Where to take theirs from.
-    """
-
+    table = "tracks"
+    columns = (
+        *TRACK_LISTS,
+        "start",
+        "object_type",
+        "is_size_assumed",
+        "is_type_assumed",
+        "is_velocity_estimated",
+        "source_type",
+    )
+    words: ClassVar = {"object_type": ObjectType}
+    fill = fill_tracks
+    expected = "does not match the scenario's spans"
     arrays: ClassVar = {
         "position": (np.float32, "rows", (STEPS, 3)),
         "velocity": (np.float32, "rows", (STEPS, 2)),
@@ -111,35 +87,13 @@ class StoredTracks(StoredPart):
     }
     texts: ClassVar = {"ids": "track_id", "extras": "extras"}
 
-    def __init__(self, columns: Columns, first: int, last: int, steps: int, memory: Memory) -> None:
-        super().__init__(columns, first, last, steps, memory)
-        self._words = columns.words["source_type"]
+    def __init__(self, rows: ScenarioColumns, scenario: int, steps: int) -> None:
+        super().__init__(rows, scenario, steps)
+        self._source_types = rows.columns.words["source_type"]
 
     def __getitem__(self, field: str) -> Any:
         found = super().__getitem__(field)
-        return chosen(self._words, found) if field == "source_type" else found
-
-
-_COLUMNS = (
-    *_OTHER_LENGTHS,
-    "start",
-    "object_type",
-    "is_size_assumed",
-    "is_type_assumed",
-    "is_velocity_estimated",
-    "source_type",
-)
-
-
-def _tracks(columns: Columns, first: int, last: int, steps: int, memory: Memory) -> Tracks:
-    """Tracks of one scenario."""
-    stored = StoredTracks(columns, first, last, steps, memory)
-    codes = codes_of_words(columns, "object_type", ObjectType)
-    described = columns.layout.places(_COLUMNS), _LENGTHS, stored.plan, first, last, steps, codes
-    done = unchecked(fill_tracks)(columns.block, *described, stored.memory, stored.places)
-    if done < len(_COLUMNS):
-        raise _damage(_COLUMNS[done])
-    return Tracks.read({}, stored)
+        return chosen(self._source_types, found) if field == "source_type" else found
 
 
 def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, ...]) -> None:
@@ -156,11 +110,11 @@ def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, .
     block, layout, bounds = rows.columns.block, rows.columns.layout, np.array(rows.bounds)
     is_inside = check_spans(block, layout.place("start"), layout.place("x"), bounds, np.array(steps))
     if not is_inside:
-        raise _damage("start")
-    others, likes = np.array([_OTHER_LENGTHS[name] for name in names]), layout.places(("x",) * len(names))
+        raise StoredTracks.damage("start")
+    others, likes = np.array([TRACK_LISTS[name] for name in names]), layout.places(("x",) * len(names))
     differs = check_lengths(block, likes, layout.places(names), others, bounds)
     if differs < len(names):
-        raise _damage(names[differs])
+        raise StoredTracks.damage(names[differs])
 
 
 def _spans(valid: Array) -> tuple[Array, Array]:
@@ -188,10 +142,3 @@ def _encode_flags(flags: Array, lengths: Array, *, default: bool) -> pa.Array:
     is_uniform = others[offsets[1:]] == others[offsets[:-1]]
     kept = flags[np.repeat(~is_uniform, lengths)]
     return list_array(offsets_of(np.where(is_uniform, 0, lengths)), kept, mask=is_uniform)
-
-
-def _damage(column: str) -> LakeError:
-    return LakeError(
-        f"tracks.{column} does not match the scenario's spans: its file is damaged; `scenarionet maintain check` "
-        "lists the affected scenarios; restore the file from a copy of the lake, or convert its recordings again"
-    )

@@ -13,7 +13,7 @@ import numpy as np
 from scenarionet_data import codec
 from scenarionet_data.arrays.dtypes import Float64, Int32, UInt64
 from scenarionet_data.arrays.memory import Memory
-from scenarionet_data.codec.columns import ScenarioColumns
+from scenarionet_data.codec.stored_part import ScenarioColumns
 from scenarionet_data.errors import LakeError
 from scenarionet_data.samples.choices import Choices
 from scenarionet_data.samples.kernels import RecordedFrames, Rules, TrackLists, Wanted, find_frames

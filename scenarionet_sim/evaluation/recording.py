@@ -16,8 +16,8 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data import Database, Lake, ScenarioLoader, version
+from scenarionet_data.arrays.columns import offsets_of
 from scenarionet_data.arrays.dtypes import Array, Int32
-from scenarionet_data.arrays.packed_columns import offsets_of
 from scenarionet_data.codec.arrow import list_array, string_array
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor

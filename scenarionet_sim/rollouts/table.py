@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pyarrow as pa
 
+from scenarionet_data.arrays.columns import offsets_of
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.arrays.packed_columns import offsets_of
 from scenarionet_data.codec.arrow import list_array, names_of, string_array
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.schema import tables

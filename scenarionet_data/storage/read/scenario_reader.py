@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-from scenarionet_data.arrays.columns import ColumnLayout, Columns
+from scenarionet_data.arrays.columns import ColumnLayout, Columns, pick
 from scenarionet_data.arrays.memory import Memory
-from scenarionet_data.arrays.packed_columns import pick
 from scenarionet_data.codec import LAYOUTS, ScenarioColumns
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data import codec
+from scenarionet_data.arrays.columns import from_arrow
 from scenarionet_data.arrays.memory import Memory
-from scenarionet_data.arrays.packed_columns import from_arrow
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables

@@ -7,8 +7,7 @@ from itertools import groupby
 
 import pyarrow as pa
 
-from scenarionet_data.arrays.columns import ColumnLayout, Columns
-from scenarionet_data.arrays.packed_columns import from_arrow
+from scenarionet_data.arrays.columns import ColumnLayout, Columns, from_arrow
 from scenarionet_data.storage.integrity.footers.pages import check_headers
 from scenarionet_data.storage.integrity.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet.footer import RowGroup, UnreadableFile

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from xxhash import xxh3_128_digest
 
-from scenarionet_data.arrays.columns import TEXTS, ColumnLayout
-from scenarionet_data.arrays.packed_columns import from_arrow, pick
+from scenarionet_data.arrays.columns import TEXTS, ColumnLayout, from_arrow, pick
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile

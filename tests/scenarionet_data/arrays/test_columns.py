@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.arrays.texts import Texts
+from scenarionet_data.arrays.columns import Texts
 
 LISTED = st.lists(st.none() | st.text(max_size=5), max_size=8)
 
