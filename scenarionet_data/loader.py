@@ -58,7 +58,7 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
     def _open(self, view: LakeView, rows: MetadataRows) -> None:
         self._files, self._snapshot, self._rows = view.files, view.snapshot, rows
         self._maps = MapCache(self._files, self._snapshot)
-        self._comparison = ContentComparison(self._files, self._snapshot)
+        self._comparison = ContentComparison.if_needed(self._files, self._snapshot)
         self._local = threading.local()
 
     @classmethod
@@ -120,7 +120,8 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
         Raises:
             LakeError: A scenario is damaged.
         """
-        self._comparison.compare(self._metadata(indices), self._decode)
+        if self._comparison:
+            self._comparison.compare(self._metadata(indices), self._decode)
 
     def _in_disk_order(self, indices: Sequence[int], tables: Sequence[str], decode: Decode) -> list[Any]:
         metadata = self._metadata(indices)
@@ -139,7 +140,7 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
                 yield from decode(group)
 
     def _metadata(self, indices: Sequence[Any]) -> list[Metadata]:
-        size, rows = len(self), []
+        size, rows = len(self._rows), []
         for index in indices:
             if not isinstance(index, int | np.integer):
                 index = self._position(index)
@@ -163,18 +164,22 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
         return ids.index(scenario_id)
 
     def _scenarios(self, metadata: Sequence[Metadata]) -> list[ScenarioDescription]:
-        self._comparison.compare(metadata, self._decode)
+        if self._comparison:
+            self._comparison.compare(metadata, self._decode)
         return self._decode(metadata)
 
     def _decode(self, metadata: Sequence[Metadata]) -> list[ScenarioDescription]:
         rows = self._reader.read(metadata, TABLES)
         if rows["tracks"] is None:
             raise _without_tracks(metadata)
-        crops = [None if row["map_crop"] is None else self._crop(row) for row in metadata]
+        crops: list[MapFeatures | None] = []
+        for row in metadata:
+            crops.append(None if row["map_crop"] is None else self._crop(row))
         return codec.decode_many(metadata, rows["tracks"], rows["lights"], rows["maps"], crops)
 
     def _tracks(self, metadata: Sequence[Metadata]) -> list[Tracks]:
-        self._comparison.compare(metadata, self._decode)
+        if self._comparison:
+            self._comparison.compare(metadata, self._decode)
         rows = self._reader.read(metadata, ("tracks",))["tracks"]
         if rows is None:
             raise _without_tracks(metadata)

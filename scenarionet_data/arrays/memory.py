@@ -36,10 +36,14 @@ class Memory:
 
     Args:
         limit: Bytes that are kept at most; arrays beyond it are NumPy's own.
+
+    Attributes:
+        num_bytes: Bytes of all blocks, in use or not.
     """
 
     def __init__(self, limit: int = 2**27) -> None:
         self._limit = limit
+        self.num_bytes = 0
         self._blocks: dict[int, _Blocks] = {}  # by size
         self._num_refused = 0  # requests before blocks are looked at again
         self._scratch = np.empty(0, np.uint8)
@@ -68,11 +72,6 @@ class Memory:
         found.reshape(-1).view(np.uint8).fill(0)  # of bytes: twice as fast
         return found
 
-    @property
-    def num_bytes(self) -> int:
-        """Bytes of all blocks, in use or not."""
-        return sum(size * len(blocks) for size, blocks in self._blocks.items())
-
     def _used_again(self, shape: Any, dtype: npt.DTypeLike) -> Array | None:
         """Array in a block; None for small ones, and beyond the limit."""
         size = np.dtype(dtype).itemsize * (shape if isinstance(shape, int) else math.prod(shape))
@@ -86,58 +85,46 @@ class Memory:
         if not _tells_use():
             return None
         size = 1 << (wanted - 1).bit_length()
-        blocks = self._blocks.setdefault(size, _Blocks())
+        blocks = self._blocks.get(size)
+        if blocks is None:
+            blocks = self._blocks[size] = _Blocks()
         found = blocks.unused()
-        if found is None and self._has_room(size):
+        if found is None and (self.num_bytes + size <= self._limit or self._makes_room(size)):
             found = np.empty(size, np.uint8)
-            blocks.add(found)
+            blocks.append(found)
+            self.num_bytes += size
         return found
 
-    def _has_room(self, size: int) -> bool:
-        """Whether there is room for a block, which those of other sizes make if nothing refers to them."""
-        if self.num_bytes + size <= self._limit:
-            return True
+    def _makes_room(self, wanted: int) -> bool:
+        """Drop all blocks that nothing refers to; returns whether there is room for another one then."""
         if self._num_refused:  # all are in use, and looking at all for each array takes longer than making it
             self._num_refused -= 1
             return False
         for blocks in self._blocks.values():
-            blocks.drop_unused()
-        has_room = self.num_bytes + size <= self._limit
+            blocks[:] = [blocks[place] for place in range(len(blocks)) if _references(blocks, place) != _UNUSED]
+        self.num_bytes = sum(size * len(blocks) for size, blocks in self._blocks.items())
+        has_room = self.num_bytes + wanted <= self._limit
         if not has_room:
             self._num_refused = sum(map(len, self._blocks.values()))
         return has_room
 
 
-class _Blocks:
+class _Blocks(list[UInt8]):
     """Blocks of a size."""
 
-    def __init__(self) -> None:
-        self._all: list[UInt8] = []
-        self._next = 0
-
-    def __len__(self) -> int:
-        return len(self._all)
-
-    def add(self, block: UInt8) -> None:
-        """Add a block that is in use."""
-        self._all.append(block)
+    turn = 0
 
     def unused(self) -> UInt8 | None:
         """A block that nothing refers to: of the first, which are in the caches, or of the others in turn."""
-        count = len(self._all)
+        count = len(self)
         for place in range(min(count, _TRIED)):
-            if _references(self._all, place) == _UNUSED:
-                return self._all[place]
+            if _references(self, place) == _UNUSED:
+                return self[place]
         for _ in range(min(count - _TRIED, _TRIED)):
-            self._next = self._next + 1 if self._next + 1 < count else _TRIED
-            if _references(self._all, self._next) == _UNUSED:
-                return self._all[self._next]
+            self.turn = self.turn + 1 if _TRIED <= self.turn < count - 1 else _TRIED
+            if _references(self, self.turn) == _UNUSED:
+                return self[self.turn]
         return None
-
-    def drop_unused(self) -> None:
-        """Drop the blocks that nothing refers to."""
-        self._all = [self._all[place] for place in range(len(self._all)) if _references(self._all, place) != _UNUSED]
-        self._next = 0
 
 
 def _references(blocks: list[UInt8], place: int) -> int:
@@ -160,8 +147,7 @@ _HOT = 64
 
 
 def _is_use_told() -> bool:
-    blocks = _Blocks()
-    blocks.add(np.zeros(_SMALL, np.uint8))
+    blocks = _Blocks([np.zeros(_SMALL, np.uint8)])
     found = blocks.unused()
     if found is None:
         return False

@@ -109,6 +109,7 @@ class StoredPart:
             arrays are the ends of texts and the numbers of texts, behind them the texts, see ``copy_texts``.
         texts: Columns of texts by name of the field that they become.
         lists: Those of these fields that are lists of texts.
+        dictionaries: Words of the columns that have a dictionary.
         length: M.
         memory: uint8.
         places: (arrays + 4,) int64 start of each array in it, and end of the last one.
@@ -133,7 +134,7 @@ class StoredPart:
     def __init__(self, rows: ScenarioColumns, scenario: int, steps: int) -> None:
         columns, first, last = rows.columns, rows.bounds[scenario], rows.bounds[scenario + 1]
         plan = columns.layout.derived.get(type(self)) or self._plan(columns.layout)
-        self.length, self._steps = last - first, steps
+        self.dictionaries, self.length, self._steps = columns.words, last - first, steps
         self.places: Int64 = np.empty(len(self.arrays) + 4, np.int64)
         self.memory = rows.memory.bytes(unchecked(lay_out)(columns.block, plan, first, last, steps, self.places))
         codes = tuple([codes_of_words(columns, name, words) for name, words in self.words.items()])

@@ -87,13 +87,9 @@ class StoredTracks(StoredPart):
     }
     texts: ClassVar = {"ids": "track_id", "extras": "extras"}
 
-    def __init__(self, rows: ScenarioColumns, scenario: int, steps: int) -> None:
-        super().__init__(rows, scenario, steps)
-        self._source_types = rows.columns.words["source_type"]
-
     def __getitem__(self, field: str) -> Any:
         found = super().__getitem__(field)
-        return chosen(self._source_types, found) if field == "source_type" else found
+        return chosen(self.dictionaries[field], found) if field == "source_type" else found
 
 
 def check_lists(rows: ScenarioColumns, steps: Sequence[int], names: tuple[str, ...]) -> None:

@@ -25,8 +25,8 @@ from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.integrity import sealed_json
-from scenarionet_data.storage.integrity.seals import Place
+from scenarionet_data.storage.integrity import sealed_json, seals
+from scenarionet_data.storage.integrity.file_end import Place
 
 if sys.platform != "win32":
     import fcntl
@@ -197,7 +197,7 @@ def decode(data: bytes) -> tuple[dict[str, Array], dict[str, str]]:
 
 def _digest(blank: bytes, place: Place) -> bytes:
     digest = xxh3_128(blank)
-    digest.update(place.text)
+    digest.update(seals.covered(place))
     return digest.hexdigest().encode()
 
 

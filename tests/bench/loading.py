@@ -19,8 +19,7 @@ from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.conversion import convert
 from scenarionet_data.export import export
 from scenarionet_data.storage.read.parquet import page_kernels as kernels
-from scenarionet_data.storage.read.row_groups import RowGroupAddress
-from scenarionet_data.storage.read.scenario_reader import TABLES
+from scenarionet_data.storage.read.scenario_reader import TABLES, RowGroupAddress
 from tests.bench.converting import waymo_raw
 from tests.bench.measure import Figure, median_ms
 

@@ -25,7 +25,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.errors import LakeError, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.local import LocalLakeFiles
-from scenarionet_data.storage.read import row_groups
+from scenarionet_data.storage.read import scenario_reader
 from scenarionet_data.storage.read.parquet import column_reader, footer
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import partition
@@ -276,7 +276,7 @@ def test_worker_processes_load(lake, method):
 
 
 def test_few_files_stay_open(tmp_path, monkeypatch):
-    monkeypatch.setattr(row_groups, "_MAX_OPEN_FILES", 2)
+    monkeypatch.setattr(scenario_reader, "_MAX_OPEN_FILES", 2)
     for seed in range(4):
         lake = write_lake(tmp_path, [made(seed)], name=f"s{seed}")
     loaded = ScenarioLoader(lake)

@@ -11,7 +11,7 @@ from fsspec import AbstractFileSystem
 from fsspec.spec import AbstractBufferedFile
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage.integrity.seals import FileEnd
+from scenarionet_data.storage.integrity.file_end import FileEnd
 
 _READ_AHEAD = 2**20
 """Read-ahead [bytes]: DuckDB requests the adjacent columns of a row group one after the other."""

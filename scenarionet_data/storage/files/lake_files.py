@@ -22,8 +22,8 @@ import pyarrow.parquet as pq
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage.files.errors import check_is_file, reading
-from scenarionet_data.storage.integrity import sealed_json, verifying
-from scenarionet_data.storage.integrity.seals import FileEnd, Place
+from scenarionet_data.storage.integrity import sealed_json, seals
+from scenarionet_data.storage.integrity.file_end import FileEnd, Place
 
 READ_IN_PLACE = ("tracks/", "lights/", "maps/")
 """Large tables, of which readers need a few row groups."""
@@ -61,6 +61,7 @@ class LakeFiles(ABC):
     """
 
     root: Path | str
+    _folder: Path
     _identity: tuple[str, bool] | None = None
 
     # --- identity ---------------------------------------------------------------------------------------
@@ -126,9 +127,9 @@ class LakeFiles(ABC):
 
     # --- reading ----------------------------------------------------------------------------------------
 
-    @abstractmethod
     def path(self, name: str) -> Path:
         """Local path of a file: the lake's own file, or a copy of it."""
+        return self._folder / name
 
     def content(self, name: str) -> bytes:
         """Bytes of a small file.
@@ -155,7 +156,7 @@ class LakeFiles(ABC):
         Raises:
             LakeError: It is missing or damaged, or not the file that was published under this name.
         """
-        return verifying.verify_again(self.path(name), self.place(name))
+        return seals.verify_again(self.path(name), self.place(name))
 
     def verified(self, name: str) -> Path:
         """Local path of a file of which every byte that can be is verified, once a process.
@@ -164,7 +165,7 @@ class LakeFiles(ABC):
             LakeError: It is missing or damaged.
         """
         path = self.path(name)
-        verifying.verify(path, self.place(name))
+        seals.verify(path, self.place(name))
         return path
 
     def are_verified(self, names: Iterable[str]) -> bool:
@@ -175,7 +176,7 @@ class LakeFiles(ABC):
         """
         listed = list(names)
         pairs = zip(self.paths(listed), listed, strict=True)
-        verified = [verifying.verify(path, self.place(name)) for path, name in pairs]
+        verified = [seals.verify(path, self.place(name)) for path, name in pairs]
         return all(verified)
 
     def check_bytes(self, name: str) -> None:
@@ -192,7 +193,7 @@ class LakeFiles(ABC):
         Raises:
             LakeError: It is missing or damaged.
         """
-        return verifying.open_end(self.path(name), self.place(name))
+        return seals.open_end(self.path(name), self.place(name))
 
     def footer(self, name: str) -> pq.FileMetaData:
         """Footer of a Parquet file, verified.
@@ -200,15 +201,22 @@ class LakeFiles(ABC):
         Raises:
             LakeError: The file is missing or damaged.
         """
-        return verifying.parsed(self.end(name), self.url(name))
+        return seals.parsed(self.end(name), self.url(name))
 
     def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """Rows of a Parquet file."""
-        return _read(self.path(name), self.place(name), columns)
+        path = self.path(name)
+        is_whole = seals.verify(path, self.place(name))
+        with reading(path):
+            rows = pq.ParquetFile(path).read(columns, use_threads=path.stat().st_size > _ONE_THREAD)
+            if not is_whole:
+                rows.validate(full=True)  # texts may be damaged
+        return rows
 
     def read_all(self, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
         """Rows of each of several Parquet files."""
-        return [_read(path, self.place(name), columns) for path, name in zip(self.paths(names), names, strict=True)]
+        self.paths(names)  # downloads those of an object store together
+        return [self.read(name, columns) for name in names]
 
     def scans(self, names: Sequence[str]) -> list[str]:
         """Paths or URLs under which SQL scans files; all are below :attr:`scanned_folders`.
@@ -220,7 +228,7 @@ class LakeFiles(ABC):
         """
         paths = self.paths(names)
         with ThreadPoolExecutor() as pool:  # digests are computed without the interpreter lock
-            deque(pool.map(verifying.verify, paths, map(self.place, names)), maxlen=0)
+            deque(pool.map(seals.verify, paths, map(self.place, names)), maxlen=0)
         return [str(path) for path in paths]
 
     @property
@@ -279,15 +287,6 @@ class LakeFiles(ABC):
     @abstractmethod
     def sweep(self) -> None:
         """Remove temporary files that a killed job left more than a day ago."""
-
-
-def _read(path: Path, place: Place, columns: list[str] | None) -> pa.Table:
-    is_whole = verifying.verify(path, place)
-    with reading(path):
-        rows = pq.ParquetFile(path).read(columns, use_threads=path.stat().st_size > _ONE_THREAD)
-        if not is_whole:
-            rows.validate(full=True)  # texts may be damaged
-    return rows
 
 
 def sha256(path: Path) -> str:

@@ -88,10 +88,6 @@ class LocalLakeFiles(LakeFiles):
 
     # --- reading ----------------------------------------------------------------------------------------
 
-    def path(self, name: str) -> Path:
-        """Path of a file."""
-        return self._folder / name
-
     def digest(self, name: str) -> str:
         """SHA-256 of a file, hexadecimal."""
         path = self.path(name)

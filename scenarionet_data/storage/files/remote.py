@@ -22,8 +22,8 @@ from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import READ_IN_PLACE, LakeFiles, Listed
 from scenarionet_data.storage.files.object_store import ObjectStore, Stored
 from scenarionet_data.storage.files.temporary import TemporaryFolder, delete
-from scenarionet_data.storage.integrity import seals, verifying
-from scenarionet_data.storage.integrity.seals import FileEnd
+from scenarionet_data.storage.integrity import seals
+from scenarionet_data.storage.integrity.file_end import FileEnd
 
 FOOTER = 2**17
 """Bytes requested from the end of a file for its footer; one with 64 row groups is 60-100 kB."""
@@ -153,7 +153,7 @@ class RemoteLakeFiles(LakeFiles):
         temporary = self.temporary()
         self._store.download(name, temporary)
         try:
-            return verifying.verify_again(temporary, self.place(name), self.url(name))
+            return seals.verify_again(temporary, self.place(name), self.url(name))
         finally:
             temporary.unlink()
 
@@ -183,7 +183,7 @@ class RemoteLakeFiles(LakeFiles):
         while len(end) < (needed := min(seals.needed(end), size)):
             size, end = self._last(name, needed)
         try:
-            return size, end, verifying.check_end(end, size, self.place(name), self.url(name))
+            return size, end, seals.check_end(end, size, self.place(name), self.url(name))
         except LakeError:  # not kept, so that a file that has been restored is read
             self._copies.discard(f"{name}.end", str(FOOTER))
             self._copies.discard(f"{name}.end", str(needed))

@@ -12,7 +12,7 @@ from scenarionet_data.arrays.dtypes import Int64
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.integrity.verifying import parsed
+from scenarionet_data.storage.integrity.seals import parsed
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ import pyarrow.parquet as pq
 from xxhash import xxh3_128, xxh3_128_digest
 
 from scenarionet_data.storage.files.errors import damaged
+from scenarionet_data.storage.integrity.file_end import MARK, TAIL, WINDOW, FileEnd, Place
 from scenarionet_data.storage.integrity.footers.checks import check_footer
 from scenarionet_data.storage.integrity.footers.pages import check_chunk
 from scenarionet_data.storage.integrity.footers.thrift import Malformed
-from scenarionet_data.storage.integrity.seals import MARK, TAIL, WINDOW, FileEnd, Place
 
 _NAMED_BY_CONTENT = re.compile(r"(?:tracks|lights|maps|quarantine|defects)/.*-([0-9a-f]{16})\.parquet")
 _MAGIC = b"SNSEAL\x00\x01"
@@ -67,7 +67,7 @@ def verify(file: BufferedReader, tail: bytes, end: FileEnd, place: Place, url: P
     return True
 
 
-def check_end(tail: bytes, end: FileEnd, place: Place, url: str) -> FileEnd:
+def check_end(tail: bytes, end: FileEnd, place: Place, url: Path | str) -> FileEnd:
     """Verify as much of such a file in an object store as its last bytes allow; see :func:`verify`."""
     if _digest_of_body(tail, end, place, url) is None:
         _check_footer(end, url)

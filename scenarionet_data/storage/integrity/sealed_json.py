@@ -13,7 +13,8 @@ from typing import Any
 
 from xxhash import xxh3_128_hexdigest
 
-from scenarionet_data.storage.integrity.seals import Place
+from scenarionet_data.storage.integrity.file_end import Place
+from scenarionet_data.storage.integrity.seals import covered
 
 FORMAT = 3
 _ZEROS = b"0" * 32
@@ -32,7 +33,7 @@ def seal(content: Mapping[str, Any], place: Place) -> bytes:
     """
     blank = json.dumps({"format": FORMAT, **content, "digest": _ZEROS.decode()}, indent=1).encode()
     head, _, end = blank.rpartition(_ZEROS)
-    return head + xxh3_128_hexdigest(blank + place.text).encode() + end
+    return head + xxh3_128_hexdigest(blank + covered(place)).encode() + end
 
 
 def read(data: bytes, place: Place) -> tuple[dict[str, Any], bool]:
@@ -60,8 +61,8 @@ def read(data: bytes, place: Place) -> tuple[dict[str, Any], bool]:
     if version == 1 and digest is None:
         return content, False
     head, found, end = data.rpartition(str(digest).encode())
-    covered = place.name.encode() if version == 2 else place.text
-    if not found or digest != xxh3_128_hexdigest(head + _ZEROS + end + covered):
+    position = place.name.encode() if version == 2 else covered(place)
+    if not found or digest != xxh3_128_hexdigest(head + _ZEROS + end + position):
         raise ValueError("its bytes differ from those that were written under this name in this lake")
     if version not in (2, FORMAT):
         raise NewerFormat(f"written in format {version!r}, not {FORMAT}")

@@ -10,6 +10,9 @@ digest covers the others, the footer with its length, and the :class:`Place`, so
 found as well. A row group is verified by itself, so that a scenario can be read without the rest of its file. The
 footer's key-value metadata has the entry ``scenarionet.sealed``: a file whose seal is destroyed is not mistaken for a
 file of an older version.
+
+The footer is verified whenever it is opened, before anything parses it, and all bytes once a process; row groups of the
+large tables are compared with their digests when they are read instead.
 """
 
 from __future__ import annotations
@@ -26,58 +29,17 @@ import pyarrow.parquet as pq
 from xxhash import xxh3_128_digest
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.errors import damaged
-
-MARK = next(iter(tables.SEALED)).encode()
-"""Key in the footer of sealed files."""
-
-WINDOW = 2**16
-"""Bytes at the end of a file that show whether it is sealed, even if the length of its footer is damaged."""
-
-TAIL = 8
-"""Bytes behind the footer: its length, and the magic bytes."""
+from scenarionet_data.storage.files.errors import check_is_file, damaged, reading
+from scenarionet_data.storage.integrity import older_files
+from scenarionet_data.storage.integrity.file_end import MARK, TAIL, WINDOW, FileEnd, Place
 
 _PARQUET = b"PAR1"
 _MAGIC = b"SNSEAL\x00\x02"
 _DIGEST = 16
 _SEAL = len(_MAGIC) + 8 + _DIGEST
 
-
-class Place(NamedTuple):
-    """What a seal covers besides bytes.
-
-    Attributes:
-        name: The file, relative to the lake.
-        lake: Id of the lake; empty for files that snapshots list, whose names depend on their content, and which are
-            equal in all lakes.
-        may_be_older: Whether the lake may have a file here that a version without these seals has written.
-    """
-
-    name: str
-    lake: str = ""
-    may_be_older: bool = True
-
-    @property
-    def text(self) -> bytes:
-        """Bytes that the digest covers."""
-        return f"{self.lake}/{self.name}".encode()
-
-
-class FileEnd(NamedTuple):
-    """The end of a Parquet file.
-
-    Attributes:
-        footer: The footer, with its length and the magic bytes at the end.
-        body: Number of bytes before the seal, or before the footer of a file without a seal of this version.
-        digests: Digest of each row group; empty without a seal.
-        digest: Digest of the seal, which identifies the file's content; empty without a seal.
-    """
-
-    footer: bytes
-    body: int
-    digests: tuple[bytes, ...] = ()
-    digest: bytes = b""
+_verified: dict[Path, tuple[tuple[int, ...], bool]] = {}
+"""Files that this process has verified: what identified them then, and whether every byte is."""
 
 
 class Sealed(NamedTuple):
@@ -142,12 +104,77 @@ def _seal(digests: list[bytes], footer: bytes, place: Place) -> bytes:
     return listed + _MAGIC + len(digests).to_bytes(8, "little") + _digest(listed, footer, place)
 
 
+def covered(place: Place) -> bytes:
+    """Bytes for its place that the digest of a file covers."""
+    return f"{place.lake}/{place.name}".encode()
+
+
 def _digest(listed: bytes, footer: bytes, place: Place) -> bytes:
-    return xxh3_128_digest(listed + footer + place.text)
+    return xxh3_128_digest(listed + footer + covered(place))
+
+
+def open_end(path: Path, place: Place) -> FileEnd:
+    """The verified end of a local file.
+
+    Raises:
+        LakeError: It is missing or damaged, or not the file that was published at this place.
+    """
+    check_is_file(path)
+    with reading(path), path.open("rb") as file:
+        tail, size = last(file)
+    end = _checked(tail, size, place, path)
+    if not end.digest:
+        verify(path, place)
+    return end
+
+
+def verify(path: Path, place: Place) -> bool:
+    """Verify every byte of a local file that can be, once a process.
+
+    Returns:
+        Whether every byte is verified; False for some files of older versions, which cannot be.
+
+    Raises:
+        LakeError: It is missing or damaged, or not the file that was published at this place.
+    """
+    with reading(path):
+        found = path.stat()
+    now = found.st_size, found.st_mtime_ns, found.st_ino  # a file that was replaced differs in one of them
+    known, is_whole = _verified.get(path, (None, False))
+    if known != now:
+        is_whole = verify_again(path, place)
+        _verified[path] = now, is_whole
+    return is_whole
+
+
+def verify_again(path: Path, place: Place, url: Path | str | None = None) -> bool:
+    """Call :func:`verify` for a file that may have changed since.
+
+    Args:
+        path: The file.
+        place: Where it belongs.
+        url: Its path or URL for errors, if it is a copy.
+    """
+    where = url or path
+    check_is_file(path)
+    with reading(where), path.open("rb") as file:
+        tail, size = last(file)
+        end = _checked(tail, size, place, where)
+        if not end.digest:
+            return older_files.verify(file, tail, end, place, where)
+        if tuple(map(xxh3_128_digest, row_groups(file, end))) != end.digests:
+            raise damaged(where, "its bytes differ from those that were written")
+    return True
+
+
+def parsed(end: FileEnd, url: Path | str) -> pq.FileMetaData:
+    """The footer of a file whose end is verified."""
+    with reading(url):
+        return pq.read_metadata(pa.BufferReader(end.footer))
 
 
 def check_end(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd:
-    """The end of a file of which the last bytes have been read; if the file is sealed, its footer is verified.
+    """The verified end of a file of which only the last bytes have been read.
 
     Args:
         end: Its last bytes: at least :func:`needed`, or the whole file.
@@ -158,6 +185,12 @@ def check_end(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd:
     Raises:
         LakeError: It is damaged, or not the file that was published at this place.
     """
+    found = _checked(end, size, place, url)
+    return found if found.digest else older_files.check_end(end, found, place, url)
+
+
+def _checked(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd:
+    """The end of a file; if the file is sealed, its footer is verified."""
     found = split(end, size, url)
     if found.digest and found.digest != _digest(b"".join(found.digests), found.footer, place):
         raise damaged(url, "its footer differs from the one that was written under this name in this lake")
@@ -176,16 +209,6 @@ def needed(tail: bytes) -> int:
         int.from_bytes(before[8:16], "little") if before[:8] == _MAGIC else 1
     )  # the seal of version 0.2 has 40 bytes
     return max(length + _SEAL + _DIGEST * count, WINDOW)
-
-
-def verify_groups(file: BinaryIO, end: FileEnd, url: Path | str) -> None:
-    """Compare all row groups of a sealed file with their digests.
-
-    Raises:
-        LakeError: They differ.
-    """
-    if tuple(map(xxh3_128_digest, row_groups(file, end))) != end.digests:
-        raise damaged(url, "its bytes differ from those that were written")
 
 
 def row_groups(file: BinaryIO, end: FileEnd) -> Iterator[bytes]:

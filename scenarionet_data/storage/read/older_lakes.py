@@ -1,4 +1,4 @@
-"""ContentComparison of loaded scenarios with their metadata, in lakes whose metadata files cannot be verified.
+"""Comparison of loaded scenarios with their metadata, in lakes whose metadata files cannot be verified.
 
 A changed byte in such a file can lead to rows of another scenario. The content hash covers a scenario but for its id,
 split, licence and source file; of these, all but the source file are compared with the files of its tracks.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, Self
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.scenario.content_hash import content_hash
@@ -27,17 +27,20 @@ _ERRORS = (ValueError, TypeError, KeyError, IndexError, AttributeError, Overflow
 
 
 class ContentComparison:
-    """Compares scenarios with their metadata, each once; does nothing where the metadata files verify themselves.
+    """Compares scenarios with their metadata, each once.
 
     Args:
         files: The lake's files.
-        snapshot: The snapshot of the scenarios.
     """
 
-    def __init__(self, files: LakeFiles, snapshot: Snapshot) -> None:
+    def __init__(self, files: LakeFiles) -> None:
         self._files = files
-        self._is_needed = not files.are_verified(snapshot.metadata)
         self._compared: set[str] = set()
+
+    @classmethod
+    def if_needed(cls, files: LakeFiles, snapshot: Snapshot) -> Self | None:
+        """Those of a snapshot; None where the metadata files verify themselves."""
+        return None if files.are_verified(snapshot.metadata) else cls(files)
 
     def compare(
         self,
@@ -53,8 +56,6 @@ class ContentComparison:
         Raises:
             LakeError: A scenario is not as it was converted.
         """
-        if not self._is_needed:
-            return
         for row in metadata:
             if row["scenario_id"] in self._compared:
                 continue

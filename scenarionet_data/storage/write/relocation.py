@@ -14,7 +14,7 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.integrity import seals
-from scenarionet_data.storage.integrity.seals import Place
+from scenarionet_data.storage.integrity.file_end import MARK, Place
 from scenarionet_data.storage.read.scenario_rows import RowAddress, ScenarioRows
 
 MAP_FOOTER = ("scenarionet.map", "scenarionet.licence")
@@ -104,7 +104,7 @@ def copy_sealed(files: LakeFiles, name: str, path: Path, place: Place) -> None:
     source = files.verified(name)
     with reading(source), pq.ParquetFile(source) as file, writing(path, path):
         words = {key.decode(): value.decode() for key, value in (file.metadata.metadata or {}).items()}
-        if seals.MARK.decode() in words:
+        if MARK.decode() in words:
             shutil.copyfile(source, path)
         else:  # of version 0.1, whose footers have no entry for a seal
             tag, rows = words.pop("scenarionet.schema", ""), file.read()

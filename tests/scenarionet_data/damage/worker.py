@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scenarionet_data.errors import ScenarioNetError
-from scenarionet_data.storage.integrity import verifying
+from scenarionet_data.storage.integrity import seals
 from tests.scenarionet_data.damage import command_lines
 from tests.scenarionet_data.damage.harm import harmed, harmed_footer
 from tests.scenarionet_data.damage.lakes import Content
@@ -112,7 +112,7 @@ def main(trial: str, first: str, step: str, count: str, *lakes: str) -> None:
         for seed in range(int(first), int(count), int(step)):
             print(json.dumps({"begins": seed}), flush=True)  # noqa: T201
             subject = subjects[seed // int(step) % len(subjects)]
-            verifying._verified.clear()  # as in a new process
+            seals._verified.clear()  # as in a new process
             try:
                 found = TRIALS[trial](subject, seed)
             except Exception as error:  # whatever is no sentence is counted

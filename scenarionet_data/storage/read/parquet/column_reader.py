@@ -9,21 +9,26 @@ because the kernels take seconds to compile where they are not cached.
 
 from __future__ import annotations
 
+import io
 import struct
 from collections.abc import Sequence
 from functools import lru_cache
+from operator import itemgetter
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import zstandard
+from xxhash import xxh3_128_digest
 
-from scenarionet_data.arrays.columns import FIRST, SIZE, ColumnBlock, ColumnLayout, Columns
+from scenarionet_data.arrays.columns import FIRST, SIZE, ColumnBlock, ColumnLayout, Columns, from_arrow
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.compiled.checking import unchecked
+from scenarionet_data.storage.integrity.footers.pages import check_headers
+from scenarionet_data.storage.integrity.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet import page_kernels as pages
-from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
-from scenarionet_data.storage.read.parquet.footer import Footer, RowGroup, StoredGroup, UnreadableFile
+from scenarionet_data.storage.read.parquet.footer import RowGroup, StoredGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.reservation import Reservation
 from scenarionet_data.storage.read.parquet.row_group_kernels import read_row_group
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
@@ -44,30 +49,19 @@ class ColumnReader:
         layout: The columns.
         memory: Memory for pages and values; of its own by default.
         compile_after: Row groups that are left to Arrow unless the kernels are compiled already.
+
+    Attributes:
+        layout: The same columns.
     """
 
     def __init__(self, layout: ColumnLayout, memory: Memory | None = None, compile_after: int = COMPILE_AFTER) -> None:
-        self._layout = layout
-        self._dictionaries = [(c.name, place) for place, c in enumerate(layout.columns) if c.element == "dictionary"]
+        self.layout = layout
+        self._dictionaries = [column.name for column in layout.columns if column.element == "dictionary"]
         self._zstd = zstandard.ZstdDecompressor()
         self._left_to_arrow = compile_after
         self._memory = memory or Memory()
         self._levels = np.empty((4, 0), np.uint8)
         self._pages = np.zeros((len(layout.columns), pages.NUM_PAGE_FIELDS), np.int64)
-
-    def footer(self, url: str, metadata: pq.FileMetaData, digests: Sequence[bytes] = (), end: int = 0) -> Footer:
-        """Locate the columns in a file.
-
-        Args:
-            url: The file, for errors.
-            metadata: Its footer.
-            digests: XXH3-128 of each row group, which are compared when they are read; empty if there are none.
-            end: Where the last row group ends.
-
-        Raises:
-            UnreadableFile: A required column is missing.
-        """
-        return Footer(url, metadata, self._layout, digests, end)
 
     def read(self, groups: Sequence[RowGroup]) -> Columns:
         """Rows of some row groups, concatenated.
@@ -75,12 +69,15 @@ class ColumnReader:
         Raises:
             UnreadableFile: A page is damaged.
         """
-        for group in groups:
-            group.verify()
+        for footer, number, content, base in groups:
+            if footer.digests:
+                start, end = footer.stored(number).span
+                if xxh3_128_digest(content.data[start - base : end - base]) != footer.digests[number]:
+                    raise UnreadableFile(footer.url, "its bytes differ from those that were written")
         if self._left_to_arrow > 0:
             if not getattr(read_row_group, "signatures", True):
                 self._left_to_arrow -= len(groups)
-                return read_by_arrow(groups, self._layout)
+                return read_by_arrow(groups, self.layout)
             self._left_to_arrow = 0  # asking takes 5 us
         try:
             found = self._read(groups)
@@ -89,7 +86,7 @@ class ColumnReader:
                 for group in groups:  # raises for the damaged one
                     self.read([group])
             raise UnreadableFile(groups[0].footer.url, str(error)) from error
-        return read_by_arrow(groups, self._layout) if found is None else found
+        return read_by_arrow(groups, self.layout) if found is None else found
 
     def _read(self, groups: Sequence[RowGroup]) -> Columns | None:
         """Read with the kernels; None if there is something that they do not know."""
@@ -119,12 +116,12 @@ class ColumnReader:
                 raise self._damaged(done)
             self._add_words(row, num_rows, out, words)
             row += num_rows
-        return Columns(row, self._layout, out, words)
+        return Columns(row, self.layout, out, words)
 
     def _reserved(self, stored: Sequence[StoredGroup]) -> Reservation:
         """Places in memory of the values of several row groups."""
         chunks = np.sum([each.chunks for each in stored], axis=0)
-        return Reservation.of(self._layout, chunks, sum([each.num_rows for each in stored]))
+        return Reservation.of(self.layout, chunks, sum([each.num_rows for each in stored]))
 
     def _decompress(self, content: Array, scratch: Array) -> None:
         """Decompress the pages in zstd to their places."""
@@ -153,7 +150,8 @@ class ColumnReader:
             words: Words of each column, extended.
         """
         found = self._pages
-        for name, place in self._dictionaries:
+        for name in self._dictionaries:
+            place = self.layout.place(name)
             first, size = found.item(place, pages.WORDS_PLACE), found.item(place, pages.WORDS_SIZE)
             added = _words(out.memory[first : first + size].tobytes())
             if not row:
@@ -161,13 +159,13 @@ class ColumnReader:
             elif words[name] != added:
                 known = words[name]
                 end = out.columns.item(place, FIRST) + out.columns.item(place, SIZE)
-                start = end - (found.item(place, pages.COUNT) if self._layout.are_lists[place] else num_rows)
+                start = end - (found.item(place, pages.COUNT) if self.layout.are_lists[place] else num_rows)
                 indices = out.memory[4 * start : 4 * end].view(np.int32)
                 indices[indices >= 0] += len(known)
                 words[name] = known + added
 
     def _damaged(self, column: int) -> _Damaged:
-        return _Damaged(f"column {self._layout.columns[column].name} is damaged")
+        return _Damaged(f"column {self.layout.columns[column].name} is damaged")
 
 
 @lru_cache(1024)
@@ -182,3 +180,76 @@ def _words(page: bytes) -> tuple[str, ...]:
     except (struct.error, UnicodeDecodeError) as error:
         raise _Damaged("a dictionary is damaged") from error
     return tuple(words)
+
+
+def read_by_arrow(groups: Sequence[RowGroup], layout: ColumnLayout) -> Columns:
+    """Read columns with Arrow, in any encoding; consecutive row groups in the same bytes are read in one call.
+
+    Raises:
+        UnreadableFile: A page is damaged.
+    """
+    runs: list[list[RowGroup]] = []
+    for group in groups:
+        if not group.footer.digests:
+            _check_pages(group, layout)
+        if runs and runs[-1][0].footer is group.footer and runs[-1][0].content is group.content:
+            runs[-1].append(group)
+        else:
+            runs.append([group])
+    tables = []
+    for run in runs:
+        footer, _, content, base = run[0]
+        try:
+            source = pa.PythonFile(_Window(content, base), "r") if base else pa.BufferReader(content)
+            file = pq.ParquetFile(source, metadata=footer.metadata, pre_buffer=False)
+            numbers = list(map(itemgetter(1), run))
+            tables.append(file.read_row_groups(numbers, footer.present, use_threads=False))
+            tables[-1].validate(full=True)  # texts are UTF-8
+        except (OSError, pa.ArrowException) as error:
+            raise UnreadableFile(footer.url, str(error)) from error
+    return from_arrow(pa.concat_tables(tables, promote_options="default"), layout)
+
+
+def _check_pages(group: RowGroup, layout: ColumnLayout) -> None:
+    """Check the page headers of a row group without a digest before Arrow reads them, which believes them."""
+    for column, chunk in zip(layout.columns, group.footer.stored(group.number).chunks.tolist(), strict=True):
+        if column.name in group.footer.present:
+            try:
+                start, end = chunk[pages.CHUNK_START] - group.base, chunk[pages.CHUNK_END] - group.base
+                check_headers(group.content.data, start, end, chunk[pages.NUM_VALUES], chunk[pages.CHUNK_SIZE])
+            except Malformed as error:
+                raise UnreadableFile(group.footer.url, f"column {column.name}: {error}") from error
+
+
+class _Window(io.RawIOBase):
+    """A file of which only a range of bytes is in memory, for Arrow."""
+
+    def __init__(self, content: Array, base: int) -> None:
+        self._content, self._base = content, base
+        self._position = 0
+
+    def readable(self) -> bool:
+        """Always True; required by io.RawIOBase."""
+        return True
+
+    def seekable(self) -> bool:
+        """Always True; required by io.RawIOBase."""
+        return True
+
+    def tell(self) -> int:
+        """Current position in the file."""
+        return self._position
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """Change the position; the end of the file is the end of the range."""
+        end = self._base + len(self._content)
+        self._position = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._position, io.SEEK_END: end}[whence]
+        return self._position
+
+    def read(self, size: int = -1) -> bytes:
+        """Read bytes at the current position."""
+        start = self._position - self._base
+        if start < 0 or size < 0 or start + size > len(self._content):
+            raise OSError("a column chunk exceeds its row group")
+        self._position += size
+        return bytes(self._content[start : start + size])

@@ -18,8 +18,8 @@ from xxhash import xxh3_128_digest, xxh3_128_hexdigest
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.integrity import sealed_json, seals, verifying
-from scenarionet_data.storage.integrity.seals import Place
+from scenarionet_data.storage.integrity import sealed_json, seals
+from scenarionet_data.storage.integrity.file_end import Place
 
 NAME = Place("databases/near/1.parquet", "a", may_be_older=False)
 FAR = NAME._replace(name="databases/far/1.parquet")
@@ -63,7 +63,7 @@ def test_file_without_the_entry_of_sealed_files_is_not_sealed(tmp_path):
 
 
 def test_a_row_group_is_verified_by_itself(sealed):
-    content, end = sealed.read_bytes(), verifying.open_end(sealed, NAME)
+    content, end = sealed.read_bytes(), seals.open_end(sealed, NAME)
     metadata = pq.read_metadata(sealed)
     starts = [0, *(metadata.row_group(k).column(0).data_page_offset for k in (1, 2)), end.body]
     starts[1:3] = [metadata.row_group(k).column(0).dictionary_page_offset for k in (1, 2)]
@@ -75,7 +75,7 @@ def test_seal_of_other_name_replaces_seal(sealed, tmp_path):
     path = tmp_path / "2.parquet"
     path.write_bytes(sealed.read_bytes())
     seals.seal(path, FAR)
-    assert verifying.verify_again(path, FAR)
+    assert seals.verify_again(path, FAR)
     assert path.stat().st_size == sealed.stat().st_size
     seals.seal(path, NAME)
     assert path.read_bytes() == sealed.read_bytes()
@@ -88,29 +88,29 @@ def test_data_is_named_by_its_content_before_sealing(tmp_path):
     assert found.name == f"tracks/a-000-{hashlib.sha256(content).hexdigest()[:16]}.parquet"
     assert found.checksum == hashlib.sha256(path.read_bytes()).hexdigest()
     assert found.size == path.stat().st_size
-    assert verifying.verify_again(path, Place(found.name))
+    assert seals.verify_again(path, Place(found.name))
 
 
 @pytest.mark.parametrize("place", [FAR, NAME._replace(lake="b")])
 def test_sealed_file_at_another_place_is_damaged(sealed, place):
     with pytest.raises(LakeError, match="its footer differs from the one that was written under this name"):
-        verifying.open_end(sealed, place)
+        seals.open_end(sealed, place)
 
 
 def test_unsealed_file_is_older_or_damaged(tmp_path):
     path = tmp_path / "1.parquet"
     pq.write_table(ROWS, path, store_schema=False)
     place = NAME._replace(may_be_older=True)
-    assert not verifying.open_end(path, place).digest
-    assert not verifying.verify_again(path, place)
+    assert not seals.open_end(path, place).digest
+    assert not seals.verify_again(path, place)
     with pytest.raises(LakeError, match="it is of another lake"):
-        verifying.verify_again(path, NAME)
+        seals.verify_again(path, NAME)
 
 
 def test_every_flipped_bit_of_a_sealed_file_is_found(sealed, tmp_path):
     """All bits of the seal and of the last bytes, and a sample of the others."""
     content, path = sealed.read_bytes(), tmp_path / "1.parquet"
-    end, num_bits = verifying.open_end(sealed, NAME), len(content) * 8
+    end, num_bits = seals.open_end(sealed, NAME), len(content) * 8
     seal = range(end.body * 8, (len(content) - len(end.footer)) * 8)
     chosen = [*seal, *range(num_bits - 64, num_bits), *random.Random(0).sample(range(num_bits), 200)]
     for bit in chosen:
@@ -118,7 +118,7 @@ def test_every_flipped_bit_of_a_sealed_file_is_found(sealed, tmp_path):
         damaged[bit // 8] ^= 1 << bit % 8
         path.write_bytes(damaged)
         with pytest.raises(LakeError):
-            verifying.verify_again(path, NAME)
+            seals.verify_again(path, NAME)
 
 
 @given(length=st.integers(0), junk=st.binary(max_size=60))
@@ -127,7 +127,7 @@ def test_truncated_and_extended_files_are_found(sealed, tmp_path_factory, length
     path = tmp_path_factory.getbasetemp() / "cut.parquet"
     path.write_bytes(content[: length % len(content)] + junk)
     with pytest.raises(LakeError):
-        verifying.verify_again(path, NAME)
+        seals.verify_again(path, NAME)
 
 
 def test_footer_is_verified_from_last_bytes_alone(sealed):
@@ -141,12 +141,12 @@ def test_long_footer_is_read_whole(tmp_path):
     path = tmp_path / "1.parquet"
     write(path, {"scenarionet.lineage": "x" * 3 * seals.WINDOW})
     seals.seal(path, NAME)
-    assert verifying.verify_again(path, NAME)
+    assert seals.verify_again(path, NAME)
     damaged = bytearray(path.read_bytes())
     damaged[-2 * seals.WINDOW] ^= 1
     path.write_bytes(damaged)
     with pytest.raises(LakeError, match="its footer differs"):
-        verifying.open_end(path, NAME)
+        seals.open_end(path, NAME)
 
 
 @pytest.mark.parametrize("length", [1, 3 * seals.WINDOW])
@@ -157,11 +157,11 @@ def test_seal_of_version_0_2_is_verified(tmp_path, length):
     body, footer, name = content[:-size], content[-size:], place.name.encode()
     seal = b"SNSEAL\x00\x01" + xxh3_128_digest(footer + name) + xxh3_128_digest(body + name)
     path.write_bytes(body + seal + footer)
-    assert verifying.verify_again(path, place)
-    assert not verifying.open_end(path, place).digest
+    assert seals.verify_again(path, place)
+    assert not seals.open_end(path, place).digest
     path.write_bytes(b"x" + body[1:] + seal + footer)
     with pytest.raises(LakeError, match="its bytes differ"):
-        verifying.verify_again(path, place)
+        seals.verify_again(path, place)
 
 
 # --- JSON -------------------------------------------------------------------------------------------------

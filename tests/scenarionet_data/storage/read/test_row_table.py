@@ -6,7 +6,7 @@ import pyarrow as pa
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.storage.read.row_table import RowTable
+from scenarionet_data.storage.read.metadata_rows import RowTable
 
 COLUMNS = {
     "whole": (pa.int32(), st.integers(-5, 5)),

@@ -13,8 +13,8 @@ from xxhash import xxh3_128_digest
 from scenarionet_data.arrays.columns import TEXTS, ColumnLayout, from_arrow, pick
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.integrity import seals
-from scenarionet_data.storage.read.parquet import ColumnReader, RowGroup, UnreadableFile
-from scenarionet_data.storage.read.parquet.arrow_columns import read_by_arrow
+from scenarionet_data.storage.read.parquet import ColumnReader, Footer, RowGroup, UnreadableFile
+from scenarionet_data.storage.read.parquet.column_reader import read_by_arrow
 
 READ = ("tracks", "lights", "maps")
 WORDS = ["VEHICLE", "PEDESTRIAN", "", "straße", "自動車", "x" * 300]
@@ -75,7 +75,7 @@ def row_groups(path, table, content=None, *, is_sealed=False):
     with path.open("rb") as file:
         end = seals.split(*seals.last(file), path)
         digests = [xxh3_128_digest(group) for group in seals.row_groups(file, end)] if is_sealed else []
-    footer = reader_of(table).footer(str(path), metadata, digests, end.body)
+    footer = Footer(str(path), metadata, layout_of(table), digests, end.body)
     if content is None:
         with path.open("rb") as file:
             content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
