@@ -4,6 +4,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 INSTALLED_DEMO := .venv/.installed-demo
+# Machine code beside the kernels, for this processor; `make build` makes it for all that this one can run.
+SHIP := $(BIN)/python -m scenarionet_pipelines.compiling
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Keep compiled bytecode, which saves tens of seconds a run, even where the environment turns that off.
 PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile
@@ -29,6 +31,7 @@ install: $(INSTALLED)  ## Create .venv with every extra and the development tool
 $(INSTALLED): pyproject.toml
 	$(create_environment)
 	$(PIP_INSTALL) -e '.[dev]'
+	$(SHIP)
 	$(set_hooks)
 	@touch $@ $(INSTALLED_DEMO)
 
@@ -36,6 +39,7 @@ install-locked:  ## Create .venv with the versions and hashes of .ci/requirement
 	$(create_environment)
 	$(PIP_INSTALL) --require-hashes -r .ci/requirements.lock
 	$(PIP_INSTALL) --no-deps --no-build-isolation -e .
+	$(SHIP)
 	$(set_hooks)
 	@touch $(INSTALLED) $(INSTALLED_DEMO)
 
@@ -64,7 +68,7 @@ install-browser:  ## Install Debian's chromium, for the tests that open pages in
 demo: $(if $(wildcard $(INSTALLED)),$(INSTALLED),$(INSTALLED_DEMO))  ## Generate scenarios, query, filter, split, load, draw and export them; downloads no data.
 	$(BIN)/python -m scenarionet_pipelines.demo
 
-compile: install  ## Compile all kernels beforehand, so that first uses are fast.
+compile: install  ## Compile all kernels again after editing some, so that first uses are fast.
 	$(BIN)/scenarionet maintain compile
 
 test: install  ## Run the tests, about five minutes of processor time (ARGS="-k lake" selects some).
@@ -201,8 +205,10 @@ docs-site: install .venv/.installed-docs  ## Build the documentation site into s
 notebooks: install .venv-learn/.installed  ## Run the notebooks on generated scenarios and write their pages to docs/notebooks; one needs torch.
 	.venv-learn/bin/python -m scenarionet_pipelines.notebooks $(ARGS)
 
-build: install  ## Build the wheel and the source distribution in dist/.
-	$(BIN)/python -m build --no-isolation
+build: install  ## Build the source distribution, and the wheel with machine code for the Python of .venv, in dist/.
+	$(SHIP) all
+	$(BIN)/python -m build --no-isolation --sdist
+	$(BIN)/python -m build --no-isolation --wheel
 
 clean:  ## Remove build outputs, the demo, the site and caches; keep .venv and lakes.
 	rm -rf build dist demo site .pytest_cache .mypy_cache .ruff_cache .hypothesis

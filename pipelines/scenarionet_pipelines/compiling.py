@@ -1,14 +1,23 @@
-"""Compile the kernels of loading, conversion and simulation beforehand, by doing a little of each."""
+"""Compile the kernels of loading, samples, conversion, simulation and cameras beforehand, by doing a little of each.
+
+As a program it compiles them for the levels of processors whose machine code travels with an installation, see
+``scenarionet_data.compiled.shipped``: ``python -m scenarionet_pipelines.compiling``.
+"""
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from scenarionet_data.compiled.announcing import compilations, silent
+from scenarionet_data.compiled import shipped
+from scenarionet_data.compiled.announcing import compilations, telling
 
 SEEDS = "8:10"
 """Generated scenarios that the kernels run on: one without traffic lights, one with."""
@@ -46,7 +55,7 @@ class CompileReport:
 
 
 def compile_kernels(on_progress: Callable[[int, int], None] | None = None) -> CompileReport:
-    """Compile the kernels that loading, conversion and simulation use, and cache them on disk.
+    """Compile the kernels that loading, samples, conversion, simulation and cameras use, and cache them on disk.
 
     Converters of recorded datasets compile a few kernels of their own when they first read a recording.
 
@@ -56,13 +65,15 @@ def compile_kernels(on_progress: Callable[[int, int], None] | None = None) -> Co
     tasks: dict[str, Callable[[str], None]] = {
         "convert": _convert,
         "load": _load,
+        "samples": _samples,
         "simulate": _simulate,
         "simulate traffic": _simulate_traffic,
         "simulate many agents": _simulate_many_agents,
+        "cameras": _cameras,
     }
     finished: list[CompiledTask] = []
     first = len(compilations)
-    with TemporaryDirectory(prefix="scenarionet-compile-") as folder, silent():
+    with TemporaryDirectory(prefix="scenarionet-compile-") as folder, telling(lambda _: None):
         lake = str(Path(folder) / "lake")
         for task, run in tasks.items():
             if on_progress is not None:
@@ -91,6 +102,14 @@ def _load(lake: str) -> None:
     loader = ScenarioLoader(lake)
     for index in range(COMPILE_AFTER + 2 * len(loader)):  # the first ones are decoded by Arrow
         _ = loader[index % len(loader)]
+
+
+def _samples(lake: str) -> None:
+    from scenarionet_data import Samples, Targets, TimeWindow
+
+    for perspective in ("agent", "scene"):
+        samples = Samples(lake, window=TimeWindow(1.0, 1.0), targets=Targets("moving"), perspective=perspective)
+        samples.batch(list(range(len(samples)))[:_NUM_SCENARIOS])
 
 
 def _simulate(lake: str) -> None:
@@ -138,3 +157,47 @@ def _simulate_many_agents(lake: str) -> None:
         env.reset()
         env.step({agent: env.action_space(agent).sample() for agent in env.agents})
     env.close()
+
+
+def _cameras(lake: str) -> None:
+    from scenarionet_data import ScenarioLoader
+    from scenarionet_sim import Camera, EgoState, ScenarioNetEnv, Scenarios
+    from scenarionet_sim.render.space import Film, recorded_moments
+    from scenarionet_sim.worlds.world import World
+
+    for channels in (("rgb",), ("rgb", "depth", "semantic", "instance", "normals", "flow")):
+        sensors = (Camera(width=16, height=16, channels=channels), EgoState())
+        env = ScenarioNetEnv(scenarios=Scenarios(lake), sensors=sensors, observation="dict", prefetch=0)
+        for _ in range(_NUM_SCENARIOS):
+            env.reset()
+            env.step([0.0, 0.5])
+        env.close()
+    world = World.from_scenario(ScenarioLoader(lake)[0])
+    next(Film("chase", 32, 18).frames(world, recorded_moments(world)[:2]))
+
+
+def ship_kernels(levels: list[shipped.Level]) -> None:
+    """Compile for levels of processors, into the package, in place of what is there.
+
+    Other processors and other versions of Python compile on first use.
+    """
+    shutil.rmtree(shipped.FOLDER, ignore_errors=True)
+    for level in levels:
+        with TemporaryDirectory(prefix="scenarionet-ship-") as cache:
+            target = {"NUMBA_CPU_NAME": level.cpu, "NUMBA_CPU_FEATURES": level.features, "NUMBA_CACHE_DIR": cache}
+            copy = "from scenarionet_pipelines import compiling; compiling._copy_compiled()"
+            words = [sys.executable, "-c", copy, str(level.folder)]
+            subprocess.run(words, env=os.environ | target, check=True)  # noqa: S603 - our own program
+
+
+def _copy_compiled() -> None:
+    """Compile in an empty cache, and copy its folders, one for each Python package, by the names of these."""
+    compile_kernels()
+    packages = {done.name.rsplit(".", 2)[0]: done.cache_folder for done in compilations if done.cache_folder}
+    for package, folder in packages.items():
+        shutil.copytree(folder, Path(sys.argv[1]) / package)
+
+
+if __name__ == "__main__":
+    runnable = shipped.levels_of_host()
+    ship_kernels(runnable if sys.argv[1:] == ["all"] else runnable[:1])

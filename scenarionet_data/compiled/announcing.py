@@ -1,18 +1,20 @@
-"""What this process compiled, and the line that announces it: one for each group of kernels, on a terminal."""
+"""What this process compiled, and the line on standard error that announces it: one for each group of kernels."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import current_process, parent_process
 
-_ANNOUNCED_FROM = 2.0  # [s] of processor time to compile a group
 _GROUPS: tuple[tuple[str, str, int], ...] = (
-    ("scenarionet_data.storage", "loading", 4),
-    ("scenarionet_data.procedural", "generated traffic", 6),
-    ("scenarionet_data.converters", "reading raw records", 4),
+    ("scenarionet_data.codec", "loading", 3),
+    ("scenarionet_data.storage", "loading", 3),
+    ("scenarionet_data.samples", "samples", 5),
+    ("scenarionet_data.procedural", "generated traffic", 5),
+    ("scenarionet_data.converters", "reading raw records", 3),
+    ("scenarionet_sim.cameras", "cameras", 12),
     ("scenarionet_sim", "the simulator", 8),
     ("scenarionet_data", "conversion", 4),
 )
@@ -34,32 +36,32 @@ compilations: list[Compilation] = []
 
 
 _announced: set[str] = set()
-_is_silent = False
+
+
+def _write(message: str) -> None:
+    if sys.stderr is not None:
+        sys.stderr.write(f"{message}\n")
+        sys.stderr.flush()
+
+
+_tell: Callable[[str], None] = _write
 
 
 @contextmanager
-def silent() -> Iterator[None]:
-    """Compile without announcing it, for callers that report their own progress."""
-    global _is_silent
-    before, _is_silent = _is_silent, True
+def telling(tell: Callable[[str], None]) -> Iterator[None]:
+    """Pass announcements to a function of the caller, who displays progress, instead of to standard error."""
+    global _tell
+    before, _tell = _tell, tell
     try:
         yield
     finally:
-        _is_silent = before
+        _tell = before
 
 
 def announce(module: str) -> None:
-    """Announce once per process and group that compilation takes a while, on standard error of a terminal or notebook.
-
-    Of several worker processes, only the first does.
-    """
+    """Announce that compilation takes a while, once per process and group; of several workers, only the first does."""
     group = next((group for group in _GROUPS if module.startswith(group[0])), None)
-    if group is None:
-        return
-    _, purpose, seconds = group
-    is_seen = sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
     is_first = parent_process() is None or current_process().name.endswith("-1")
-    if seconds >= _ANNOUNCED_FROM and purpose not in _announced and is_seen and is_first and not _is_silent:
-        _announced.add(purpose)
-        sys.stderr.write(f"Compiling loops for {purpose}, once per installation (about {seconds} s)\n")
-        sys.stderr.flush()
+    if group is not None and is_first and group[1] not in _announced:
+        _announced.add(group[1])
+        _tell(f"Compiling loops for {group[1]}, once per installation (about {group[2]} s)")

@@ -17,6 +17,7 @@ from typing import Any, cast
 
 from numba.core import caching, registry, runtime
 
+from scenarionet_data.compiled import shipped
 from scenarionet_data.compiled.announcing import announce
 
 if sys.platform != "win32":
@@ -48,6 +49,9 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
         super().__init__(dispatcher.py_func)
         stamp = hashlib.sha256(repr(list(_ingredients(dispatcher, set()))).encode()).hexdigest()
         self._cache_file = _CacheFile(self.cache_path, self._impl.filename_base, stamp)
+        self._level, package = shipped.level(), dispatcher.py_func.__module__.rpartition(".")[0]
+        if self._level is not None:
+            self._shipped = _CacheFile(str(self._level.folder / package), self._impl.filename_base, stamp)
         self._module, self._allocates = dispatcher.py_func.__module__, dispatcher.targetoptions["_nrt"]
         self._lock: int | None = None
 
@@ -64,8 +68,13 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
         # ``super().load_overload`` would import what only compilation needs: 0.1 s and 30 MB in every process.
         if self._allocates:
             _runtime.rtsys.initialize(target_context)
+        key = self._index_key(sig, target_context.codegen())
         with self._guard_against_spurious_io_errors():
-            found = self._load_overload(sig, target_context)
+            data = self._cache_file.load(key)
+            if data is None and self._level is not None:
+                signature, (triple, *_), code = key
+                data = self._shipped.load((signature, (triple, self._level.cpu, self._level.features), code))
+            found = None if data is None else self._impl.rebuild(target_context, data)
         # Two processes that add signatures of one kernel concurrently can swap their files.
         return found if found is not None and found.signature.args == tuple(sig) else None
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 
 import click
 
+from scenarionet_data.compiled.announcing import telling
 from scenarionet_pipelines.cli.output import count, duration
 
 if TYPE_CHECKING:
@@ -31,13 +32,17 @@ class ProgressDisplay:
         self.done = self.total = self.scenarios = 0
         self._task = task
         self._step = step
+        self._is_quiet = is_quiet
+        self._doing = "listing the work to do"
         self._started = time.monotonic()
         is_terminal = sys.stderr.isatty()
         self._bar = _bar(task) if is_terminal and not is_quiet else None
+        self._telling = telling(self._tell)
         self._has_ended = threading.Event()
         self._lines = None if is_terminal or is_quiet else threading.Thread(target=self._print_lines, daemon=True)
 
     def __enter__(self) -> Self:
+        self._telling.__enter__()
         if self._bar:
             self._bar.start()
         if self._lines:
@@ -47,6 +52,7 @@ class ProgressDisplay:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._telling.__exit__(kind, error, trace)
         self._has_ended.set()
         if self._bar:
             self._bar.stop()
@@ -65,6 +71,14 @@ class ProgressDisplay:
         if self._bar:
             self._bar.update(self._bar.task_ids[0], completed=done, total=total, rate=self._rate)
 
+    def _tell(self, message: str) -> None:
+        """Print that compilation takes a while, above the bar or as a line."""
+        self._doing = message[0].lower() + message[1:]
+        if self._bar:
+            self._bar.console.print(message, highlight=False)
+        elif not self._is_quiet:
+            click.echo(message, err=True)
+
     def _print_lines(self) -> None:
         """Print a line at regular intervals, even while no step finishes."""
         while not self._has_ended.wait(_SECONDS_BETWEEN_LINES):
@@ -76,7 +90,7 @@ class ProgressDisplay:
         elapsed = time.monotonic() - self._started
         steps = f"{self._task}: {self.done:,} of {count(self.total, self._step)} after {duration(elapsed)}"
         if not self.done:
-            return steps if self.total else f"{self._task}: listing the work to do"
+            return steps if self.total else f"{self._task}: {self._doing}, for {duration(elapsed)}"
         left = elapsed / self.done * (self.total - self.done)
         return ", ".join(filter(None, (steps, self._rate, f"about {duration(left)} left")))
 
