@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Int32, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Int32, UInt8
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import Moment
 from scenarionet_sim.arrays.log import HEADING, VALID
@@ -28,7 +28,7 @@ _ORBIT_RADIUS, _ORBIT_HEIGHT = 15.0, 6.5
 
 @dataclass(frozen=True)
 class Film:
-    """A view of the ego in space.
+    """A view of the ego or another object in space.
 
     Attributes:
         view: ``camera`` behind the windscreen, ``cockpit`` at the driver's eyes, ``chase`` behind the vehicle or
@@ -53,9 +53,10 @@ class Film:
         if self.view not in SPACE_VIEWS:
             raise BadParameter(f"view={self.view!r}; choose from {', '.join(SPACE_VIEWS)}")
 
-    def camera(self, seconds: float) -> Camera:
-        """Return the camera at a time."""
-        mount = {"camera": Mount(), "chase": CHASE, "cockpit": COCKPIT}.get(self.view)
+    def camera(self, seconds: float, size: Float32) -> Camera:
+        """Return the camera at a time, on an object of a size (3,) [m]."""
+        behind = replace(CHASE, x=min(CHASE.x, -size[0] / 2 - 2.5 * size[2]), z=max(CHASE.z, size[2] + 1.8))
+        mount = {"camera": Mount(), "chase": behind, "cockpit": COCKPIT}.get(self.view)
         if mount is None:
             turn = 2.0 * np.pi * seconds / _ORBIT_TIME
             x, y = -_ORBIT_RADIUS * np.cos(turn), -_ORBIT_RADIUS * np.sin(turn)
@@ -66,19 +67,20 @@ class Film:
             supersampling=self.supersampling, own=own, vignette=0.12,
         )  # fmt: skip
 
-    def frames(self, world: World, moments: Sequence[Moment]) -> Iterator[UInt8]:
+    def frames(self, world: World, moments: Sequence[Moment], row: int | None = None) -> Iterator[UInt8]:
         """Yield the pictures (height, width, 3) of moments one timestep apart.
 
         Args:
             world: The scenario.
             moments: Its object states in order, see :func:`recorded_moments` and ``rollout_moments``.
+            row: The object that carries the camera; None for the ego.
         """
-        batch = WorldBatch([world])
-        agents: Int32 = np.array([[0, world.ego]], np.int32)
+        batch, row = WorldBatch([world]), world.ego if row is None else row
+        agents: Int32 = np.array([[0, row]], np.int32)
         for number, moment in enumerate(moments):
             after = moments[min(number + 1, len(moments) - 1)]
             state = _state(world, moment, after)
-            yield self.camera(number * world.dt).frames(batch, state, agents)["rgb"][0]
+            yield self.camera(number * world.dt, world.size[row]).frames(batch, state, agents)["rgb"][0]
 
 
 def recorded_moments(world: World) -> list[Moment]:

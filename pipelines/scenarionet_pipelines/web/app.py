@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import secrets
@@ -9,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
@@ -26,6 +28,7 @@ from scenarionet_data.errors import (
 )
 from scenarionet_pipelines.messages import one_line, shorten
 from scenarionet_pipelines.web import clips
+from scenarionet_pipelines.web.camera_views import SIZES, VIEWS, CameraView
 from scenarionet_pipelines.web.guards import BodyTooLarge, Guard
 from scenarionet_pipelines.web.picture import DARK_PICTURE, PICTURE
 from scenarionet_pipelines.web.question_workers import QuestionWorkers
@@ -67,6 +70,7 @@ class LakeRoutes:
         self._secret = secret
         self._count = len(lake)
         self._scenarios = ScenarioCache(lake)
+        self._camera = asyncio.Semaphore(1)
 
     async def index(self, request: Request) -> Response:  # noqa: ARG002
         """Serve the page, and prepare for its first question."""
@@ -88,6 +92,7 @@ class LakeRoutes:
                 "darkPicture": DARK_PICTURE,
                 "events": TIMELINE_EVENTS,
                 "clips": clips.KINDS,
+                "cameras": {"views": VIEWS, "widths": list(dict(SIZES))},
                 "isWritable": self.is_writable,
                 "secret": self._secret if self.is_writable else None,
             },
@@ -155,6 +160,22 @@ class LakeRoutes:
         content = self._scenarios.clip(_id(request), runs, kind)
         return StreamingResponse(content, media_type="application/octet-stream", headers=_NO_STORE)
 
+    async def camera(self, request: Request) -> Response:
+        """Return what the camera of an object sees; one picture is drawn at a time, and none that nobody waits for."""
+        parameters = request.query_params
+        run, rollout = _rollout(parameters.get("run", ""))
+        view = CameraView(
+            parameters.get("object", ""),
+            parameters.get("view", VIEWS[0]),
+            _number(parameters.get("step", "0"), range(10**6)),
+            _number(parameters.get("width", "480"), range(10**4)),
+        )
+        async with self._camera:
+            if await request.is_disconnected():
+                return Response(status_code=408)
+            content = await run_in_threadpool(self._scenarios.seen, _id(request), run, rollout, view)
+        return Response(content, media_type="image/webp", headers=_NO_STORE if run else _IMMUTABLE)
+
     def thumbnail(self, request: Request) -> Response:
         """Return a small PNG picture of one scenario."""
         parameters = request.query_params
@@ -200,6 +221,7 @@ def make_app(
             Route("/api/runs", routes.runs),
             Route("/api/run", routes.run),
             Route("/api/clip", routes.clip),
+            Route("/api/camera", routes.camera),
             Route("/api/databases", routes.save, methods=["POST"]),
             Mount("/static", StaticFiles(directory=STATIC)),
         ],

@@ -1,9 +1,9 @@
 """Protection against requests from other web pages and other machines; checked for every request.
 
 A foreign page can send requests to this machine, and can resolve its own name to this machine's address (DNS
-rebinding). Therefore the ``Host`` header must be a known name or an IP address, a request that changes something must
-come from our own page and carry its secret, and a ``Content-Security-Policy`` keeps our page from loading anything
-from elsewhere.
+rebinding). Therefore the ``Host`` header must be a known name or an IP address. A request that reads costs work, so it
+must not come from another page, as far as browsers say so; one that changes something must come from our own page and
+carry its secret. A ``Content-Security-Policy`` keeps our page from loading anything from elsewhere.
 """
 
 from __future__ import annotations
@@ -78,16 +78,18 @@ class Guard:
                 raise BodyTooLarge
             return message
 
-        reason = self._refusal(scope["method"], Headers(scope=scope))
+        reason = self._refusal(scope["method"], scope["path"], Headers(scope=scope))
         answer = JSONResponse({"error": reason}, 403) if reason else self._app
         await answer(scope, receive_limited, send_with_headers)
 
-    def _refusal(self, method: str, headers: Headers) -> str | None:
+    def _refusal(self, method: str, path: str, headers: Headers) -> str | None:
         """Reason to reject a request, None to accept it."""
         if not self._is_accepted(headers.get("host", "")):
             return "unknown host name; open the address that `scenarionet browse` printed"
         if method in ("GET", "HEAD"):
-            return None
+            is_own = headers.get("sec-fetch-site", "none") in ("same-origin", "none")  # none: typed, or no browser
+            is_link = path == "/" and headers.get("sec-fetch-dest") == "document"
+            return None if is_own or is_link else "only this server's own page may read"
         origin = headers.get("origin", "")
         if urlsplit(origin).netloc != headers["host"]:
             return "only this server's own page may save"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,17 +12,17 @@ from scenarionet_data.query.statements import check_expression
 from scenarionet_data.query.suggestions import explaining
 from scenarionet_pipelines.web.rows import PageColumn
 
-NUM_BINS = 30
+MAX_BINS = 30
 
 
 @dataclass(frozen=True)
 class Histogram:
-    """Counts of a numeric column in bins of equal width.
+    """Counts of a numeric column in bins whose width is 1, 2 or 5 times a power of ten.
 
     Attributes:
         column: The column.
-        low, high: Limits of the first and of the last bin; None without any value.
-        counts: Scenarios by bin that satisfy the condition; the last bin includes its upper limit.
+        low, high: Limits of the first and of the last bin, multiples of the width; None without any value.
+        counts: Scenarios by bin that satisfy the condition; a bin includes its lower limit.
         missing: Scenarios without a finite value.
     """
 
@@ -53,14 +54,21 @@ def read_histogram(lake: Lake, column: str, where: str, known: Mapping[str, Page
     limits = lake.arrow(f"SELECT min({value}), max({value}) FROM metadata").to_pylist()[0]
     low, high = limits.values()
     if low is None:
-        return Histogram(column, None, None, [0] * NUM_BINS, 0)
-    width = (high - low) / NUM_BINS or 1.0
+        return Histogram(column, None, None, [], 0)
+    width = _rounded_up((high - low) / (MAX_BINS - 1)) if high > low else 1.0
+    first, last = math.floor(low / width), math.floor(high / width)
     query = (
-        f"SELECT least(floor(({value} - $low) / $width), {NUM_BINS - 1})::INTEGER AS bin, count(*) AS n "
+        f"SELECT (floor({value} / $width) - $first)::INTEGER AS bin, count(*) AS n "
         f"FROM metadata WHERE ({where}\n) GROUP BY bin"
     )
     with explaining(where):
-        rows = lake.arrow(query, {"low": low, "width": width}).to_pylist()
+        rows = lake.arrow(query, {"first": first, "width": width}).to_pylist()
     found = {row["bin"]: int(row["n"]) for row in rows}
-    counts = [found.get(number, 0) for number in range(NUM_BINS)]
-    return Histogram(column, low, low + NUM_BINS * width, counts, found.get(None, 0))
+    counts = [found.get(number, 0) for number in range(last - first + 1)]
+    return Histogram(column, first * width, (last + 1) * width, counts, found.get(None, 0))
+
+
+def _rounded_up(width: float) -> float:
+    """Return the next 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(width))
+    return next(power * factor for factor in (1, 2, 5, 10) if power * factor >= width)

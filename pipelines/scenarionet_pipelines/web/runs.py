@@ -20,7 +20,8 @@ from scenarionet_pipelines.web.rows import plain
 _RESULTS = """
     SELECT
         run, rollout, track_id, error, status, outcome_time, success, cost, first_collision, off_road_time,
-        nuplan_score, progress_ratio, mean_speed, min_time_to_collision, is_comfortable, average_displacement
+        nuplan_score, progress_ratio, mean_speed, min_time_to_collision, is_comfortable, average_displacement,
+        (run, rollout) IN (SELECT (run, rollout) FROM rollouts WHERE scenario_id = $scenario_id) AS has_motion
     FROM results WHERE scenario_id = $scenario_id AND error IS NULL ORDER BY run, rollout, track_id
 """
 _ROLLOUTS = """

@@ -1,4 +1,4 @@
-"""Cached scenarios for the browser: thumbnails and packed scenes by scenario id."""
+"""Cached scenarios for the browser: thumbnails, packed scenes and pictures of cameras by scenario id."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.plots import thumbnail
 from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_pipelines.web.camera_views import CameraView, Footage
 from scenarionet_pipelines.web.clips import stream_clip
 from scenarionet_pipelines.web.packing import pack
 from scenarionet_pipelines.web.runs import pack_run, runs_of
@@ -19,6 +20,8 @@ Value = TypeVar("Value")
 _MAX_LOCATIONS = 10_000
 _MAX_THUMBNAILS = 4_000
 _MAX_PACKED = 16
+_MAX_FOOTAGE = 4
+_MAX_SEEN = 500
 
 
 class LruCache(Generic[Value]):
@@ -73,6 +76,8 @@ class ScenarioCache:
         self._locations: LruCache[tuple[ScenarioLoader, int]] = LruCache(_MAX_LOCATIONS)
         self._thumbnails: LruCache[bytes] = LruCache(_MAX_THUMBNAILS)
         self._packed: LruCache[bytes] = LruCache(_MAX_PACKED)
+        self._footage: LruCache[Footage] = LruCache(_MAX_FOOTAGE)
+        self._seen: LruCache[bytes] = LruCache(_MAX_SEEN)
         self._lookup_lock = threading.Lock()
 
     def expect(self, scenario_ids: Sequence[str]) -> None:
@@ -128,6 +133,21 @@ class ScenarioCache:
             ScenarioNotFound: No scenario has that id.
         """
         return stream_clip(self._lake, self._load(scenario_id), runs, kind)
+
+    def seen(self, scenario_id: str, run: str, rollout: int, view: CameraView) -> bytes:
+        """Return what a camera sees in the recording, or in a run if one is named, as a WebP file.
+
+        Raises:
+            ScenarioNotFound: No scenario has that id.
+            BadParameter: The run has no such rollout of it, or the object is not there.
+        """
+        place = scenario_id, run, rollout
+
+        def draw() -> bytes:
+            read = self._footage.get_or(place, lambda: Footage.read(self._lake, self._load(scenario_id), run, rollout))
+            return read.picture(view)
+
+        return self._seen.get_or((place, view), draw)
 
     def _load(self, scenario_id: str) -> ScenarioDescription:
         with self._lookup_lock:  # other requests of the same page wait for the lookup

@@ -35,6 +35,7 @@ PAGES = {
     "gallery": ({"view": "gallery"}, ".gallery tbody tr"),
     "player": ({"runs": "straight,idm", "scenario": True}, "#player .event.crash"),
     "space": ({"runs": "straight", "look": "3d", "scenario": True}, "#player .runs input:checked"),
+    "camera": ({"camera": "chase", "scenario": True}, "#player .seen canvas[aria-label]"),
     "clip": ({"scenario": True, "clip": True}, "#player .runs input"),
 }
 

@@ -142,16 +142,35 @@ def test_player_controls(browser, served):
         box = page.locator("#player canvas").bounding_box()
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         page.wait_for_selector("#player .tip")
-        assert page.inner_text("#player .tip strong") == "t0"
+        assert page.inner_text("#player .tip strong") == "ego"
         assert "10.0 m/s" in page.inner_text("#player .tip")
         page.locator("#player .objects button", has_text="t1").first.click()
-        assert page.inner_text("#player .chosen strong") == "t1"
+        assert page.locator("#player .chosen dd").first.inner_text() == "t1"
         page.select_option("#player select", "4")
         page.get_by_role("button", name="Play", exact=True).click()
         wait_until(page, "document.querySelector('.play').innerText === 'Play'")
         assert step() == scenario.num_timesteps - 1, "it plays to the end, and stops there"
         page.keyboard.press("Escape")
         page.wait_for_selector("tbody tr")
+
+
+def test_next_and_previous_scenario_follow_the_table_over_its_pages(browser, served, lake):
+    order = "SELECT scenario_id FROM metadata WHERE num_objects > 1 ORDER BY ego_distance DESC NULLS LAST, scenario_id"
+    wanted = lake.sql(order)["scenario_id"].to_list()
+    state = {"where": "num_objects > 1", "sort": "ego_distance", "order": "falling", "rows": 25, "scenario": wanted[24]}
+    with visiting(browser, f"{served}/?{urlencode(state)}") as page:
+        page.get_by_role("link", name="Next").click()
+        wait_until(page, "(id) => document.querySelector('#player .id').innerText === id", wanted[25])
+        page.wait_for_selector("#player [rel=prev]")
+        assert "page=2" in page.url, "the table is at the page of the scenario"
+        page.wait_for_selector("#player canvas")
+        page.keyboard.press("v")
+        page.keyboard.press("p")
+        wait_until(page, "(id) => document.querySelector('#player .id').innerText === id", wanted[24])
+        assert "look=3d" in page.url, "the view stays"
+        page.goto(f"{served}/?{urlencode(state | {'scenario': wanted[0]})}")
+        page.wait_for_selector("#player [rel=next]")
+        assert page.locator("#player [rel=prev]").count() == 0
 
 
 @pytest.mark.long

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.fixtures.pages import visiting, wait_until
+from scenarionet_sim import evaluate
+from scenarionet_sim.evaluation.evaluation import plan_evaluation
+from scenarionet_sim.evaluation.references import run_references
+from tests.fixtures.drives import make_drive
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.pages import serving, visiting, wait_until
+from tests.fixtures.waiting import until
 
 pytestmark = pytest.mark.integration
 
@@ -86,11 +92,77 @@ def test_curves_follow_the_selected_object_and_seek(browser, address, parked):
         assert page.inner_text("#player .timeline h2") == "Over time: the ego"
         assert page.locator("#player .now").first.inner_text() == "10.0", "the ego drives at 10 m/s"
         page.locator("#player .objects button", has_text="t1").first.click()
-        assert page.inner_text("#player .timeline h2") == "Over time: t1"
+        assert page.inner_text("#player .timeline h2") == "Over time: vehicle 1"
         assert page.locator("#player .now").first.inner_text() == "0.0", "t1 is parked"
         box = page.locator("#player .curves svg").first.bounding_box()
         page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         wait_until(page, "document.querySelector('#player .time').innerText.startsWith('2.0 / 4.0 s')")
+
+
+def test_axes_end_at_round_numbers(browser, address, driven):
+    (scenario,) = driven.sql("SELECT scenario_id FROM metadata WHERE dataset = 'pg' ORDER BY scenario_id LIMIT 1")[
+        "scenario_id"
+    ]
+    with opened(browser, address, scenario=scenario) as page:
+        page.wait_for_selector("#player .curve", state="attached")
+        shown = page.locator("#player .curves small").all_inner_texts()
+        recording = driven.loader([scenario])[0]
+        speeds = np.hypot(*recording.tracks.velocity[recording.ego_index].T)
+        assert float(shown[0]) >= speeds.max() > float(shown[0]) - 5, "just above all values"
+        assert all(float(text) % 1 == 0 for text in shown), shown
+
+
+def test_events_are_told_in_words(browser, address, parked):
+    with opened(browser, address, scenario=parked, runs="straight") as page:
+        page.wait_for_selector("#player .event.crash")
+        assert page.inner_text("#player .event.crash") == "hits vehicle 1"
+        assert page.locator("#player .objects button").all_inner_texts() == [
+            "ego\nt0",
+            "vehicle 1\nt1",
+            "vehicle 2\nt2",
+        ]
+
+
+def test_references_are_folded_away(browser, tmp_path):
+    lake = write_lake(tmp_path / "lake", [make_drive("free")])
+    evaluate(lake, policy="constant", backend="kinematic", name="mine")
+    run_references(plan_evaluation(lake, None, "constant"))
+    with serving(lake) as address, opened(browser, address, scenario=make_drive("free").id) as page:
+        page.wait_for_selector("#player .runs input")
+        assert page.locator("#player .runs input:visible").count() == 1
+        page.locator("#player .runs summary").click()
+        folded = page.locator("#player .runs details")
+        assert folded.locator("label").all_inner_texts() == ["constant velocity", "random actions", "recording"]
+        assert folded.locator("input").first.is_disabled(), "their motion is not stored"
+
+
+def test_camera_shows_the_selected_object(browser, address, parked):
+    """The picture in the picture is that of the server, changes with time and object, and says why there is none."""
+    with opened(browser, address, scenario=parked, at="1.0") as page:
+        page.wait_for_selector("#player canvas")
+        page.keyboard.press("c")
+
+        def seen():
+            page.wait_for_selector("#player .seen canvas[aria-label]:not(.stale)")
+            return page.evaluate("document.querySelector('#player .seen canvas').toDataURL()")
+
+        first = seen()
+        assert "camera=chase" in page.url
+        page.keyboard.press("ArrowRight")
+        until(lambda: seen() != first, "the picture follows the time")
+        second = seen()
+        page.locator("#player .objects button", has_text="t1").first.click()
+        until(lambda: seen() != second, "the picture follows the selection")
+        assert page.inner_text("#player .seen figcaption span") == "vehicle 1"
+        page.get_by_label("Camera", exact=True).select_option("camera")
+        wait_until(page, "document.querySelector('#player .seen canvas').ariaLabel.startsWith('Its own camera')")
+        page.get_by_role("button", name="Larger").click()
+        wait_until(page, "document.querySelector('#player .seen canvas').width === 960")
+        page.get_by_label("straight", exact=True).check()
+        wait_until(page, "document.querySelector('#player .seen figcaption span').innerText === 'vehicle 1, straight'")
+        page.get_by_role("button", name="Close the camera").click()
+        assert page.locator("#player .seen:visible").count() == 0
+        wait_until(page, "!location.search.includes('camera=')")
 
 
 def test_clip_is_drawn_and_offered(browser, address, parked):
@@ -133,10 +205,10 @@ def test_object_in_space_is_picked_at_its_place(browser, address, parked):
         picture(page)
         page.get_by_role("button", name="Follow").click()
         page.locator("#player .objects button", has_text="t0").first.click()
-        assert page.inner_text("#player .chosen strong") == "t0"
+        assert page.inner_text("#player .chosen strong") == "ego"
         box = page.locator("#player canvas").bounding_box()
         page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-        assert page.inner_text("#player .chosen strong") == "t1"
+        assert page.inner_text("#player .chosen strong") == "vehicle 1"
 
 
 def test_charts_filter_the_table(browser, address, driven):

@@ -92,6 +92,7 @@ PATHS = [
     "/api/scene",
     "/api/thumbnail",
     "/api/databases",
+    "/api/camera",
     "/static/",
     "/static/main.js",
     "/static/../app.py",
@@ -102,7 +103,7 @@ PATHS = [
     "*",
     "http://x/",
 ]
-PARAMETERS = ["where", "sort", "order", "first", "count", "columns", "database", "id", "width", "height", "x"]
+PARAMETERS = ["where", "sort", "order", "first", "count", "columns", "database", "id", "width", "height", "step", "view", "x"]
 METHODS = ["GET", "GET", "GET", "POST", "POST", "HEAD", "PUT", "DELETE", "OPTIONS", "BREW", "get", "G T", ""]
 
 
@@ -133,7 +134,7 @@ def hostile_request(random_: random.Random, host: str, secret: str) -> bytes:
         f"{name}={quote(random_.choice(TEXTS), safe=random_.choice(['', '%', '/:']), errors='surrogatepass')}"
         for name in random_.sample(PARAMETERS, random_.randrange(4))
     ]
-    method, path = random_.choice(METHODS), random_.choice(PATHS[:7] * 3 + PATHS)
+    method, path = random_.choice(METHODS), random_.choice(PATHS[:8] * 3 + PATHS)
     body = hostile_body(random_) if method in ("POST", "PUT") or random_.random() < 0.1 else b""
     headers = [f"Host: {random_.choice([host] * 9 + ['evil.example'])}"]
     if random_.random() < 0.9:

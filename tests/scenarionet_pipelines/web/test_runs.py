@@ -12,7 +12,7 @@ from PIL import Image
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, QueryError
-from scenarionet_pipelines.web.histograms import NUM_BINS, read_histogram
+from scenarionet_pipelines.web.histograms import MAX_BINS, read_histogram
 from scenarionet_pipelines.web.questions import TIMELINE_EVENTS
 from scenarionet_pipelines.web.rows import columns
 from scenarionet_pipelines.web.runs import runs_of
@@ -147,9 +147,13 @@ def test_histogram_counts_every_scenario(driven):
     known = {column.name: column for column in columns(driven)}
     values = driven.sql("SELECT ego_distance FROM metadata")["ego_distance"].to_numpy()
     found = read_histogram(driven, "ego_distance", "true", known)
-    wanted, _ = np.histogram(values, NUM_BINS, (found.low, found.high))
+    wanted, edges = np.histogram(values, len(found.counts), (found.low, found.high))
     assert sum(found.counts) == len(values)
     assert np.abs(np.array(found.counts) - wanted).sum() <= 2, "a value on the edge of a bin may be in either"
+    width = edges[1] - edges[0]
+    assert MAX_BINS / 3 < len(found.counts) <= MAX_BINS
+    assert f"{width:.3e}"[:5] in ("1.000", "2.000", "5.000"), "bins are labelled by round numbers"
+    assert found.low / width == pytest.approx(round(found.low / width))
     part = read_histogram(driven, "ego_distance", "num_objects > 2", known)
     assert (part.low, part.high) == (found.low, found.high)
     assert sum(part.counts) == driven.sql("SELECT count(*) AS n FROM metadata WHERE num_objects > 2")["n"].item()

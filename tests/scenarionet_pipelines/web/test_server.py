@@ -100,6 +100,19 @@ def test_foreign_host_header_is_refused(served):
         assert request(served, "/api/about", Host=host)[0] == 200
 
 
+def test_reading_by_foreign_pages_is_refused(served):
+    """Browsers say where a request comes from; a link to the page is followed, an image or frame of it is not."""
+    paths = ("/api/rows", "/api/camera?id=x", "/api/thumbnail?id=x", "/static/main.js", "/")
+    for path in paths:
+        for site in ("cross-site", "same-site"):
+            status, answer = said(request(served, path, Sec_Fetch_Site=site, Sec_Fetch_Dest="image"))
+            assert (status, answer["error"]) == (403, "only this server's own page may read")
+    assert request(served, "/?scenario=x", Sec_Fetch_Site="cross-site", Sec_Fetch_Dest="document")[0] == 200
+    assert request(served, "/api/rows", Sec_Fetch_Site="cross-site", Sec_Fetch_Dest="document")[0] == 403
+    for site in ("same-origin", "none"):
+        assert request(served, "/api/rows", Sec_Fetch_Site=site, Sec_Fetch_Dest="empty")[0] == 200
+
+
 def test_filter_errors_have_a_position(served):
     status, answer = said(request(served, "/api/rows?where=" + quote("num_objects > 1 AND ego_dist > 3")))
     assert (status, answer["character"]) == (400, 21)

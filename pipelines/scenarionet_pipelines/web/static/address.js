@@ -14,13 +14,14 @@ const defaults = {
   follow: "",
   runs: "",
   look: "",
+  camera: "",
   view: "",
   charts: "",
   ranges: "",
 };
 
 // What belongs to one scenario: the time [s], the selected object and whether the view follows it.
-// The runs beside it and whether it is seen in space stay when the next scenario is opened.
+// The runs beside it, the camera and whether it is seen in space stay when the next scenario is opened.
 export const elsewhere = { at: "", object: "", follow: "" };
 
 export function read() {

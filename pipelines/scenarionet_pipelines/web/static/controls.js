@@ -31,6 +31,7 @@ export function controls(player, layers, hasSpace) {
     steps.textContent = ` · step ${now} of ${last}`;
     view.follow.setAttribute("aria-pressed", String(player.stage?.follows ?? false));
     view.space.setAttribute("aria-pressed", String(player.isInSpace ?? false));
+    view.camera.setAttribute("aria-pressed", String(Boolean(player.camera.view)));
   };
   play.disabled = last === 0;
   update();
@@ -53,6 +54,7 @@ function viewButtons(player, hasSpace) {
   const words3d = hasSpace ? "Show the scenario in space (V)" : "This browser has no WebGL 2, which the view in space needs";
   const space = button("3-D", words3d, () => player.look(player.isInSpace ? "" : "3d"));
   space.disabled = !hasSpace;
+  const camera = button("Camera", "Show what a camera sees from the selected object or the ego (C)", () => player.toggleCamera());
   const element = make(
     "div", { class: "view" },
     button("+", "Zoom in (+)", () => zoom(1.4)),
@@ -61,6 +63,7 @@ function viewButtons(player, hasSpace) {
     button("All", "Show the whole scenario", () => player.stage.fitAll()),
     follow,
     space,
+    camera,
   );
-  return { element, follow, space };
+  return { element, follow, space, camera };
 }

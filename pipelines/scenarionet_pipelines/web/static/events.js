@@ -1,11 +1,27 @@
 // Events of the recording, asked for one kind at a time, so that the first appear soon.
 
+import { words } from "/static/format.js";
 import { getJson } from "/static/server.js";
+
+const deeds = {
+  crash: "hits", cut_in: "cuts in before", following: "follows", hard_acceleration: "accelerates hard", hard_braking: "brakes hard",
+  jaywalking: "crosses off the crosswalk", lane_change: "changes lane", near_miss: "nearly hits", off_road: "is off the road",
+  out_of_road: "leaves the road", overtaking: "overtakes", pedestrian_crossing: "crosses before", post_encroachment_time: "crosses the path of",
+  red_light_running: "runs a red light", stationary_lead: "is behind the standing", stop_at_red: "waits at red", success: "arrives",
+  time_to_collision: "is on collision course with", timeout: "is out of time", turn_left: "turns left", turn_right: "turns right",
+  u_turn: "turns around", unprotected_left: "turns left before",
+};
 
 let kinds = [];
 
 export function startEvents(lake) {
   kinds = lake.events;
+}
+
+// What happens, in words: "vehicle 2 overtakes ego"; the ego is not named as the one who acts.
+export function told({ kind, track, other }, scene) {
+  const [who, whom] = [track, other].map((id) => scene.names[scene.objects.findIndex((object) => object.id === id)]);
+  return [who === "ego" ? null : who, deeds[kind] ?? words(kind), whom].filter(Boolean).join(" ");
 }
 
 // Call `onFound` with the events of each kind; returns what stops the search.

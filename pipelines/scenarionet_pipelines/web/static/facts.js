@@ -14,8 +14,9 @@ export function objectFacts(scene, row, step) {
   const size = [...scene.size.subarray(3 * row, 3 * row + 3)].map((side) => side.toFixed(1)).join(" × ");
   const marks = [row === scene.ego ? "ego" : "", object.interesting ? "of interest" : "", object.predicted ? "to predict" : ""].filter(Boolean);
   return {
-    title: object.id,
+    title: scene.names[row],
     terms: [
+      ["id", object.id],
       ["type", words(object.type) + (object.source ? ` (${object.source})` : "")],
       ["marked", marks.join(", ")],
       ["speed", isThere ? `${scene.speed(row, step).toFixed(1)} m/s` : "not visible now"],

@@ -19,6 +19,14 @@ export function plural(count, noun) {
   return `${whole.format(count)} ${noun}${count === 1 ? "" : "s"}`;
 }
 
+// Limits around values that are multiples of 1, 2 or 5 times a power of ten.
+export function rounded(least, most) {
+  const rough = (most - least) / 4 || 1;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const unit = power * [1, 2, 5, 10].find((factor) => factor * power >= rough);
+  return [Math.floor(least / unit + 1e-9) * unit, Math.ceil(most / unit - 1e-9) * unit];
+}
+
 // Readable name of a type: TRAFFIC_CONE -> traffic cone.
 export function words(name) {
   return name ? name.toLowerCase().replaceAll("_", " ") : "unknown";

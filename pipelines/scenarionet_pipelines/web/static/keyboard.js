@@ -20,6 +20,9 @@ export function press(player, event) {
     0: () => player.stage.fitRoute(),
     f: () => player.follow(!player.stage.follows),
     v: () => player.look(player.isInSpace ? "" : "3d"),
+    p: () => document.querySelector("#player .beside [rel=prev]")?.click(),
+    n: () => document.querySelector("#player .beside [rel=next]")?.click(),
+    c: () => player.toggleCamera(),
     Escape: () => player.onEnd(),
   };
   if (!isButton) moves[" "] = () => player.toggle();

@@ -12,7 +12,6 @@ import { getJson } from "/static/server.js";
 import { startTable, showTable } from "/static/table.js";
 
 let lake;
-let listed = [];
 
 async function show(state) {
   const isPlaying = Boolean(state.scenario);
@@ -24,12 +23,10 @@ async function show(state) {
   find("database").value = state.database;
   showProblem(null);
   if (isPlaying) {
-    await openPlayer(lake, state, listed, go);
+    await openPlayer(lake, state, go);
   } else {
     closePlayer();
-    const shown = await showTable(lake, state, showProblem);
-    if (!shown) return;
-    listed = shown;
+    if (!(await showTable(lake, state, showProblem))) return;
     await showHistograms(state, go);
   }
 }

@@ -127,7 +127,7 @@ export class ObjectLayer {
       const px = camera.width / 2 + (box.x - camera.x) * camera.scale + 6;
       const py = camera.height / 2 - (box.y - camera.y) * camera.scale - 6;
       if (px < 0 || py < 0 || px > camera.width || py > camera.height) continue;
-      const name = this.scene.objects[row].id.slice(0, 12);
+      const name = this.scene.names[row];
       context.strokeText(name, px, py);
       context.fillText(name, px, py);
     }

@@ -1,17 +1,19 @@
 // The player: one scenario on a canvas, with controls, layers and properties.
 
 import * as address from "/static/address.js";
+import { CameraView } from "/static/camera_view.js";
 import { Clock } from "/static/clock.js";
 import { askClip } from "/static/clip.js";
 import { controls } from "/static/controls.js";
 import { find, make, fill } from "/static/elements.js";
 import { described, featureFacts, objectFacts, scenarioFacts } from "/static/facts.js";
-import { plural, words } from "/static/format.js";
+import { plural } from "/static/format.js";
 import { press } from "/static/keyboard.js";
 import { Legend } from "/static/legend.js";
 import { Runs } from "/static/runs.js";
 import { unpack } from "/static/scene.js";
 import { getBytes, getJson } from "/static/server.js";
+import { beside } from "/static/table.js";
 import { Stage } from "/static/stage.js";
 import { hasSpace, Space } from "/static/space.js";
 import { Timeline } from "/static/timeline.js";
@@ -25,12 +27,11 @@ export function closePlayer() {
   fill(find("player"));
 }
 
-// Open a scenario; `listed` are the ids on the current page of the table.
-export async function openPlayer(lake, state, listed, go) {
+export async function openPlayer(lake, state, go) {
   closePlayer();
   const id = state.scenario;
-  const back = address.href({ ...state, ...address.elsewhere, scenario: "" });
-  fill(find("player"), head(state, id, back, listed), make("p", { class: "nothing", role: "status" }, "Loading…"));
+  const bar = head(state);
+  fill(find("player"), bar, make("p", { class: "nothing", role: "status" }, "Loading…"));
   let scene;
   let facts;
   try {
@@ -38,26 +39,24 @@ export async function openPlayer(lake, state, listed, go) {
     const [bytes, row] = await Promise.all([getBytes("/api/scene", asked), getJson("/api/facts", { id })]);
     [scene, facts] = [unpack(bytes), row];
   } catch (error) {
-    if (address.read().scenario === id) fill(find("player"), head(state, id, back, listed), make("p", { class: "problem", role: "alert" }, error.message));
+    if (address.read().scenario === id) fill(find("player"), bar, make("p", { class: "problem", role: "alert" }, error.message));
     return;
   }
   if (address.read().scenario !== id) return; // another scenario was opened in the meantime
-  playing = new Player(lake, scene, facts, head(state, id, back, listed), () => go({ ...address.elsewhere, scenario: "" }));
+  playing = new Player(lake, scene, facts, bar, () => go({ ...address.elsewhere, scenario: "" }));
   playing.restore(state);
 }
 
-function head(state, id, back, listed) {
-  const place = listed.indexOf(id);
-  const beside = (step, label, words) => {
-    const other = place < 0 ? undefined : listed[place + step];
-    return other ? make("a", { class: "button", href: address.href({ ...state, ...address.elsewhere, scenario: other }), "aria-label": words }, label) : null;
+function head(state) {
+  const links = make("span", { class: "beside" });
+  const link = (rel, label, other) => {
+    const target = () => address.href({ ...address.read(), ...address.elsewhere, ...other }); // with what was chosen meanwhile
+    return other && make("a", { class: "button", rel, href: target(), onclick: (event) => { event.currentTarget.href = target(); } }, label);
   };
-  return make(
-    "div", { class: "bar" },
-    make("a", { class: "button", href: back }, "‹ All scenarios"),
-    make("h1", { class: "id" }, id),
-    make("span", { class: "beside" }, beside(-1, "‹", "Previous scenario"), beside(1, "›", "Next scenario")),
-  );
+  const show = ([previous, next]) => fill(links, link("prev", "‹ Previous", previous), link("next", "Next ›", next));
+  beside(state).then(show, () => {}); // without links if the filter of the address is wrong
+  const back = address.href({ ...state, ...address.elsewhere, scenario: "" });
+  return make("div", { class: "bar" }, make("a", { class: "button", href: back }, "‹ All scenarios"), make("h1", { class: "id" }, state.scenario), links);
 }
 
 class Player {
@@ -69,6 +68,7 @@ class Player {
     this.tip = make("div", { class: "tip", "aria-hidden": "true", hidden: true });
     this.chosen = make("div", { class: "chosen", "aria-live": "off" });
     this.runs = new Runs(scene, this.style, () => this.runsChanged());
+    this.camera = new CameraView(lake, scene, this.runs, () => { this.controls.update(); this.remember(); });
     this.controls = controls(this, layers, hasSpace());
     this.legend = new Legend(this.style, scene);
     this.timeline = new Timeline(scene, this.style, this.runs, (time) => this.seek(time), (row) => { this.pick(row); this.remember(); });
@@ -80,7 +80,7 @@ class Player {
       make("details", { open: true }, make("summary", {}, plural(scene.numObjects, "object")), this.objectList()),
       make("details", {}, make("summary", {}, "Scenario"), scenarioFacts(lake, facts)),
     );
-    const screen = make("div", { class: "screen" }, this.picture, this.controls.bar, this.timeline.element);
+    const screen = make("div", { class: "screen" }, make("div", { class: "views" }, this.picture, this.camera.element), this.controls.bar, this.timeline.element);
     fill(find("player"), bar, make("div", { class: "stage" }, screen, side));
     this.sized = new ResizeObserver(() => this.stage.resize());
     this.look("");
@@ -119,12 +119,13 @@ class Player {
   }
 
   // Show the time, the object, the view and the runs of an address.
-  restore({ at, object, follow, look, runs }) {
+  restore({ at, object, follow, look, camera, runs }) {
     const row = this.scene.objects.findIndex(({ id }) => id === object);
     if (row >= 0) this.pick(row);
     this.wanted = { at: at !== "" && Number.isFinite(Number(at)) ? Number(at) : null, runs };
     if (this.wanted.at !== null) this.clock.set(this.wanted.at);
     if (look) this.look(look);
+    if (camera) this.camera.choose(camera);
     if (follow) this.follow(true);
     this.changed();
     this.runs.load(runs.split(",").filter(Boolean));
@@ -154,6 +155,7 @@ class Player {
       object: row < 0 || row === scene.ego ? "" : scene.objects[row].id,
       follow: stage.follows ? "1" : "",
       look: this.isInSpace ? "3d" : "",
+      camera: this.camera.view,
       runs: this.wanted?.runs ?? this.runs.keys.join(","),
     });
   }
@@ -170,6 +172,7 @@ class Player {
     const wasRunning = this.clock.isRunning;
     this.clock.tick(now);
     this.stage.paint(now, wasRunning);
+    this.camera.show(this.row, this.clock.time);
     if (wasRunning) this.showTime();
     if (wasRunning && !this.clock.isRunning) this.remember();
     this.frame = requestAnimationFrame((next) => this.run(next));
@@ -208,9 +211,18 @@ class Player {
     this.changed();
   }
 
+  toggleCamera() {
+    this.camera.choose(this.camera.view ? "" : this.lake.cameras.views[0]);
+  }
+
   follow(isFollowed) {
     this.stage.follow(isFollowed);
     this.remember();
+  }
+
+  // The selected object or the ego.
+  get row() {
+    return this.stage.objects.selected < 0 ? this.scene.ego : this.stage.objects.selected;
   }
 
   pick(row) {
@@ -247,8 +259,7 @@ class Player {
     const rows = [...this.scene.objects.keys()].sort((a, b) => (b === this.scene.ego) - (a === this.scene.ego));
     this.buttons = new Map();
     const items = rows.map((row) => {
-      const object = this.scene.objects[row];
-      const button = make("button", { type: "button", onclick: () => { this.pick(row); this.remember(); } }, make("span", {}, object.id), make("small", {}, row === this.scene.ego ? "ego" : words(object.type)));
+      const button = make("button", { type: "button", onclick: () => { this.pick(row); this.remember(); } }, make("span", {}, this.scene.names[row]), make("small", {}, this.scene.objects[row].id));
       this.buttons.set(row, button);
       return make("li", {}, button);
     });

@@ -7,9 +7,17 @@ import { getBytes, getJson } from "/static/server.js";
 
 export const most = 3;
 
+const references = { replay: "recording", constant: "constant velocity", random: "random actions" };
+
 // Name of a rollout in addresses, and for people.
 function keyOf({ run, rollout }) {
   return rollout ? `${run}:${rollout}` : run;
+}
+
+// What a run is compared with by `scenarionet sim`, in words; undefined for other runs.
+function referenceOf({ run, rollout }) {
+  const name = references[run.match(/^reference-(\w+)-[0-9a-f]{12}$/)?.[1]];
+  return name && (rollout ? `${name}, ${rollout + 1}` : name);
 }
 
 export class Runs {
@@ -58,21 +66,30 @@ export class Runs {
 
   describe() {
     if (!this.listed.length) return fill(this.element, make("p", {}, "No run of this scenario yet. Simulate it with ", make("code", {}, "scenarionet sim"), "."));
-    const items = [...new Map(this.listed.map((result) => [keyOf(result), result]))].map(([key, result]) => this.item(key, result));
-    fill(this.element, make("p", {}, `Shown beside the recording, up to ${most} at a time.`), make("ul", {}, ...items));
+    const results = [...new Map(this.listed.map((result) => [keyOf(result), result])).values()];
+    const list = (listed) => make("ul", {}, ...listed.map((result) => this.item(keyOf(result), result)));
+    const folded = results.filter(referenceOf);
+    const isOpen = this.element.querySelector("details")?.open ?? false;
+    fill(
+      this.element,
+      make("p", {}, `Shown beside the recording, up to ${most} at a time.`),
+      list(results.filter((result) => !referenceOf(result))),
+      folded.length ? make("details", { open: isOpen }, make("summary", {}, "References"), list(folded)) : null,
+    );
   }
 
   item(key, result) {
     const run = this.shown.find((each) => each.key === key);
-    const box = make("input", { type: "checkbox", checked: Boolean(run), disabled: !run && this.shown.length >= most });
+    const box = make("input", { type: "checkbox", checked: Boolean(run), disabled: !result.has_motion || (!run && this.shown.length >= most) });
     box.addEventListener("change", () => this.toggle(key, box.checked));
     const sample = make("span", { class: "sample" });
     if (run) sample.style.background = run.color;
     const crashes = result.cost ? plural(result.cost, "crash").replace("crashs", "crashes") : "no crash";
     const score = result.nuplan_score === null ? "" : ` · nuPlan ${number(result.nuplan_score)}`;
+    const stored = result.has_motion ? "" : " · motion not stored";
     return make(
-      "li", {}, make("label", {}, box, sample, make("span", {}, key)),
-      make("small", {}, `${cell(result.status).replaceAll("_", " ")} · ${crashes}${score}`),
+      "li", {}, make("label", {}, box, sample, make("span", {}, referenceOf(result) ?? key)),
+      make("small", {}, `${cell(result.status).replaceAll("_", " ")} · ${crashes}${score}${stored}`),
     );
   }
 }

@@ -1,5 +1,7 @@
 // A scenario, and runs of it, in the binary format of pipelines/scenarionet_pipelines/web/packing.py.
 
+import { words } from "/static/format.js";
+
 const kinds = { float32: Float32Array, float64: Float64Array, int32: Int32Array, uint8: Uint8Array };
 const reach = 0.25; // [s] accelerations are differences of the speed over twice this time
 
@@ -102,6 +104,12 @@ class Scene extends Motion {
   constructor(content) {
     super(content);
     this.numObjects = this.objects.length;
+    const counts = {};
+    this.names = this.objects.map(({ type }, row) => {
+      if (row === this.ego) return "ego";
+      counts[type] = (counts[type] ?? 0) + 1;
+      return `${words(type)} ${counts[type]}`;
+    });
   }
 
   // First and last valid timestep of an object.

@@ -34,7 +34,17 @@ export function startTable(lake, go) {
   startChooser(lake, go);
 }
 
-// Show a page of the table; returns its ids, or null if a newer request has replaced it.
+// The scenarios before and after one in the order of the table, each with its page: [previous, next], or less at an end.
+export async function beside(state) {
+  const { database, sort, order, page, rows } = state;
+  const first = Math.max(0, (page - 1) * rows - 1); // one more than the page, at either end
+  const found = await getJson("/api/rows", { where: conditionOf(state), database, sort, order, first, count: Math.min(rows + 2, 200), columns: "" });
+  const place = found.rows.findIndex((row) => row.scenario_id === state.scenario);
+  if (place < 0) return [];
+  return [place - 1, place + 1].map((other) => found.rows[other] && { scenario: found.rows[other].scenario_id, page: Math.floor((first + other) / rows) + 1 });
+}
+
+// Show a page of the table; returns false if a newer request has replaced it.
 export async function showTable(lake, state, showProblem) {
   asking?.abort();
   forgetPictures();
@@ -52,7 +62,7 @@ export async function showTable(lake, state, showProblem) {
     found = await getJson("/api/rows", parameters, mine.signal);
   } catch (error) {
     if (error.name !== "AbortError") showProblem(error);
-    return null;
+    return false;
   } finally {
     clearTimeout(patience);
     if (mine === asking) find("table").removeAttribute("aria-busy");
@@ -62,7 +72,7 @@ export async function showTable(lake, state, showProblem) {
   fill(find("table").tBodies[0], ...found.rows.map((row) => tableRow(lake, state, columns, row)));
   showPages(found, state);
   find("table").dataset.where = state.where; // marks the finished request, for tests
-  return found.rows.map((row) => row.scenario_id);
+  return true;
 }
 
 function showHead(columns, state) {

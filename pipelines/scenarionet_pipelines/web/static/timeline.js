@@ -1,8 +1,8 @@
 // Below the controls: speed and acceleration of an object over time, and what happens, beside a cursor at the time.
 
-import { events as eventsOf } from "/static/events.js";
+import { events as eventsOf, told } from "/static/events.js";
 import { fill, make } from "/static/elements.js";
-import { words } from "/static/format.js";
+import { rounded } from "/static/format.js";
 
 const svg = "http://www.w3.org/2000/svg";
 const wide = 1000; // units of a plot; it is stretched to its element
@@ -65,7 +65,7 @@ export class Timeline {
   show(row) {
     this.row = row < 0 ? this.scene.ego : row;
     this.duration = Math.max(this.scene.duration, this.runs.duration);
-    this.subject.textContent = this.row === this.scene.ego ? "the ego" : this.scene.objects[this.row].id;
+    this.subject.textContent = this.row === this.scene.ego ? "the ego" : this.scene.names[this.row];
     this.curves = [{ name: "recording", motion: this.scene, color: this.color() }, ...this.runs.shown.map((run) => ({ name: run.key, motion: run, color: run.color }))];
     for (const plot of this.plots) this.draw(plot);
     this.showEvents();
@@ -78,14 +78,13 @@ export class Timeline {
   draw(plot) {
     plot.series = this.curves.map(({ motion }) => plot.values(motion, this.row));
     const known = plot.series.flatMap((values) => [...values]).filter((value) => !Number.isNaN(value));
-    const least = Math.min(plot.least[0], ...known);
-    const most = Math.max(plot.least[1], ...known);
+    const [least, most] = rounded(Math.min(plot.least[0], ...known), Math.max(plot.least[1], ...known));
     const y = (value) => high - margin - ((value - least) / (most - least)) * (high - 2 * margin);
     const lines = this.curves.map(({ motion, color }, place) => this.line(motion.time, plot.series[place], y, color, place));
     const zero = path(`M0 ${y(0)}H${wide}`, "zero");
     fill(plot.picture, zero, ...lines);
-    plot.picture.setAttribute("aria-label", `${plot.name} of ${this.subject.textContent} over ${this.duration.toFixed(1)} s, from ${least.toFixed(1)} to ${most.toFixed(1)} ${plot.unit}: ${this.curves.map(({ name }) => name).join(", ")}`);
-    [plot.upper.textContent, plot.lower.textContent] = [most.toFixed(0), least.toFixed(0)];
+    plot.picture.setAttribute("aria-label", `${plot.name} of ${this.subject.textContent} over ${this.duration.toFixed(1)} s, on an axis from ${least} to ${most} ${plot.unit}: ${this.curves.map(({ name }) => name).join(", ")}`);
+    [plot.upper.textContent, plot.lower.textContent] = [most, least];
   }
 
   line(time, values, y, color, place) {
@@ -128,13 +127,13 @@ export class Timeline {
   eventRow(name, color, found, width) {
     const ends = []; // where each lane is free again [pixel]
     const marks = [...found].sort((a, b) => a.first - b.first).map((event) => {
-      const text = words(event.kind);
+      const text = told(event, this.scene);
       const size = Math.max(24, 16 + lettering * text.length);
       const left = Math.min((event.first / (this.duration || 1)) * width, width - size);
       let lane = ends.findIndex((end) => end <= left);
       if (lane < 0) lane = ends.push(0) - 1;
       ends[lane] = left + size + 3;
-      const said = `${text}${event.other ? `: ${event.other}` : ""}, ${event.first.toFixed(1)}${event.last > event.first ? ` to ${event.last.toFixed(1)}` : ""} s`;
+      const said = `${text}, ${event.first.toFixed(1)}${event.last > event.first ? ` to ${event.last.toFixed(1)}` : ""} s`;
       const mark = make("button", { type: "button", class: `event ${event.kind}`, title: said, "aria-label": said, onclick: () => this.open(event) }, text);
       mark.style.left = `${left}px`;
       mark.style.top = `${27 * lane}px`;
