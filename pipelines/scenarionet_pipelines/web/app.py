@@ -12,7 +12,7 @@ from pathlib import Path
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
@@ -172,7 +172,7 @@ class LakeRoutes:
         )
         async with self._camera:
             if await request.is_disconnected():
-                return Response(status_code=408)
+                raise ClientDisconnect
             content = await run_in_threadpool(self._scenarios.seen, _id(request), run, rollout, view)
         return Response(content, media_type="image/webp", headers=_NO_STORE if run else _IMMUTABLE)
 
@@ -226,7 +226,11 @@ def make_app(
             Mount("/static", StaticFiles(directory=STATIC)),
         ],
         middleware=[Middleware(Guard, names=names, secret=secret)],
-        exception_handlers={ScenarioNetError: _error_response, OSError: _error_response},
+        exception_handlers={
+            ScenarioNetError: _error_response,
+            OSError: _error_response,
+            ClientDisconnect: lambda request, error: Response(status_code=408),  # noqa: ARG005  # to nobody
+        },
     )
 
 

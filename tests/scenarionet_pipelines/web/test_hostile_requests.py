@@ -103,7 +103,21 @@ PATHS = [
     "*",
     "http://x/",
 ]
-PARAMETERS = ["where", "sort", "order", "first", "count", "columns", "database", "id", "width", "height", "step", "view", "x"]
+PARAMETERS = [
+    "where",
+    "sort",
+    "order",
+    "first",
+    "count",
+    "columns",
+    "database",
+    "id",
+    "width",
+    "height",
+    "step",
+    "view",
+    "x",
+]
 METHODS = ["GET", "GET", "GET", "POST", "POST", "HEAD", "PUT", "DELETE", "OPTIONS", "BREW", "get", "G T", ""]
 
 
