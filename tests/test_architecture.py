@@ -17,8 +17,8 @@ TOP = {
 }  # fmt: skip
 ALSO_ALLOWED = {"CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "SECURITY.md", "mkdocs.yml", ".github"}
 LAYERS = (
-    "errors", "version", "public_names", "cards", "compiled", "arrays", "schema", "scenario", "building",
-    "statistics", "codec", "ingest", "procedural", "converters", "execution", "interchange", "storage",
+    "errors", "version", "public_names", "cards", "optional_imports", "compiled", "arrays", "schema", "scenario",
+    "building", "statistics", "codec", "ingest", "procedural", "converters", "execution", "interchange", "storage",
     "databases", "query", "operations", "loader", "samples", "forecasts", "quality", "packs", "export",
     "publishing", "maintenance", "conversion", "variations", "lake", "plots", "display", "testing",
 )  # fmt: skip

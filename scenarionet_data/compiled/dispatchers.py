@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import gc
 import importlib
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from types import ModuleType
-from typing import Any, NoReturn, cast
+from typing import Any, NoReturn
 
 from numba import njit, types
 from numba.core import registry
@@ -20,6 +18,7 @@ from numba.core import registry
 from scenarionet_data.compiled.announcing import Compilation, compilations
 from scenarionet_data.compiled.compiler import loop_compiler
 from scenarionet_data.compiled.kernel_cache import KernelCache
+from scenarionet_data.optional_imports import hidden
 
 _njit: Any = njit  # Numba's types omit options and internals
 _numba_types: Any = types
@@ -93,16 +92,8 @@ def _load_array_functions() -> None:
 
     They import ``scipy.linalg`` if they find it, which takes 0.3 s, to have another ``np.cov`` and ``np.corrcoef``.
     """
-    blas = "scipy.linalg.cython_blas"
-    if _ARRAY_FUNCTIONS not in sys.modules and blas not in sys.modules:
-        sys.modules[blas] = cast(ModuleType, None)  # not found by an import
-        try:
-            importlib.import_module(_ARRAY_FUNCTIONS)
-        finally:
-            del sys.modules[blas]
-
-
-_ARRAY_FUNCTIONS = "numba.np.arraymath"
+    with hidden("scipy.linalg", "scipy.linalg.cython_blas"):
+        importlib.import_module("numba.np.arraymath")
 
 
 @contextmanager

@@ -18,7 +18,6 @@ from scenarionet_data.databases import record as records
 from scenarionet_data.databases import user_columns as user_column_records
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFound
-from scenarionet_data.query.engine import Engine, Rows
 from scenarionet_data.query.members import count_changed, locate
 from scenarionet_data.query.named_sql import ANALYTICS
 from scenarionet_data.query.views import FILE_TABLES, table_files
@@ -30,6 +29,8 @@ from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 if TYPE_CHECKING:
     import polars as pl
+
+    from scenarionet_data.query.engine import Engine, Rows
 
 
 class StaleDatabaseWarning(UserWarning):
@@ -102,6 +103,8 @@ class LakeView:
     @cached_property
     def engine(self) -> Engine:
         """Connection that runs the queries, opened on first use."""
+        from scenarionet_data.query.engine import Engine  # here: a loader needs no DuckDB
+
         return Engine(
             self.files,
             self.snapshot,
@@ -208,14 +211,15 @@ class LakeView:
         rows = f"SELECT * EXCLUDE ({', '.join(ADDRESS_COLUMNS)}) FROM metadata"
         is_last = "source_scenario_id = $id OR ends_with(scenario_id, '/' || $id)"
         for matches in ("scenario_id = $id", is_last, "contains(scenario_id, $id)"):
-            found = self.sql(f"{rows} WHERE {matches} ORDER BY scenario_id LIMIT 3", {"id": scenario_id})
+            found = self.arrow(f"{rows} WHERE {matches} ORDER BY scenario_id LIMIT 3", {"id": scenario_id})
             if len(found):
                 break
         if len(found) != 1:
-            ids = ", ".join(found["scenario_id"])
+            ids = ", ".join(found["scenario_id"].to_pylist())
             remedy = f"did you mean {ids}?" if ids else "SELECT scenario_id FROM metadata lists them all"
             raise ScenarioNotFound(f"{self.root}: no one scenario {scenario_id!r} in this snapshot; {remedy}")
-        return found.row(0, named=True)
+        described: dict[str, Any] = found.to_pylist()[0]
+        return described
 
     def __len__(self) -> int:
         return int(self.engine.arrow("SELECT count(*) FROM metadata")[0][0].as_py())

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pyarrow as pa
 
 from scenarionet_data.databases.record import DatabaseRecord
-from scenarionet_data.query.engine import Engine, Rows
 from scenarionet_data.query.statements import quoted
 from scenarionet_data.schema.tables import DESCRIPTION_COLUMNS
 from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
+
+if TYPE_CHECKING:
+    from scenarionet_data.query.engine import Engine, Rows
 
 
 def relation(database: DatabaseRecord, table: str = "selected") -> tuple[str, dict[str, Rows]]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any
-
-import duckdb
+from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.errors import QueryError, UnsafeSql
+
+if TYPE_CHECKING:  # imported where it is used: loaders need the rest of this file only
+    import duckdb
 
 
 def only_select(connection: duckdb.DuckDBPyConnection, sql: str, given: Mapping[str, Any]) -> str:
@@ -31,7 +32,7 @@ def only_select(connection: duckdb.DuckDBPyConnection, sql: str, given: Mapping[
     if len(statements) != 1:
         raise UnsafeSql(f"wanted one SELECT, found {len(statements)} statements")
     kind = statements[0].type
-    if kind != duckdb.StatementType.SELECT:
+    if kind.name != "SELECT":
         raise UnsafeSql(f"wanted one SELECT, found {kind.name}: a query only reads the lake")
     missing = sorted(statements[0].named_parameters - given.keys())
     if missing:
@@ -46,6 +47,8 @@ def check_expression(where: str) -> None:
     Raises:
         UnsafeSql: It is not one expression; the message is from DuckDB.
     """
+    import duckdb
+
     _check_text(where)
     try:
         duckdb.SQLExpression(where)
@@ -74,6 +77,8 @@ def error_position(sql: str, before: str = "") -> str:
         sql: The user's SQL.
         before: SQL that completes it to a statement.
     """
+    import duckdb
+
     connection = duckdb.connect(config={"enable_external_access": False})  # parsing may read files
     connection.execute("SET errors_as_json = true")
     try:

@@ -19,7 +19,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data.errors import SchemaMismatch
+from scenarionet_data.optional_imports import leave_pandas_out
 from scenarionet_data.schema.package_data import SCHEMAS
+
+leave_pandas_out()  # here, as all tables have a schema
 
 CONTENT = ("metadata", "tracks", "lights", "maps", "quarantine", "defects")
 TABLES = (

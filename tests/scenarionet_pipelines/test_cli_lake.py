@@ -265,3 +265,9 @@ def test_quantities_are_formatted():
 def test_json_has_no_nan(capsys):
     print_json({"a": float("nan"), "b": [float("inf")], "c": {"d": {1}}})
     assert json.loads(capsys.readouterr().out) == {"a": None, "b": [None], "c": {"d": [1]}}
+
+
+def test_sql_asks_to_cast_what_cannot_be_printed(lake):
+    result = run("sql", lake, "SELECT '2020-01-01 00:00:00.000000001'::TIMESTAMP_NS")
+    assert result.exit_code == 2
+    assert "cast it to VARCHAR" in result.stderr

@@ -6,8 +6,11 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
+
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.storage.files.places import local_path
+from scenarionet_pipelines.cli.output import count
 
 if TYPE_CHECKING:
     import polars as pl
@@ -27,7 +30,7 @@ def check_suffix(path: str, option: str) -> None:
 
 
 def write_table(rows: pl.DataFrame, path: str) -> None:
-    """Write rows to a file in the format of its suffix."""
+    """Write rows to a file in the format of its suffix, and say how many."""
     suffix = Path(path).suffix
     if suffix == ".parquet":
         rows.write_parquet(path)
@@ -35,6 +38,7 @@ def write_table(rows: pl.DataFrame, path: str) -> None:
         flat(rows).write_csv(path)
     else:
         rows.write_json(path)
+    click.echo(f"{count(len(rows), 'row')} in {path}", err=True)
 
 
 def flat(rows: pl.DataFrame) -> pl.DataFrame:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Union, get_args, get_origin, ge
 import click
 
 from scenarionet_pipelines.cli.deprecated import current_options
-from scenarionet_pipelines.cli.pandas_free import leave_pandas_out
 
 if TYPE_CHECKING:
     from scenarionet_pipelines.cli.execution import Execution
@@ -193,8 +192,6 @@ class VerbCommand(click.Command):
         """Run the verb with the parsed values."""
         verb = self.kind()
         vars(verb).update(given)
-        if isinstance(verb, LakeVerb) and not isinstance(verb, Distributed):  # the others may run code of users
-            leave_pandas_out()
         click.get_current_context().exit(1 if verb.run() is False else 0)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

@@ -50,7 +50,7 @@ from scenarionet_sim.cameras.draw.structures import (
 )
 from scenarionet_sim.cameras.draw.vertices import place_vertices
 
-SPIN, STEER, SWING, COS, SIN, NUM_BOX = 7, 8, 9, 10, 11, 12
+SPIN, STEER, COS, SIN, NUM_BOX = 7, 8, 9, 10, 11
 """Columns of ``Items.boxes`` behind x, y, z, heading, length, width, height; and their number."""
 
 MESH, ITEM_CLASS, PAINT, GLOW, HAS_SHADOW, IS_SMALL, NUM_ITEM = range(7)
@@ -107,7 +107,7 @@ def item_of(frame: int, place: int, num_objects: int, items: Items) -> Item:
     box, kind = items.boxes[frame, number], items.kinds[frame, number]
     return Item(
         number if number < num_objects else -1, box, kind[MESH], (box[COS], box[SIN]), kind[ITEM_CLASS], kind[PAINT],
-        kind[GLOW], (box[SPIN], box[STEER], box[SWING]), kind[IS_SMALL] == 1,
+        kind[GLOW], box[SPIN], box[STEER], kind[IS_SMALL] == 1,
     )  # fmt: skip
 
 
@@ -128,8 +128,7 @@ def find_item(frame: int, number: int, shots: Shots, scene: SceneArrays, items: 
     is_hidden = number == view.own and view.own_view == codes.HIDDEN
     if is_hidden or radius < (LEAST if number < rows else LEAST_FIXED):
         return
-    mesh, kind[ITEM_CLASS], kind[PAINT], kind[GLOW], moves = appearance_of(number, view, solids, box)
-    box[SPIN], box[STEER], box[SWING] = moves
+    mesh, kind[ITEM_CLASS], kind[PAINT], kind[GLOW], box[SPIN], box[STEER] = appearance_of(number, view, solids, box)
     kind[MESH], box[COS], box[SIN] = mesh_for(meshes, mesh, radius, box, view.pose)
     kind[IS_SMALL] = 1 if radius < SMALL else 0
 

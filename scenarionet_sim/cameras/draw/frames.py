@@ -108,7 +108,7 @@ def color_tile(
         while first < count:
             pixels = first, smaller(first + width - column, count)
             if sees & codes.SEES_TRIANGLE:
-                color_triangles(row, column - first, pixels, view, triangles, tile.seen, shades)
+                color_triangles(row, column - first, pixels, view, grid, triangles, tile.seen, shades)
             if sees & codes.SEES_SKY:
                 color_sky(row, column, pixels, view, grain, tile)
             first, row, column = pixels[1], row + 1, 0

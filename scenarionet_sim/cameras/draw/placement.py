@@ -9,7 +9,6 @@ from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
-from scenarionet_sim.cameras.draw.facades import lay_out_wall
 from scenarionet_sim.cameras.draw.lighting import color_of, color_triangle, light_vertices
 from scenarionet_sim.cameras.draw.outlines import Ends, add_outline, color_outline, ends_of, is_upright
 from scenarionet_sim.cameras.draw.structures import FrameMemory, FrameView, Item, Meshes, Triangles, Vertices
@@ -103,10 +102,7 @@ def set_up_triangle(
     labels[at.INSTANCE_ROW], labels[at.SEMANTIC], labels[at.MATERIAL] = item.row, item.semantic, material
     write_normal(vertices.places, a, b, c, colors)
     if view.is_colored:
-        is_flat = item.is_small or found == 1 or material == codes.FACADE
-        color_triangle(corners, material, is_flat, item, view.light, meshes, vertices, colors)
-        if material == codes.FACADE:
-            lay_out_wall(item, view.pose, colors)
+        color_triangle(corners, material, item.is_small or found == 1, item, view.light, meshes, vertices, colors)
     return True
 
 

@@ -11,8 +11,7 @@ from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
-from scenarionet_sim.cameras.draw.facades import draw_wall
-from scenarionet_sim.cameras.draw.single_precision import bits_of, number_of, single, single_of, singles
+from scenarionet_sim.cameras.draw.single_precision import bits_of, number_of, rounded_down, single, single_of, singles
 from scenarionet_sim.cameras.draw.structures import FrameView, Triangles, Triple
 
 OCTAVES = -12.0, math.log2(3.0)
@@ -111,17 +110,19 @@ def _outside(x: float, y: float) -> float:
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def color_triangles(
-    row: int, shift: int, pixels: tuple[int, int], view: FrameView, triangles: Triangles, seen: Int32, shades: Float32
-) -> None:
+    row: int, shift: int, pixels: tuple[int, int], view: FrameView, frame: Float64, triangles: Triangles, seen: Int32,
+    shades: Float32,
+) -> None:  # fmt: skip
     """Write the light of triangles in pixels of a row, run by run of those that see the same one.
 
     Args:
         row, shift: Pixel k of the tile is in this row and in column ``k + shift``.
         pixels: First one and end of those of the tile.
-        view: The camera.
+        view, frame: The camera and the ground's grid.
         triangles, seen, shades: See ``FrameMemory``.
     """
     rgb, (first, end) = (shades[at.RED], shades[at.GREEN], shades[at.BLUE]), pixels
+    spots = shades[at.DISTANCE], shades[at.RAY_Z], shades[at.GROUND_X], shades[at.GROUND_Y]
     begin, line = first, single(row)
     while begin < end:
         triangle = seen[begin]
@@ -138,10 +139,12 @@ def color_triangles(
         if stop == begin + 1 and not is_wall:
             begin += _grade_few(begin, end, triangle, seen, light, color, rgb)
             continue
+        _grade(begin, stop, light, color, rgb)
         if is_wall:
-            draw_wall(begin, stop, color, single(1.0 / view.lens[at.FX]), view.light, shades)
-        else:
-            _grade(begin, stop, light, color, rgb)
+            nx, ny = color[9] * (1.0 / 3.2), color[10] * (1.0 / 3.2)
+            wall = single(nx), single(ny), single((nx * frame[1] - ny * frame[0]) % 1.0)
+            level, angle = single(view.pose[at.EYE + 2]), single(0.8 / view.lens[at.FX])
+            _open_windows(begin, stop, wall, level, angle, spots, rgb)
         begin = stop
 
 
@@ -171,6 +174,27 @@ def _grade_few(first: int, end: int, triangle: int, seen: Int32, light: Light, c
         blues[k] = blue + blue_step * place if is_same else blues[k]
         count = smaller(count, LONG if is_same else lane)
     return smaller(count, end - first)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _open_windows(
+    first: int, end: int, wall: Light, level: float, angle: float, spots: tuple[Float32, Float32, Float32, Float32],
+    rgb: Triple,
+) -> None:  # fmt: skip
+    """Darken the windows of the storeys of a wall."""
+    nx, ny, offset = wall
+    distances, zs, xs, ys = spots
+    red, green, blue = rgb
+    for k in range(first, end):
+        far = distances[k]
+        u, v = nx * ys[k] - ny * xs[k] + offset, (level + far * zs[k]) * (1.0 / 3.3)
+        u, v = u - rounded_down(u), v - rounded_down(v)
+        is_window = (u > 0.22) & (u < 0.78) & (v > 0.28) & (v < 0.80)
+        share = smaller(larger(1.2 - far * angle, 0.0), 1.0)
+        bright = 1.0 - 0.72 * ((1.0 if is_window else 0.0) * share + 0.29 * (1.0 - share))
+        red[k] *= bright
+        green[k] *= bright
+        blue[k] *= 0.1 + 0.9 * bright
 
 
 @device_function(forceinline=True, divides_by_zero=True)

@@ -18,9 +18,6 @@ NUM_SHADOW = 13
 SHADOW_REACH = 120.0
 """Shadows farther than this are not seen [m]."""
 
-LEAST_CASTER = 0.45
-"""Length and width up to which fixtures cast no shadows [m]: poles, and what hangs from them."""
-
 LEAST_SHADOW = 0.6
 """Height on the screen [pixels] below which shadows are not drawn."""
 
@@ -29,7 +26,7 @@ LEAST_SHADOW = 0.6
 def add_shadow(box: Float64, caster: int, view: FrameView, shadows: Float64, num_shadows: int) -> int:
     """Add the shadow of a box on the ground, by its class; return the new number of shadows.
 
-    Cyclists are slimmer than their boxes, and crowns of trees do not touch the ground.
+    People are slimmer than their boxes, and crowns of trees do not touch the ground.
     """
     pose, lens, light, width, height = view.pose, view.lens, view.light, view.width, view.height
     wx, wy = box[0] - pose[at.EYE], box[1] - pose[at.EYE + 1]

@@ -9,9 +9,6 @@ import shapely
 
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.cameras.draw import codes
-from scenarionet_sim.cameras.draw.columns import NUM_POSE
-from scenarionet_sim.cameras.draw.facades import BAYS, FIRST_U, FIRST_V, FOUNDATION, PER_U, PER_V, lay_out_wall
-from scenarionet_sim.cameras.draw.structures import Item
 from scenarionet_sim.cameras.surroundings import fixtures
 from scenarionet_sim.cameras.terrain import Terrain
 from scenarionet_sim.sensors.camera import Camera, Mount
@@ -64,36 +61,3 @@ def test_shadows_of_people_are_small_and_soft():
     assert np.hypot(*dark.T).max() * per_pixel < 0.65  # not the tile of 1 m with its corners at 0.7 m
     steps = np.abs(np.diff(share, axis=1))[is_ground[:, 1:] & is_ground[:, :-1]]
     assert steps.max() < 0.12
-
-
-def test_walls_have_whole_windows():
-    box = np.array([30.0, -4.0, -FOUNDATION, 0.7, 17.3, 10.1, 13.0])
-    turn = np.cos(box[3]), np.sin(box[3])
-    item, pose = Item(-1, box, 0, turn, 0, 0, -1, (0.0, 0.0, 0.0), False), np.zeros(NUM_POSE)
-    pose[:3] = 2.0, 3.0, 1.5
-    for normal, along, width in ((turn, (-turn[1], turn[0]), 10.1), ((turn[1], -turn[0]), turn, 17.3)):
-        colors = np.zeros(12, np.float32)
-        colors[9:11] = normal
-        lay_out_wall.py_func(item, pose, colors)
-        for side in (-0.5, 0.5):
-            away = box[:2] + side * width * np.array(along) - pose[:2]
-            corner = colors[FIRST_U] + (normal[0] * away[1] - normal[1] * away[0]) * colors[PER_U]
-            assert abs(corner - (0.5 + side) * colors[BAYS]) < 1e-4
-        assert abs(width / colors[BAYS] - 3.2) < 1.0
-        assert abs(colors[FIRST_V] - 1.5 * colors[PER_V]) < 1e-5  # storeys begin at the ground
-
-
-def test_people_step_as_they_walk_and_stand_still_otherwise():
-    def outline(drive):
-        camera = replace(ABOVE, mount=Mount(0.0, -4.0, 1.0, yaw=np.pi / 2))
-        return seen(camera, drive)["instance"] == 1
-
-    for speed in (0.0, 1.4):
-        walker = Other(0.0, 0.0, vx=speed, type=ObjectType.PEDESTRIAN)
-        drive = simulate(make_drive(others=(walker,), speed=0.001), steps=0)
-        drive.state.position[0, 0] = 0.0, 0.0
-        drive.state.heading[0, 0] = 0.0
-        first = outline(drive)
-        drive.state.timestep[:] += 3
-        assert first[120:].any()
-        assert np.array_equal(outline(drive), first) == (speed == 0.0)

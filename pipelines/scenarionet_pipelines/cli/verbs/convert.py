@@ -13,7 +13,6 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.conversion_report import passed_over_rows, print_report, stale_row
 from scenarionet_pipelines.cli.interrupt import keeping, stop
 from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
-from scenarionet_pipelines.cli.pandas_free import leave_pandas_out
 from scenarionet_pipelines.cli.parameters import pairs, seconds
 from scenarionet_pipelines.cli.verb import Distributed, argument, option
 
@@ -86,7 +85,6 @@ class ConvertVerb(Distributed):
     options: tuple[str, ...] = option("Option of the converter; repeatable.", "-p", "--parameter", metavar="NAME=VALUE")
 
     def run(self) -> bool:
-        leave_pandas_out()
         from scenarionet_data.conversion import InputSelection, convert, parse_slice, plan_conversion
         from scenarionet_pipelines.cli import converter
 

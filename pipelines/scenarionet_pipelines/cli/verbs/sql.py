@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from scenarionet_data.errors import QueryError
 from scenarionet_pipelines.cli.named import show_named
-from scenarionet_pipelines.cli.output import count, print_json, print_table
+from scenarionet_pipelines.cli.output import print_json, print_table
 from scenarionet_pipelines.cli.parameters import pairs
 from scenarionet_pipelines.cli.table_file import check_suffix, flat, write_table
 from scenarionet_pipelines.cli.verb import PARAMETERS, SNAPSHOT, LakeVerb, argument, option
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _MAX_ROWS, _MAX_CELL = 100, 60
@@ -50,22 +54,31 @@ class SqlVerb(LakeVerb):
             check_suffix(self.output, "-o")
         words = pairs(self.parameters, "-p")
         opened = Lake(self.lake, self.snapshot)
-        if _NAME.fullmatch(self.query):
-            rows = opened.named_query(self.query, ANALYTICS.load(self.query).parse(words))
-        else:
-            rows = opened.sql(self.query, {name: parse_value(word) for name, word in words.items()})
+        query, values = self.query, {name: parse_value(word) for name, word in words.items()}
+        if _NAME.fullmatch(query):
+            named = ANALYTICS.load(query)
+            query, values = named.text, named.bind(named.parse(words))
         if self.output:
-            write_table(rows, self.output)
-            click.echo(f"{count(len(rows), 'row')} in {self.output}", err=True)
-        elif self.as_json:
-            print_json({"columns": rows.columns, "rows": rows.to_dicts()})
+            write_table(opened.sql(query, values), self.output)
         elif self.as_csv:
-            click.echo(flat(rows).write_csv(), nl=False)
+            click.echo(flat(opened.sql(query, values)).write_csv(), nl=False)
         else:
-            print_table(rows.head(_MAX_ROWS).iter_rows(), rows.columns, _MAX_CELL)
-            if len(rows) > _MAX_ROWS:
-                more = f"{len(rows) - _MAX_ROWS:,} more rows; use --csv, --json or -o FILE for all rows"
-                click.echo(f"... {more}", err=True)
+            self.show(opened.arrow(query, values))  # not as Polars, which takes 0.1 s to import
+
+    def show(self, found: pa.Table) -> None:
+        """Print rows as a table or JSON."""
+        names = found.column_names
+        try:
+            rows = found.to_pylist() if self.as_json else found.slice(0, _MAX_ROWS).to_pylist()
+        except ValueError as error:  # Python has no nanoseconds
+            raise QueryError(f"{error}; cast it to VARCHAR") from error
+        if self.as_json:
+            print_json({"columns": names, "rows": rows})
+            return
+        print_table((row.values() for row in rows), names, _MAX_CELL)
+        if len(found) > _MAX_ROWS:
+            more = f"{len(found) - _MAX_ROWS:,} more rows; use --csv, --json or -o FILE for all rows"
+            click.echo(f"... {more}", err=True)
 
 
 def parse_value(word: str) -> Any:

@@ -8,7 +8,6 @@ from typing import Any
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.conversion_report import print_report
-from scenarionet_pipelines.cli.pandas_free import leave_pandas_out
 from scenarionet_pipelines.cli.parameters import pairs
 from scenarionet_pipelines.cli.verb import REPLACE, Distributed, argument, option
 
@@ -46,7 +45,6 @@ class VaryVerb(Distributed):
     replace: bool = REPLACE
 
     def run(self) -> bool:
-        leave_pandas_out()
         from scenarionet_data.variations import VariationSpace, vary
 
         settings = read_settings(self.file) if self.file else {}

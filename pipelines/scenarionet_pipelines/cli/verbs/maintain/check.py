@@ -85,7 +85,9 @@ class CheckVerb(LakeVerb, Distributed):
         made = save_passing(findings, self.name, strict=self.strict, replace=self.replace) if self.name else None
         for rows, path in ((findings.rows, self.broken), (card.rows if card else [], self.output)):
             if path:
-                write_rows(rows, path)
+                import polars
+
+                write_table(polars.DataFrame(rows), path)
         is_ok = all(result.is_met or not (result.is_hard or self.strict) for result in findings.results)
         if self.as_json:
             content: dict[str, Any] = {"checks": [asdict(result) for result in findings.results]}
@@ -111,15 +113,6 @@ class CheckVerb(LakeVerb, Distributed):
             return find_broken(
                 lake, self.database, workers=self.num_workers, executor=executor, on_progress=progress.update
             )
-
-
-def write_rows(rows: Any, path: str) -> None:
-    """Write rows to a file, and say how many."""
-    import polars
-
-    table = polars.DataFrame(rows)
-    write_table(table, path)
-    click.echo(f"{count(len(table), 'row')} in {path}", err=True)
 
 
 def verdict(mark: CheckResult | RuleScore) -> str:
