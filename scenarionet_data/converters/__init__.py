@@ -18,11 +18,13 @@ from scenarionet_data.errors import SourceNotFound
 _BUILTIN = {
     "argoverse1": "scenarionet_data.converters.argoverse1:Argoverse1",
     "argoverse2": "scenarionet_data.converters.argoverse2:Argoverse2",
+    "gpudrive": "scenarionet_data.interchange.gpudrive.reader:GpuDrive",
     "interaction": "scenarionet_data.converters.interaction:Interaction",
     "lyft": "scenarionet_data.converters.lyft:Lyft",
     "nuplan": "scenarionet_data.converters.nuplan:NuPlan",
     "nuscenes": "scenarionet_data.converters.nuscenes:NuScenes",
     "pg": "scenarionet_data.converters.pg:Procedural",
+    "pufferdrive": "scenarionet_data.interchange.pufferdrive.reader:PufferDrive",
     "scenarionet": "scenarionet_data.converters.scenarionet:ScenarioNetPickles",
     "table": "scenarionet_data.converters.table:TrackTable",
     "waymo": "scenarionet_data.converters.waymo:Waymo",

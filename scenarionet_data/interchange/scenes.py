@@ -17,6 +17,7 @@ from scenarionet_data.interchange.gpudrive.layout import HISTORY, NUM_STEPS, OBJ
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType, is_lane, is_road_edge
 
+_MAX_ID = 2**31
 _EXPERT_CROSSING = 0.1  # [m] Waymo's edges are drawn this roughly
 
 
@@ -31,8 +32,9 @@ class TrainingScene:
         valid: (N, 91).
         size: (N, 3) length, width, height [m].
         goal: (N, 3) last valid position [m].
+        ids: (N,) numbers that are their ids.
         ego: Row of the ego among these objects.
-        roads: Pairs of a row of the map and its points (P, 3) float64 [m].
+        roads: Row of the map, number that is its id, and points (P, 3) float64 [m] of each road.
     """
 
     rows: IntP
@@ -43,8 +45,9 @@ class TrainingScene:
     valid: Bool
     size: Float64
     goal: Float64
+    ids: list[int]
     ego: int
-    roads: list[tuple[int, Float64]]
+    roads: list[tuple[int, int, Float64]]
 
 
 def make_scene(scenario: ScenarioDescription, losses: Losses) -> TrainingScene:
@@ -64,12 +67,17 @@ def make_scene(scenario: ScenarioDescription, losses: Losses) -> TrainingScene:
     first = min(max(scenario.current_timestep - HISTORY, 0), num_steps - NUM_STEPS)
     steps = slice(first, first + NUM_STEPS)
     losses.leave_out("timesteps", num_steps - NUM_STEPS)
+    late = scenario.current_timestep - first - HISTORY
+    losses.approximate("current timesteps, which are the eleventh", int(late != 0), abs(late) * scenario.dt, "s")
     is_kept = np.isin(tracks.object_type, list(OBJECT_NAMES)) & tracks.valid[:, steps].any(axis=1)
     losses.leave_out(
         "objects that are no vehicles, pedestrians or cyclists, or not seen in these timesteps", int((~is_kept).sum())
     )
     losses.leave_out("states of traffic lights", int((scenario.lights.state[:, steps] != 0).sum()))
     rows = np.flatnonzero(is_kept)
+    held = set(tracks.ids[rows])
+    losses.leave_out("objects of interest", sum(track not in held for track in scenario.objects_of_interest))
+    losses.leave_out("tracks to predict", sum(track not in held for track, _ in scenario.tracks_to_predict))
     valid = tracks.valid[rows, steps]
     position = tracks.position[rows, steps].astype(np.float64) + scenario.origin
     last = NUM_STEPS - 1 - np.argmax(valid[:, ::-1], axis=1)
@@ -95,11 +103,19 @@ def make_scene(scenario: ScenarioDescription, losses: Losses) -> TrainingScene:
     return TrainingScene(
         rows, steps, position, tracks.heading[rows, steps].astype(np.float64),
         tracks.velocity[rows, steps].astype(np.float64), valid, size[np.arange(len(rows)), first_seen], goal,
-        int(ego[0]), _roads(scenario, losses),
+        _numbers([tracks.ids[row] for row in rows], "objects", losses), int(ego[0]), _roads(scenario, losses),
     )  # fmt: skip
 
 
-def _roads(scenario: ScenarioDescription, losses: Losses) -> list[tuple[int, Float64]]:
+def _numbers(ids: list[str], what: str, losses: Losses) -> list[int]:
+    """Ids as numbers: their own, or for other texts the first that are free."""
+    own = {name for name in ids if name.isascii() and name.isdigit() and str(int(name)) == name and int(name) < _MAX_ID}
+    free = (number for number in range(_MAX_ID) if str(number) not in own)
+    losses.leave_out(f"ids of {what} that are no numbers", len(ids) - len(own))
+    return [int(name) if name in own else next(free) for name in ids]
+
+
+def _roads(scenario: ScenarioDescription, losses: Losses) -> list[tuple[int, int, Float64]]:
     features = scenario.map
     if features is None:
         losses.leave_out("maps, as the scenario has none")
@@ -111,9 +127,22 @@ def _roads(scenario: ScenarioDescription, losses: Losses) -> list[tuple[int, Flo
             roads.append((row, points.astype(np.float64) + scenario.origin))
         else:
             losses.leave_out(f"map features of type {MapFeatureType(kind).name}")
-    is_linked = is_lane(features.feature_type)
-    losses.leave_out("links between lanes", int(features.exit_lanes.lengths[is_linked].sum()))
-    return roads
+    held, lanes = np.zeros(len(features), np.bool_), is_lane(features.feature_type)
+    held[[row for row, _ in roads]] = True
+    lanes &= held
+    beside = [features.left_neighbors, features.right_neighbors, features.left_boundaries, features.right_boundaries]
+    for what, counts in (
+        ("links between lanes", features.exit_lanes.lengths),
+        ("speed limits of lanes", np.isfinite(features.speed_limit)),
+        ("widths of lanes", features.width.lengths > 0),
+        ("neighbours and boundaries of lanes", np.sum([links.lengths for links in beside], axis=0)),
+    ):
+        losses.leave_out(what, int(counts[lanes].sum()))
+    is_double = (features.polyline.lengths > 0) & (features.polygon.lengths > 0)
+    losses.leave_out("outlines of map features that have a line", int(is_double[held].sum()))
+    losses.leave_out("lanes that signs and crosswalks control", int(features.controlled_lanes.lengths[held].sum()))
+    numbers = _numbers([features.ids[row] for row, _ in roads], "map features", losses)
+    return [(row, number, points) for number, (row, points) in zip(numbers, roads, strict=True)]
 
 
 def crosses_edges(position: Float64, valid: Bool, features: MapFeatures | None, origin: Float64) -> bool:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.interchange.base import Losses
-from scenarionet_data.interchange.gpudrive.layout import INVALID, MAX_OBJECTS, MAX_POINTS, MAX_ROADS, ROADS
+from scenarionet_data.interchange.gpudrive.layout import FEATURES, INVALID, MAX_OBJECTS, MAX_POINTS, MAX_ROADS, ROADS
 from scenarionet_data.interchange.scenes import TrainingScene, crosses_edges, make_scene, object_name
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -32,7 +32,7 @@ class GpuDriveWriter:
                 "name": f"{stem}.json",
                 "scenario_id": scenario.source.scenario_id,
                 "objects": [_object(scenario, scene, place) for place in range(min(len(scene.rows), MAX_OBJECTS))],
-                "roads": [_road(scenario, row, points, losses) for row, points in scene.roads[:MAX_ROADS]],
+                "roads": [_road(scenario, each, losses) for each in scene.roads[:MAX_ROADS]],
                 "tl_states": {},
                 "metadata": _metadata(scenario, scene),
             }
@@ -55,7 +55,6 @@ def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int) -> 
     is_expert = extras.get("mark_as_expert")
     if is_expert is None:
         is_expert = crosses_edges(scene.position[place], valid, scenario.map, scenario.origin)
-    track_id = scenario.tracks.ids[row]
     return {
         "position": points(scene.position[place]),
         "width": width,
@@ -66,29 +65,31 @@ def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int) -> 
         "valid": valid.tolist(),
         "goalPosition": dict(zip("xyz", scene.goal[place].tolist(), strict=True)),
         "type": object_name(scenario.tracks.object_type[row]),
-        "id": int(track_id) if track_id.isdigit() else int(row),
+        "id": scene.ids[place],
         "mark_as_expert": is_expert,
     }
 
 
-def _road(scenario: ScenarioDescription, row: int, points: Float64, losses: Losses) -> dict[str, Any]:
+def _road(scenario: ScenarioDescription, road: tuple[int, int, Float64], losses: Losses) -> dict[str, Any]:
+    row, feature_id, points = road
     losses.leave_out("points of roads beyond those that GPUDrive reads", max(len(points) - MAX_POINTS, 0))
     features = scenario.map
     if features is None:
         raise TypeError("roads without a map")
-    name, number = ROADS[MapFeatureType(features.feature_type[row])]
-    feature_id = features.ids[row]
+    kind = MapFeatureType(features.feature_type[row])
+    name, number = ROADS[kind]
+    losses.leave_out("types of map features that GPUDrive does not distinguish", int(FEATURES[number] != kind))
     return {
         "geometry": [dict(zip("xyz", point, strict=True)) for point in points[:MAX_POINTS].tolist()],
         "type": name,
         "map_element_id": number,
-        "id": int(feature_id) if feature_id.isdigit() else row,
+        "id": feature_id,
     }
 
 
 def _metadata(scenario: ScenarioDescription, scene: TrainingScene) -> dict[str, Any]:
     place_of = {scenario.tracks.ids[row]: place for place, row in enumerate(scene.rows[:MAX_OBJECTS])}
-    interesting = [place_of[track] for track in scenario.objects_of_interest if track in place_of]
+    interesting = [scene.ids[place_of[track]] for track in scenario.objects_of_interest if track in place_of]
     predicted = [
         {"track_index": place_of[track], "difficulty": difficulty}
         for track, difficulty in dict(scenario.tracks_to_predict).items()

@@ -12,7 +12,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float32, Float64
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.interchange.base import Losses
-from scenarionet_data.interchange.gpudrive.layout import INVALID, ROADS
+from scenarionet_data.interchange.gpudrive.layout import FEATURE_OF_TYPE, INVALID, ROADS
 from scenarionet_data.interchange.pufferdrive.layout import OBJECT_TYPES, ROAD_TYPES, Entity, PufferMap, encode
 from scenarionet_data.interchange.scenes import TrainingScene, crosses_edges, make_scene, object_name
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
@@ -46,13 +46,16 @@ class PufferDriveWriter:
         """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.FormatWriter`."""
         scene = make_scene(scenario, losses)
         objects = [_object(scenario, scene, place) for place in range(len(scene.rows))]
-        roads = (
-            []
-            if scenario.map is None
-            else [self._road(scenario.map, row, points, losses) for row, points in scene.roads]
-        )
+        roads = [] if scenario.map is None else [self._road(scenario.map, each, losses) for each in scene.roads]
         place_of = {scenario.tracks.ids[row]: place for place, row in enumerate(scene.rows)}
         predicted = tuple(place_of[track] for track, _ in scenario.tracks_to_predict if track in place_of)
+        losses.leave_out("objects of interest", sum(track in place_of for track in scenario.objects_of_interest))
+        levels = [level for track, level in scenario.tracks_to_predict if track in place_of]
+        losses.leave_out("difficulties of tracks to predict", sum(level > 0 for level in levels))
+        if self.layout == 1:
+            losses.leave_out("ids of objects and map features", len(objects) + len(roads))
+            losses.leave_out("egos")
+            losses.leave_out("tracks to predict", len(predicted))
         everything = np.concatenate(
             [entity.position[entity.valid] for entity in objects] + [road.position for road in roads]
         )
@@ -61,15 +64,18 @@ class PufferDriveWriter:
         )
         return {f"{stem}.bin": encode(PufferMap(objects, roads, scene.ego, predicted), self.layout)}
 
-    def _road(self, features: MapFeatures, row: int, points: Float64, losses: Losses) -> Entity:
-        name, number = ROADS[MapFeatureType(features.feature_type[row])]
+    def _road(self, features: MapFeatures, road: tuple[int, int, Float64], losses: Losses) -> Entity:
+        row, feature_id, points = road
+        kind = MapFeatureType(features.feature_type[row])
+        name, number = ROADS[kind]
+        losses.leave_out(
+            "types of map features that PufferDrive does not distinguish", int(FEATURE_OF_TYPE[name] != kind)
+        )
         if self.simplify and len(points) >= _SIMPLIFIED_FROM and number <= 16:
             kept = simplified(points)
             losses.leave_out("points of polylines, as PufferDrive's preparation does", len(points) - len(kept))
             points = kept
-        feature_id = features.ids[row]
-        road_id = int(feature_id) if feature_id.isdigit() and int(feature_id) < 2**31 else row
-        return Entity(ROAD_TYPES[name], road_id, points.astype(np.float32))
+        return Entity(ROAD_TYPES[name], feature_id, points.astype(np.float32))
 
 
 def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int) -> Entity:
@@ -85,10 +91,9 @@ def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int) -> 
 
     velocity = np.concatenate([scene.velocity[place], np.zeros((len(valid), 1))], axis=1)
     length, width, height = scene.size[place].tolist()
-    track_id = scenario.tracks.ids[row]
     return Entity(
         kind=OBJECT_TYPES[object_name(scenario.tracks.object_type[row])],
-        id=int(track_id) if track_id.isdigit() and int(track_id) < 2**31 else int(row),
+        id=scene.ids[place],
         position=stored(scene.position[place]),
         velocity=stored(velocity),
         heading=stored(scene.heading[place]),

@@ -9,8 +9,10 @@ from typing import Any
 
 import pytest
 
-from scenarionet_data import converters
+from scenarionet_data import Lake, convert, converters
 from scenarionet_data.conversion import InputSelection, measure_pace, plan_conversion
+from scenarionet_data.interchange import writer_for
+from scenarionet_data.interchange.files import write_files
 from tests.fixtures import (
     argoverse1,
     argoverse2,
@@ -64,6 +66,12 @@ def _table(raw: Path) -> Path:
     return raw
 
 
+def _training(raw: Path, dataset: str) -> Path:
+    convert("pg", "0:1", raw / "lake")
+    write_files(Lake(raw / "lake").loader(), raw / "files", writer_for(dataset))
+    return raw / "files"
+
+
 def _pg(_raw: Path) -> str:
     return "0:3"
 
@@ -71,11 +79,13 @@ def _pg(_raw: Path) -> str:
 WRITE: dict[str, Callable[[Path], Path | str]] = {
     "argoverse1": _argoverse1,
     "argoverse2": _argoverse2,
+    "gpudrive": lambda raw: _training(raw, "gpudrive"),
     "interaction": _interaction,
     "lyft": lambda raw: lyft.write_dataset(raw, num_scenes=3, num_frames=20),
     "nuplan": _nuplan,
     "nuscenes": _nuscenes,
     "pg": _pg,
+    "pufferdrive": lambda raw: _training(raw, "pufferdrive"),
     "scenarionet": scenarionet_pickles.write_vintages,
     "table": _table,
     "waymo": _waymo,
