@@ -176,8 +176,8 @@ class WorldPool:
         # The pool has these now.
         world.roads.forget_segment_grid()
         read_log = partial(_log_in, self.kinds["log"], blocks["log"], world.log.shape)
-        for stored in (original, world):
-            stored.store_log(read_log)
+        for same in [each for each in (original, world) if each.log is world.log]:  # policies may change the log
+            same.store_log(read_log)
         return number
 
     def _new_number(self) -> int:

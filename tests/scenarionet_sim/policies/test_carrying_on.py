@@ -10,6 +10,7 @@ from scenarionet_sim.policies.constant_velocity import ConstantVelocity
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.objects import vehicles
 from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.policies.sampled import NoisyVelocity
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
@@ -30,6 +31,14 @@ def test_constant_velocity_continues():
     np.testing.assert_allclose(position[:2], [[50.0, 0.0], [20.0, 29.0]], atol=1e-3)
     x, y = world().log_position[5, 2]
     np.testing.assert_allclose(position[2], [x + 7.0 * 4.5, y], atol=1e-3)
+
+
+def test_noise_of_an_episode_leaves_the_recording_as_it_is():
+    drive, recorded = World.from_scenario(make_drive()), world().log[:, :1]
+    for seed in range(3):
+        simulation = Simulation([drive], [NoisyVelocity(seed=seed)])
+        assert not np.array_equal(simulation.state.velocity[0], recorded[0, :, 4:6])
+    np.testing.assert_array_equal(drive.log, recorded)
 
 
 def test_agents_appear_with_the_log_and_stay():
