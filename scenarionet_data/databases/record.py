@@ -11,6 +11,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from scenarionet_data.databases import versions as numbered
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import damaged, writing
@@ -164,9 +165,7 @@ def names(files: LakeFiles) -> list[str]:
 
 def versions(files: LakeFiles, name: str) -> list[int]:
     """Return the versions of a database in ascending order; empty if it does not exist."""
-    found = files.names(f"{_FOLDER}/{name}", ".parquet")
-    stems = [path.rpartition("/")[2].removesuffix(".parquet") for path in found]
-    return sorted(int(stem) for stem in stems if stem.isdecimal())
+    return numbered.numbers(files, f"{_FOLDER}/{name}")
 
 
 def read(files: LakeFiles, name: str, version: int | None = None) -> DatabaseRecord:
@@ -256,18 +255,20 @@ def check_free(files: LakeFiles, name: str, *, replace: bool) -> None:
 def rename(files: LakeFiles, name: str, new_name: str) -> None:
     """Rename a database with all its versions: they are sealed again, because a seal covers the file's name.
 
+    Their numbers follow those of an earlier database of the new name.
+
     Raises:
         DatabaseExists: The new name is taken.
         LakeError: A version is damaged.
     """
     check_free(files, new_name, replace=False)
     draft, numbers = files.temporary(), versions(files, name)
+    before = numbered.last_used(files, f"{_FOLDER}/{new_name}")
     with writing(draft):
         draft.mkdir()
     for number in numbers:
-        copy_sealed(
-            files, path(name, number), draft / f"{number}.parquet", files.place_to_write(path(new_name, number))
-        )
+        place = files.place_to_write(path(new_name, before + number))
+        copy_sealed(files, path(name, number), draft / f"{before + number}.parquet", place)
     if not files.publish_folder(draft, f"{_FOLDER}/{new_name}"):
         raise DatabaseExists(f"database {new_name!r} exists; choose another name, or drop it first")
     for number in numbers:  # a version that another job has added in the meantime is kept
@@ -276,12 +277,14 @@ def rename(files: LakeFiles, name: str, new_name: str) -> None:
 
 def drop(files: LakeFiles, name: str, version: int | None = None) -> None:
     """Remove a database, or one version of it."""
-    if version is None or versions(files, name) == [version]:
-        files.remove(f"{_FOLDER}/{name}")
-    else:
-        files.remove(path(name, version))
+    numbered.drop(files, f"{_FOLDER}/{name}", version)
+
+
+def next_version(files: LakeFiles, name: str) -> int:
+    """Return the number of the next version of a database."""
+    return numbered.last_used(files, f"{_FOLDER}/{name}") + 1
 
 
 def path(name: str, version: int) -> str:
     """Return the file of a version of a database."""
-    return f"{_FOLDER}/{name}/{version}.parquet"
+    return numbered.file(f"{_FOLDER}/{name}", version)

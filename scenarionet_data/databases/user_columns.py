@@ -18,6 +18,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from scenarionet_data.databases import record as records
+from scenarionet_data.databases import versions as numbered
 from scenarionet_data.errors import BadParameter, UserColumnNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import damaged, writing
@@ -77,9 +78,12 @@ def current(files: LakeFiles, pinned: Mapping[str, int]) -> dict[str, int]:
 
 def versions(files: LakeFiles, name: str) -> list[int]:
     """Return the versions of a user column in ascending order; empty if it does not exist."""
-    found = files.names(f"{_FOLDER}/{name}", ".parquet")
-    stems = [path.rpartition("/")[2].removesuffix(".parquet") for path in found]
-    return sorted(int(stem) for stem in stems if stem.isdecimal())
+    return numbered.numbers(files, f"{_FOLDER}/{name}")
+
+
+def next_version(files: LakeFiles, name: str) -> int:
+    """Return the number of the next version of a user column."""
+    return numbered.last_used(files, f"{_FOLDER}/{name}") + 1
 
 
 def check_exists(files: LakeFiles, name: str, version: int | None = None) -> None:
@@ -162,10 +166,7 @@ def publish(files: LakeFiles, rows: pa.Table, column: UserColumn) -> bool:
 
 def drop(files: LakeFiles, name: str, version: int | None = None) -> None:
     """Remove a user column, or one version of it."""
-    if version is None or versions(files, name) == [version]:
-        files.remove(f"{_FOLDER}/{name}")
-    else:
-        files.remove(_path(name, version))
+    numbered.drop(files, f"{_FOLDER}/{name}", version)
 
 
 def _write(files: LakeFiles, values: pa.Table, column: UserColumn) -> Path:
@@ -179,4 +180,4 @@ def _write(files: LakeFiles, values: pa.Table, column: UserColumn) -> Path:
 
 
 def _path(name: str, version: int) -> str:
-    return f"{_FOLDER}/{name}/{version}.parquet"
+    return numbered.file(f"{_FOLDER}/{name}", version)

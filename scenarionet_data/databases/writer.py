@@ -76,7 +76,7 @@ class DatabaseWriter:
         if self._lineage is None:
             raise LakeError(f"{name}: call finish() before publish()")
         while True:
-            version = (records.versions(self._files, name) or [0])[-1] + 1
+            version = records.next_version(self._files, name)
             # Checked after listing: a version that a rival publishes in between makes publish_new fail instead.
             records.check_free(self._files, name, replace=replace)
             file = records.path(name, version)

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data.databases import pack_origins
+from scenarionet_data.databases import pack_origins, versions
 from scenarionet_data.databases.record import Lineage
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance.findings import Findings
@@ -184,6 +184,9 @@ def _versions(files: LakeFiles, folder: str, found: Findings) -> Iterator[str]:
     """File of every version of every database or user column."""
     for name in files.folders(folder):
         found.refuse_folders(files, f"{folder}/{name}")
-        for file in files.names(f"{folder}/{name}", ".parquet"):
-            if file.rpartition("/")[2].removesuffix(".parquet").isdecimal():
-                yield file
+        dropped = versions.dropped(files, f"{folder}/{name}")
+        for number in versions.numbers(files, f"{folder}/{name}"):
+            file = versions.file(f"{folder}/{name}", number)
+            if number in dropped:
+                found.damages.append(Damage(file, "it was dropped, and has come back, for example from a copy"))
+            yield file

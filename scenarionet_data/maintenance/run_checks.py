@@ -15,6 +15,8 @@ def check(files: LakeFiles, found: Findings, *, is_deep: bool) -> None:
         description = evaluation_runs.file_name(run)
         with found.of(description):
             found.saw(description, is_older=not evaluation_runs.parse(files, run)[1])
+        if description in found.broken:
+            continue  # the seals of the others cover its id
         for table in files.folders(f"results/{run}"):
             if table in evaluation_runs.RUN_TABLES:
                 _check_parts(files, f"results/{run}/{table}", table, found, is_deep=is_deep)
@@ -40,8 +42,6 @@ def _check_checkpoints(files: LakeFiles, folder: str, found: Findings, *, is_dee
 
 def _check_complete(files: LakeFiles, run: str, found: Findings) -> None:
     """Find parts of which only some tables exist; that of the last table is written last."""
-    if evaluation_runs.file_name(run) in found.broken:
-        return
     *others, last = [tag.partition("/")[0] for tag in evaluation_runs.describe(files, run)["tables"]]
     for name in files.names(f"results/{run}/{last}", ".parquet"):
         part = name.rpartition("/")[2]

@@ -58,17 +58,16 @@ class Tagging(LakeView):
         values = _as_column(name, rows)
         _check_ids(self, values)
         while True:
-            existing = user_columns.versions(self.files, name)
-            if existing and not replace:
+            if user_columns.versions(self.files, name) and not replace:
                 raise UserColumnExists(
                     f"user column {name!r} exists; choose another name, or replace=True for a new version of it",
                     cli_remedy="--replace",
                 )
-            # Lineages may know versions that were removed: a new one must not get such a number.
+            # Lineages may know versions that were removed before a removal left a mark.
             used = [int(column.partition("@")[2]) for _, column in user_columns.users(self.files, name)]
             column = UserColumn(
                 name=name,
-                version=1 + max([0, *existing, *used]),
+                version=max([user_columns.next_version(self.files, name), *(number + 1 for number in used)]),
                 type=str(values.schema.field(name).type),
                 count=values.num_rows - values[name].null_count,
                 source=source,

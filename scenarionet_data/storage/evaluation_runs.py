@@ -8,6 +8,7 @@ interrupted run continues with the missing parts.
 from __future__ import annotations
 
 import re
+import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -86,8 +87,10 @@ def claim(files: LakeFiles, name: str, run_tables: tuple[str, ...], description:
     if not _NAME.fullmatch(name):
         raise BadParameter(f"{name!r} is not a valid name of a run; use letters, digits, '.', '_' and '-'")
     wanted = dict(description) | {"tables": [tables.load(table).tag for table in run_tables]}
-    if not files.publish_new(file_name(name), sealed_json.seal(wanted, files.place_to_write(file_name(name)))):
+    content = wanted | {"id": uuid.uuid4().hex}  # which the seals of its files cover
+    if not files.publish_new(file_name(name), sealed_json.seal(content, files.place_to_write(file_name(name)))):
         found = describe(files, name)
+        found.pop("id", None)
         differing = sorted(key for key in {*found, *wanted} if found.get(key) != wanted.get(key))
         if differing:
             key = differing[0]

@@ -11,9 +11,10 @@ import re
 import uuid
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,9 @@ IDENTITY = "lake.json"
 
 _BOUND = re.compile(r"databases/.*|layers/.*|results/.*|snapshots/[0-9]+\.json|origins\.json")
 """Files that no snapshot lists: a valid one of another lake could have the same name."""
+
+_OF_RUN = re.compile(r"(results/[^/]+)/[^/]+/.+")
+"""Files of a run besides its description: those of an earlier run of the same name could take their place."""
 
 _ONE_THREAD = 2**18
 """Bytes of a file up to which starting threads takes longer than reading it."""
@@ -67,21 +71,44 @@ class LakeFiles(ABC):
     # --- identity ---------------------------------------------------------------------------------------
 
     def place(self, name: str) -> Place:
-        """What the seal of a file covers besides its bytes.
+        """What the seal of a file covers besides its bytes; see :meth:`places`."""
+        return self.places([name])[0]
+
+    def places(self, names: Iterable[str]) -> list[Place]:
+        """What the seals of files cover besides their bytes.
 
         Raises:
-            LakeError: The lake's id is damaged.
+            LakeError: The id of the lake, or of a run, is damaged.
         """
+        id_of_run = cache(self._id_of_run)
+        return [self._place(name, id_of_run) for name in names]
+
+    def _place(self, name: str, id_of_run: Callable[[str], str]) -> Place:
         if not _BOUND.fullmatch(name):
             return Place(name)
         if self._identity is None and self.has(IDENTITY):
-            try:
-                content, _ = sealed_json.read(self.content(IDENTITY), Place(IDENTITY))
-                self._identity = str(content["id"]), bool(content["has_older_files"])
-            except (ValueError, KeyError, sealed_json.NewerFormat) as error:
-                remedy = "damaged, it holds no id of a lake; restore it from a copy of it"
-                raise LakeError(f"{self.url(IDENTITY)}: {remedy}") from error
-        return Place(name, *(self._identity or ("", True)))
+            content = self._sealed(IDENTITY, Place(IDENTITY), "it holds no id of a lake", {"id", "has_older_files"})
+            self._identity = str(content["id"]), bool(content["has_older_files"])
+        lake, may_be_older = self._identity or ("", True)
+        of_run = _OF_RUN.fullmatch(name)
+        run = id_of_run(f"{of_run[1]}/run.json") if of_run else ""
+        return Place(name, f"{lake}/{run}", False) if run else Place(name, lake, may_be_older)
+
+    def _id_of_run(self, description: str) -> str:
+        """Id of a run; empty for one of an older version."""
+        if not self.has(description):
+            return ""
+        return str(self._sealed(description, self.place(description), "it is no description of a run").get("id", ""))
+
+    def _sealed(self, name: str, place: Place, otherwise: str, wanted: Set[str] = frozenset()) -> dict[str, Any]:
+        """Content of a JSON file that has the wanted entries."""
+        try:
+            content, _ = sealed_json.read(self.content(name), place)
+            if not wanted <= content.keys():
+                raise ValueError(f"it lacks {min(wanted - content.keys())}")
+        except (ValueError, sealed_json.NewerFormat) as error:
+            raise LakeError(f"{self.url(name)}: damaged, {otherwise}; restore it from a copy of it") from error
+        return content
 
     def place_to_write(self, name: str) -> Place:
         """The same for a file that is about to be written; a lake without an id gets one."""
@@ -175,9 +202,7 @@ class LakeFiles(ABC):
             LakeError: A file is missing or damaged.
         """
         listed = list(names)
-        pairs = zip(self.paths(listed), listed, strict=True)
-        verified = [seals.verify(path, self.place(name)) for path, name in pairs]
-        return all(verified)
+        return all([*map(seals.verify, self.paths(listed), self.places(listed))])
 
     def check_bytes(self, name: str) -> None:
         """Verify as much of a file as can be without downloading a large one: every byte, once a process.
@@ -228,7 +253,7 @@ class LakeFiles(ABC):
         """
         paths = self.paths(names)
         with ThreadPoolExecutor() as pool:  # digests are computed without the interpreter lock
-            deque(pool.map(seals.verify, paths, map(self.place, names)), maxlen=0)
+            deque(pool.map(seals.verify, paths, self.places(names)), maxlen=0)
         return [str(path) for path in paths]
 
     @property

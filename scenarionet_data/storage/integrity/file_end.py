@@ -21,8 +21,8 @@ class Place(NamedTuple):
 
     Attributes:
         name: The file, relative to the lake.
-        lake: Id of the lake; empty for files that snapshots list, whose names depend on their content, and which are
-            equal in all lakes.
+        lake: Id of the lake, and of the run if it belongs to one; empty for files that snapshots list, whose names
+            depend on their content, and which are equal in all lakes.
         may_be_older: Whether the lake may have a file here that a version without these seals has written.
     """
 

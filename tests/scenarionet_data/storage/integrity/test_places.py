@@ -12,6 +12,7 @@ from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance.fsck import fsck
 from scenarionet_data.storage import evaluation_runs
+from scenarionet_sim import evaluate
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
@@ -60,6 +61,63 @@ def test_file_of_an_older_lake_is_damage_in_a_new_one(two, tmp_path, name):
     (problem,) = fsck(mine).problems
     assert problem.file == name
     assert "of another lake" in problem.reason
+
+
+@pytest.mark.parametrize("folder", ["databases/again", "layers/again"])
+def test_a_number_is_never_used_for_two_versions(folder, tmp_path):
+    root = filled(tmp_path / "a")
+    lake = Lake(root)
+
+    def make(condition):
+        if folder.startswith("layers"):
+            lake.tag_where("again", condition)
+        else:
+            lake.filter(condition, name="again", allow_empty=True)
+
+    make("true")
+    older = (root / folder / "1.parquet").read_bytes()
+    lake.untag("again") if folder.startswith("layers") else lake.drop("again")
+    assert fsck(root).is_whole
+    make("false")
+    assert [path.name for path in (root / folder).iterdir()] == ["2.parquet"]
+    (root / folder / "1.parquet").write_bytes(older)  # from a copy of the lake
+    if folder.startswith("layers"):
+        assert Lake(root).sql("SELECT bool_or(again) FROM metadata")[0, 0] is False
+    else:
+        assert len(Lake(root).database("again")) == 0
+    (problem,) = fsck(root).problems
+    assert problem.file == f"{folder}/1.parquet"
+    assert problem.reason == "it was dropped, and has come back, for example from a copy"
+    (root / folder / "2.parquet").write_bytes(older)
+    assert f"{folder}/2.parquet" in {problem.file for problem in fsck(root).problems}
+
+
+def test_renaming_does_not_use_a_number_again(tmp_path):
+    root = filled(tmp_path / "a")
+    lake = Lake(root)
+    lake.rename("all", name="other")
+    lake.rename("other", name="all")
+    assert lake.database("all").reference == "all@2"
+    assert fsck(root, is_deep=True).is_whole
+
+
+def test_parts_of_an_earlier_run_of_the_same_name_are_damage(tmp_path):
+    root = filled(tmp_path / "a")
+    lake, kept = Lake(root), tmp_path / "kept"
+    for _ in range(2):
+        evaluate(root, policy="replay", name="again")
+        if not kept.exists():
+            (root / "results" / "again").rename(kept)
+    name = "results/again/results/000000.parquet"
+    shutil.copyfile(kept / "results" / "000000.parquet", root / name)
+    with pytest.raises(LakeError, match=f"{name}.*under this name in this lake"):
+        Lake(root).sql("SELECT * FROM results")
+    (problem,) = fsck(root).problems
+    assert problem.file == name
+    shutil.rmtree(root / "results" / "again")
+    kept.rename(root / "results" / "again")  # as a whole, it is what it was
+    assert fsck(root, is_deep=True).is_whole
+    assert len(lake.sql("SELECT * FROM results")) == 3
 
 
 def test_tables_that_a_snapshot_lists_are_equal_in_all_lakes(two):
