@@ -17,7 +17,7 @@ from scenarionet_data.maintenance import content_checks, database_checks, run_ch
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
-from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.files.lake_files import IDENTITY, LakeFiles
 from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
 from scenarionet_data.storage.integrity.file_checks import Damage, Written
 from scenarionet_data.storage.integrity.snapshot_checks import Verifier, listed
@@ -103,6 +103,13 @@ def fsck(
     files = open_files(lake)
     snapshots.check_is_lake(files)
     found = Findings([Damage(name, f"{what}, expected a file") for name, what in files.strange().items()])
+    with found.of(IDENTITY):
+        files.place(snapshots.file_name(0))
+    if IDENTITY in found.broken:  # every seal covers the id
+        problems = dict.fromkeys(
+            Problem(each.file, _reason(each), remedy(each.file, Inputs([]))) for each in found.damages
+        )
+        return Fsck((), 0, tuple(problems), ())
     readable = _read_snapshots(files, found)
     lists = _read_manifests(files, readable, found, is_deep=is_deep)
     written = _written(lists)

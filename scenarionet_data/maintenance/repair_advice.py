@@ -15,6 +15,7 @@ _OF_FOLDER = {
     "again",
     "results": "remove the run's folder and simulate again",
     "origins.json": "restore it from a copy of the pack",
+    "lake.json": "restore it from a copy of the lake; without it nothing else can be verified",
 }
 _MERGED = "`scenarionet maintain fsck LAKE --repair` merges it again"
 _SNAPSHOT = (

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from scenarionet_data.maintenance.fsck import fsck
+from scenarionet_data.storage.integrity import sealed_json
 from tests.fixtures.golden_lakes import describe
 
 pytestmark = pytest.mark.integration
@@ -17,12 +19,23 @@ LAKES = Path(__file__).parents[1] / "golden" / "lakes"
 EXPECTED = sorted(LAKES.glob("format-*/*/expected.json"))
 
 
-def test_there_are_lakes_of_the_first_format():
-    assert [path.parent.name for path in EXPECTED if path.parts[-3] == "format-1"] == [
-        "generated",
-        "packed",
-        "recorded",
+def test_there_are_lakes_of_every_format():
+    assert ["/".join(path.parts[-3:-1]) for path in EXPECTED] == [
+        "format-1/generated",
+        "format-1/packed",
+        "format-1/recorded",
+        "format-2/generated",
+        "format-3/generated",
     ]
+    written = json.loads((EXPECTED[-1].parent / "lake" / "snapshots" / "00000001.json").read_text())
+    assert written["format"] == sealed_json.FORMAT  # a new format gets a folder of its own
+
+
+@pytest.mark.parametrize("path", EXPECTED, ids=lambda path: f"{path.parts[-3]}-{path.parts[-2]}")
+def test_a_lake_is_whole(path: Path):
+    found = fsck(path.parent / "lake", is_deep=True)
+    assert found.problems == ()
+    assert bool(found.unsealed) == ("format-3" not in path.parts)
 
 
 @pytest.mark.parametrize("path", EXPECTED, ids=lambda path: f"{path.parts[-3]}-{path.parts[-2]}")

@@ -132,10 +132,12 @@ def test_a_lake_can_be_copied_and_moved(two, tmp_path):
     assert len(ScenarioLoader(moved, "all")) == 3
 
 
-def test_a_lake_whose_id_changed_is_damaged(two, tmp_path):
+@pytest.mark.parametrize("change", [lambda text: json.dumps({**json.loads(text), "id": "x"}), lambda text: "{}"])
+def test_a_lake_whose_id_changed_is_damaged(change, two, tmp_path):
     mine = shutil.copytree(two[0], tmp_path / "a")
-    content = json.loads((mine / "lake.json").read_text())
-    (mine / "lake.json").write_text(json.dumps({**content, "id": "x"}))
+    (mine / "lake.json").write_text(change((mine / "lake.json").read_text()))
+    (problem,) = fsck(mine).problems
+    assert problem.file == "lake.json" and problem.remedy.startswith("restore it from a copy of the lake")
     with pytest.raises(LakeError, match=r"lake\.json: damaged, it holds no id of a lake"):
         Lake(mine)
 
