@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import pyarrow as pa
@@ -20,6 +20,11 @@ from scenarionet_data.storage.write.relocation import copy_sealed
 
 _FOLDER = "databases"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
+
+
+versions = partial(numbered.numbers, _FOLDER)
+next_version = partial(numbered.following, _FOLDER)
+drop = partial(numbered.drop, _FOLDER)
 
 
 @dataclass(frozen=True)
@@ -163,11 +168,6 @@ def names(files: LakeFiles) -> list[str]:
     return files.folders(_FOLDER)
 
 
-def versions(files: LakeFiles, name: str) -> list[int]:
-    """Return the versions of a database in ascending order; empty if it does not exist."""
-    return numbered.numbers(files, f"{_FOLDER}/{name}")
-
-
 def read(files: LakeFiles, name: str, version: int | None = None) -> DatabaseRecord:
     """Read the record of a database, of its newest version by default.
 
@@ -263,7 +263,7 @@ def rename(files: LakeFiles, name: str, new_name: str) -> None:
     """
     check_free(files, new_name, replace=False)
     draft, numbers = files.temporary(), versions(files, name)
-    before = numbered.last_used(files, f"{_FOLDER}/{new_name}")
+    before = next_version(files, new_name) - 1
     with writing(draft):
         draft.mkdir()
     for number in numbers:
@@ -275,16 +275,6 @@ def rename(files: LakeFiles, name: str, new_name: str) -> None:
         drop(files, name, number)
 
 
-def drop(files: LakeFiles, name: str, version: int | None = None) -> None:
-    """Remove a database, or one version of it."""
-    numbered.drop(files, f"{_FOLDER}/{name}", version)
-
-
-def next_version(files: LakeFiles, name: str) -> int:
-    """Return the number of the next version of a database."""
-    return numbered.last_used(files, f"{_FOLDER}/{name}") + 1
-
-
 def path(name: str, version: int) -> str:
     """Return the file of a version of a database."""
-    return numbered.file(f"{_FOLDER}/{name}", version)
+    return f"{_FOLDER}/{name}/{version}.parquet"

@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 
 import pyarrow as pa
@@ -29,6 +30,10 @@ _FOLDER = "layers"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _RESERVED = {"weight", "position", "place", "parent"}
 """Columns of database members that ``metadata`` does not have."""
+
+versions = partial(numbered.numbers, _FOLDER)
+next_version = partial(numbered.following, _FOLDER)
+drop = partial(numbered.drop, _FOLDER)
 
 
 @dataclass(frozen=True)
@@ -74,16 +79,6 @@ def current(files: LakeFiles, pinned: Mapping[str, int]) -> dict[str, int]:
     for name, version in pinned.items():
         check_exists(files, name, version)
     return {name: found[-1] for name, found in existing.items() if found} | dict(pinned)
-
-
-def versions(files: LakeFiles, name: str) -> list[int]:
-    """Return the versions of a user column in ascending order; empty if it does not exist."""
-    return numbered.numbers(files, f"{_FOLDER}/{name}")
-
-
-def next_version(files: LakeFiles, name: str) -> int:
-    """Return the number of the next version of a user column."""
-    return numbered.last_used(files, f"{_FOLDER}/{name}") + 1
 
 
 def check_exists(files: LakeFiles, name: str, version: int | None = None) -> None:
@@ -164,11 +159,6 @@ def publish(files: LakeFiles, rows: pa.Table, column: UserColumn) -> bool:
         written.unlink(missing_ok=True)
 
 
-def drop(files: LakeFiles, name: str, version: int | None = None) -> None:
-    """Remove a user column, or one version of it."""
-    numbered.drop(files, f"{_FOLDER}/{name}", version)
-
-
 def _write(files: LakeFiles, values: pa.Table, column: UserColumn) -> Path:
     """Write a temporary file with the values of a user column."""
     temporary = files.temporary()
@@ -180,4 +170,4 @@ def _write(files: LakeFiles, values: pa.Table, column: UserColumn) -> Path:
 
 
 def _path(name: str, version: int) -> str:
-    return numbered.file(f"{_FOLDER}/{name}", version)
+    return f"{_FOLDER}/{name}/{version}.parquet"

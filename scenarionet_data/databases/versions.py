@@ -8,38 +8,30 @@ from __future__ import annotations
 
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
-_DROPPED = "dropped"
+DROPPED = "dropped/"
 
 
-def file(folder: str, number: int) -> str:
-    """File of a version.
+def numbers(kind: str, files: LakeFiles, name: str, suffix: str = ".parquet") -> list[int]:
+    """Return the versions in ascending order; empty if there are none.
 
     Args:
-        folder: ``databases/NAME`` or ``layers/NAME``.
-        number: From 1.
+        kind: ``databases`` or ``layers``; behind DROPPED, versions that were dropped.
+        files: The lake.
+        name: The database, or the user column.
+        suffix: Of the files.
     """
-    return f"{folder}/{number}.parquet"
-
-
-def numbers(files: LakeFiles, folder: str) -> list[int]:
-    """Numbers of the versions in ascending order; empty if there are none."""
-    stems = [name.rpartition("/")[2].removesuffix(".parquet") for name in files.names(folder, ".parquet")]
+    stems = [path.rpartition("/")[2].removesuffix(suffix) for path in files.names(f"{kind}/{name}", suffix)]
     return sorted(int(stem) for stem in stems if stem.isdecimal())
 
 
-def dropped(files: LakeFiles, folder: str) -> set[int]:
-    """Numbers of the versions that were dropped."""
-    return {int(name.rpartition("/")[2]) for name in files.names(f"{_DROPPED}/{folder}")}
+def following(kind: str, files: LakeFiles, name: str) -> int:
+    """Return the number of the next version, which none had before, not even one that was dropped."""
+    return 1 + max([0, *numbers(kind, files, name), *numbers(DROPPED + kind, files, name, "")])
 
 
-def last_used(files: LakeFiles, folder: str) -> int:
-    """The highest number of any version, also of those that were dropped; 0 if there was none."""
-    return max([0, *numbers(files, folder), *dropped(files, folder)])
-
-
-def drop(files: LakeFiles, folder: str, number: int | None = None) -> None:
+def drop(kind: str, files: LakeFiles, name: str, version: int | None = None) -> None:
     """Remove all versions, or one."""
-    there = numbers(files, folder)
-    for each in there if number is None else [number]:
-        files.publish_new(f"{_DROPPED}/{folder}/{each}", b"")
-    files.remove(folder if number is None or there == [number] else file(folder, number))
+    there = numbers(kind, files, name)
+    for number in there if version is None else [version]:
+        files.publish_new(f"{DROPPED}{kind}/{name}/{number}", b"")
+    files.remove(f"{kind}/{name}" if version is None or there == [version] else f"{kind}/{name}/{version}.parquet")

@@ -184,9 +184,9 @@ def _versions(files: LakeFiles, folder: str, found: Findings) -> Iterator[str]:
     """File of every version of every database or user column."""
     for name in files.folders(folder):
         found.refuse_folders(files, f"{folder}/{name}")
-        dropped = versions.dropped(files, f"{folder}/{name}")
-        for number in versions.numbers(files, f"{folder}/{name}"):
-            file = versions.file(f"{folder}/{name}", number)
+        dropped = versions.numbers(versions.DROPPED + folder, files, name, "")
+        for number in versions.numbers(folder, files, name):
+            file = f"{folder}/{name}/{number}.parquet"
             if number in dropped:
                 found.damages.append(Damage(file, "it was dropped, and has come back, for example from a copy"))
             yield file

@@ -11,10 +11,10 @@ import re
 import uuid
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence, Set
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -70,45 +70,41 @@ class LakeFiles(ABC):
 
     # --- identity ---------------------------------------------------------------------------------------
 
-    def place(self, name: str) -> Place:
-        """What the seal of a file covers besides its bytes; see :meth:`places`."""
-        return self.places([name])[0]
+    def place(self, name: str, runs: dict[str, str] | None = None) -> Place:
+        """What the seal of a file covers besides its bytes.
 
-    def places(self, names: Iterable[str]) -> list[Place]:
-        """What the seals of files cover besides their bytes.
+        Args:
+            name: The file.
+            runs: Ids of runs that are known, by their folder; written, so that several files ask once.
 
         Raises:
             LakeError: The id of the lake, or of a run, is damaged.
         """
-        id_of_run = cache(self._id_of_run)
-        return [self._place(name, id_of_run) for name in names]
-
-    def _place(self, name: str, id_of_run: Callable[[str], str]) -> Place:
         if not _BOUND.fullmatch(name):
             return Place(name)
         if self._identity is None and self.has(IDENTITY):
-            content = self._sealed(IDENTITY, Place(IDENTITY), "it holds no id of a lake", {"id", "has_older_files"})
-            self._identity = str(content["id"]), bool(content["has_older_files"])
+            try:
+                content, _ = sealed_json.read(self.content(IDENTITY), Place(IDENTITY))
+                self._identity = str(content["id"]), bool(content["has_older_files"])
+            except (ValueError, KeyError, sealed_json.NewerFormat) as error:
+                remedy = "damaged, it holds no id of a lake; restore it from a copy of it"
+                raise LakeError(f"{self.url(IDENTITY)}: {remedy}") from error
         lake, may_be_older = self._identity or ("", True)
-        of_run = _OF_RUN.fullmatch(name)
-        run = id_of_run(f"{of_run[1]}/run.json") if of_run else ""
-        return Place(name, f"{lake}/{run}", False) if run else Place(name, lake, may_be_older)
+        of_run, runs = _OF_RUN.fullmatch(name), {} if runs is None else runs
+        if of_run and of_run[1] not in runs:
+            runs[of_run[1]] = self._id_of_run(f"{of_run[1]}/run.json")
+        run = runs[of_run[1]] if of_run else ""
+        return Place(name, f"{lake}/{run}", may_be_older=False) if run else Place(name, lake, may_be_older)
 
     def _id_of_run(self, description: str) -> str:
         """Id of a run; empty for one of an older version."""
         if not self.has(description):
             return ""
-        return str(self._sealed(description, self.place(description), "it is no description of a run").get("id", ""))
-
-    def _sealed(self, name: str, place: Place, otherwise: str, wanted: Set[str] = frozenset()) -> dict[str, Any]:
-        """Content of a JSON file that has the wanted entries."""
         try:
-            content, _ = sealed_json.read(self.content(name), place)
-            if not wanted <= content.keys():
-                raise ValueError(f"it lacks {min(wanted - content.keys())}")
+            return str(sealed_json.read(self.content(description), self.place(description))[0].get("id", ""))
         except (ValueError, sealed_json.NewerFormat) as error:
-            raise LakeError(f"{self.url(name)}: damaged, {otherwise}; restore it from a copy of it") from error
-        return content
+            remedy = "damaged, it is no description of a run; restore it from a copy of it"
+            raise LakeError(f"{self.url(description)}: {remedy}") from error
 
     def place_to_write(self, name: str) -> Place:
         """The same for a file that is about to be written; a lake without an id gets one."""
@@ -202,7 +198,7 @@ class LakeFiles(ABC):
             LakeError: A file is missing or damaged.
         """
         listed = list(names)
-        return all([*map(seals.verify, self.paths(listed), self.places(listed))])
+        return all([*map(seals.verify, self.paths(listed), map(partial(self.place, runs={}), listed))])
 
     def check_bytes(self, name: str) -> None:
         """Verify as much of a file as can be without downloading a large one: every byte, once a process.
@@ -253,7 +249,7 @@ class LakeFiles(ABC):
         """
         paths = self.paths(names)
         with ThreadPoolExecutor() as pool:  # digests are computed without the interpreter lock
-            deque(pool.map(seals.verify, paths, self.places(names)), maxlen=0)
+            deque(pool.map(seals.verify, paths, map(partial(self.place, runs={}), names)), maxlen=0)
         return [str(path) for path in paths]
 
     @property
