@@ -21,6 +21,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.publishing.ducklake import write_ducklake
 from scenarionet_data.publishing.iceberg import write_iceberg
 from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.places import is_url, local_path
 
@@ -67,6 +68,9 @@ def publish(lake: LakeLike, path: str | Path, catalog: Catalog) -> PublishReport
             out.mkdir(parents=True)
             metadata = out / "metadata.parquet"
             pq.write_table(_metadata(view), metadata)
+            for name in (name for name, listed in files.items() if not listed):  # a lake need not have lights
+                files[name] = [str(out / f"{name}.parquet")]
+                pq.write_table(tables.load(name).schema.empty_table(), files[name][0])
         files = {"metadata": [str(metadata)], **files}
         locations = _WRITERS[catalog](out, files)
     except BaseException:  # a part of a catalog is not found by any reader

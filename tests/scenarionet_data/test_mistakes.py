@@ -130,5 +130,5 @@ def test_a_command_without_enough_address_space_says_how_much_it_needs(lake):
     command = f"ulimit -v 700000; {sys.executable} -m scenarionet_pipelines.cli show {lake.root} 0"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=HANGS_AFTER)
     assert "warning: memory may not suffice: `ulimit -v` allows 0.7 GB" in done.stderr
-    assert "verbs need up to 4 GB" in done.stderr
+    assert "verbs need 1.6 GB" in done.stderr
     assert "Traceback" not in done.stderr

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import errno
 import importlib
-import importlib.util
 import warnings
 from collections.abc import Mapping
 from functools import cache
@@ -21,6 +20,7 @@ from scenarionet_data.errors import (
     SourceNotFound,
     UserColumnNotFound,
 )
+from scenarionet_pipelines.cli import address_space
 from scenarionet_pipelines.cli.deprecated import MOVED, current_verb
 from scenarionet_pipelines.cli.interrupt import Interrupted, interruptible, received
 from scenarionet_pipelines.cli.verb import VerbCommand
@@ -30,8 +30,6 @@ from scenarionet_pipelines.verb_tree import GROUPS
 _USAGE_ERRORS = (QueryError, SourceNotFound, DatabaseNotFound, UserColumnNotFound)
 """Usage errors (exit code 2); all other errors concern data (exit code 1)."""
 _EXPLAINED = (ScenarioNetError, click.ClickException, click.Abort, SystemExit)
-_ADDRESS_SPACE = 4_000_000_000
-"""Address space that every verb can run in [bytes]."""
 
 
 @cache
@@ -102,9 +100,9 @@ class CommandLine(Verbs):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a verb; a signal or an error of the project becomes one line on standard error and an exit code."""
-        scarce = _scarcity()
-        if scarce:
-            click.echo(f"warning: memory may not suffice{scarce}", err=True)
+        scarcity = address_space.reserve_less_if_limited()
+        if scarcity:
+            click.echo(f"warning: memory may not suffice: {scarcity}", err=True)
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning  # type: ignore[assignment]  # its other parameters are not needed
             try:
@@ -115,8 +113,9 @@ class CommandLine(Verbs):
             except BaseException as error:
                 if isinstance(error, KeyboardInterrupt) or received():  # errors after a signal are its consequences
                     raise Interrupted("stopped before the end") from error
-                if isinstance(error, MemoryError) or (scarce and not isinstance(error, _EXPLAINED)):
-                    error = LakeError(f"out of memory{scarce}: take fewer scenarios or workers, or a larger machine")
+                if isinstance(error, MemoryError) or (scarcity and not isinstance(error, _EXPLAINED)):
+                    cause = f": {scarcity}" if scarcity else ""
+                    error = LakeError(f"out of memory{cause}; take fewer scenarios or workers, or a larger machine")
                 is_explained = (
                     isinstance(error, (ScenarioNetError, OSError)) and getattr(error, "errno", 0) != errno.EPIPE
                 )
@@ -124,22 +123,6 @@ class CommandLine(Verbs):
                     raise
                 click.echo(f"error: {one_line(error)}", err=True)
                 ctx.exit(2 if isinstance(error, _USAGE_ERRORS) else 1)
-
-
-def _scarcity() -> str:
-    """Return what the limit of address space is if it is below what the verbs need, else an empty text.
-
-    DuckDB, Arrow and the compiler reserve it for every thread, and end the process if they cannot have it.
-    """
-    if importlib.util.find_spec("resource") is None:  # Windows
-        return ""
-    resource = importlib.import_module("resource")
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit == resource.RLIM_INFINITY or limit >= _ADDRESS_SPACE:
-        return ""
-    return (
-        f": `ulimit -v` allows {limit / 1e9:.1f} GB of address space, and verbs need up to {_ADDRESS_SPACE / 1e9:g} GB"
-    )
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ARG001

@@ -1,0 +1,126 @@
+"""Every verb within 1.5 GB of address space; what needs more says so in a sentence."""
+
+from __future__ import annotations
+
+import resource
+import shlex
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from scenarionet_pipelines.cli.address_space import NEEDED
+from tests.fixtures.waiting import HANGS_AFTER, until
+from tests.scenarionet_pipelines.test_cli import ALL_VERBS
+
+pytestmark = [
+    pytest.mark.integration,
+    pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit the address space"),
+]
+
+COMMANDS = """
+convert pg 0:4 lake --workers 2
+list lake
+show lake 3
+sql lake "SELECT count(*) FROM states"
+mine lake cut_in
+render lake 3 -o picture.png
+render lake 3 -o film.gif --size 128 --speed 8
+render lake 3 -o street.png --view chase --size 128
+report lake -o report.html
+filter lake --where "num_objects > 1" --name busy
+split lake busy --fractions train=0.5 val=0.5
+sample lake busy -n 2 --name few
+merge lake busy_train busy_val --name both
+vary lake few --name varied -p ego.speed=0.9:1.1 --number 2
+sim lake few --policy idm --name idm --workers 2
+sim lake few --policy replay --name replay --workers 1 --no-references
+export lake few pickles
+export lake few maps --format opendrive --workers 2
+pack lake few packed
+db intersect lake busy few --name common
+db subtract lake busy few --name others --allow-empty
+db diff lake busy few
+db overlap lake busy few
+db stats lake busy
+db lineage lake few
+db rebuild lake few
+db rebase lake few
+db copy lake few some
+db rename lake some these
+db checkout lake these@1
+db drop lake these
+db tag lake fast --where "ego_max_speed > 5"
+runs compare lake idm replay
+runs record lake few
+tables files lake metadata
+tables publish lake --iceberg catalog
+maintain check lake --scorecard
+maintain check lake few --simulate
+maintain fsck lake --deep
+maintain compact lake
+maintain vacuum lake --keep-last 1 --yes
+maintain compile
+maintain doctor
+info converters pg
+info filters
+"""
+ELSEWHERE = {"browse", "train", "runs experiment", "forecast score", "forecast submit"}
+"""Verbs that run until they are stopped, need torch, or need predictions."""
+
+
+def start(folder: Path, words: str, limit: int = NEEDED) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "scenarionet_pipelines.cli", *shlex.split(words)]
+    return subprocess.Popen(
+        command,
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("small")
+
+
+@pytest.mark.parametrize("words", COMMANDS.strip().splitlines())
+def test_a_verb_works_in_little_address_space(folder, words):
+    process = start(folder, words)
+    out, err = process.communicate(timeout=HANGS_AFTER)
+    if "pip install" in err:
+        pytest.skip(err)
+    assert process.returncode == 0, out[-500:] + err
+    assert "memory may not suffice" not in err
+
+
+def test_every_verb_is_tried():
+    tried = {name for name in ALL_VERBS if any(f"{line} ".startswith(f"{name} ") for line in COMMANDS.splitlines())}
+    assert tried == set(ALL_VERBS) - ELSEWHERE
+
+
+def test_browse_answers_in_little_address_space(folder):
+    process = start(folder, "browse lake --port 0")
+    assert process.stderr is not None
+    assert process.stdout is not None
+    until(lambda: "http://" in process.stdout.readline(), "browse prints its address")
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=HANGS_AFTER)
+    assert process.returncode == 130
+
+
+@pytest.mark.parametrize("limit", [300 * 2**20, 500 * 2**20, 700 * 2**20])
+@pytest.mark.parametrize(
+    "words", ["list lake", 'sql lake "SELECT count(*) FROM states"', "show lake 3", "convert pg 4:6 lake --workers 1"]
+)
+def test_less_is_a_sentence(folder, words, limit):
+    """Whether it suffices depends on versions and processors; last words of a library follow the sentence."""
+    process = start(folder, words, limit)
+    _, err = process.communicate(timeout=HANGS_AFTER)
+    assert err.startswith(f"warning: memory may not suffice: `ulimit -v` allows {limit / 1e9:.1f} GB of address space")
+    assert "verbs need 1.6 GB" in err
+    assert "Traceback" not in err
