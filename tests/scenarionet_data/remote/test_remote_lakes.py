@@ -13,7 +13,7 @@ from scenarionet_data.errors import DatabaseExists, LakeError, MissingDependency
 from scenarionet_data.storage.files import remote
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.files.opening import open_files
-from scenarionet_data.storage.read import row_groups
+from scenarionet_data.storage.read import scenario_reader
 from scenarionet_data.storage.read.parquet import column_reader, footer
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake
@@ -76,7 +76,7 @@ def test_batch_is_fetched_together(lake, store):
 
 @pytest.mark.long
 def test_batches_load_while_footers_are_evicted(url, monkeypatch):
-    monkeypatch.setattr(row_groups, "_MAX_FOOTERS", 2)
+    monkeypatch.setattr(scenario_reader, "_MAX_FOOTERS", 2)
     for k, scenario in enumerate(MADE):
         lake = write_lake(url, [scenario], name=f"shard{k}")
     loaded = ScenarioLoader(lake)
