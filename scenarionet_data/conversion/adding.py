@@ -20,7 +20,7 @@ from scenarionet_data.quality.audit import audit
 from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
+from scenarionet_data.storage.files.places import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots

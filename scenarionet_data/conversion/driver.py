@@ -31,8 +31,7 @@ from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
-from scenarionet_data.storage.files.places import is_url
+from scenarionet_data.storage.files.places import LakeFilesLike, is_url, open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots

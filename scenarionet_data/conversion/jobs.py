@@ -17,8 +17,7 @@ from scenarionet_data.errors import LakeError, SourceError
 from scenarionet_data.execution.worker import peak_memory, worker_name
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.quality.audit import audit, audit_shared_map
-from scenarionet_data.storage.files.opening import open_files
-from scenarionet_data.storage.files.places import is_url
+from scenarionet_data.storage.files.places import is_url, open_files
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_finished
 from scenarionet_data.storage.write.map_tiles import write_shared_map
 from scenarionet_data.storage.write.shard_writer import ShardWriter

@@ -10,8 +10,8 @@ from scenarionet_data.databases.record import Lineage
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.integrity import sealed_json
-from scenarionet_data.storage.integrity.sealed_json import NewerFormat
+from scenarionet_data.storage.integrity import seals
+from scenarionet_data.storage.integrity.seals import NewerFormat
 
 FILE = "origins.json"
 
@@ -34,7 +34,7 @@ def write(files: LakeFiles, packed: str, lineages: Mapping[str, Lineage]) -> Pat
     content = {"packed": packed, "lineages": {reference: how.to_dict() for reference, how in lineages.items()}}
     temporary = files.temporary()
     with writing(temporary, temporary):
-        temporary.write_bytes(sealed_json.seal(content, files.place_to_write(FILE)))
+        temporary.write_bytes(seals.seal_json(content, files.place_to_write(FILE)))
     return temporary
 
 
@@ -51,7 +51,7 @@ def parse(files: LakeFiles) -> tuple[PackOrigins, bool]:
     """
     path = files.path(FILE)
     try:
-        content, is_sealed = sealed_json.read(files.content(FILE), files.place(FILE))
+        content, is_sealed = seals.read_json(files.content(FILE), files.place(FILE))
         lineages = {reference: Lineage.from_dict(how) for reference, how in content["lineages"].items()}
         return PackOrigins(content["packed"], lineages), is_sealed
     except NewerFormat as error:

@@ -75,10 +75,13 @@ def current(files: LakeFiles, pinned: Mapping[str, int]) -> dict[str, int]:
     Raises:
         UserColumnNotFound: A pinned version does not exist.
     """
-    existing = {name: versions(files, name) for name in files.folders(_FOLDER) if _NAME.fullmatch(name)}
+    newest = {}
+    for name in files.folders(_FOLDER):
+        found = versions(files, name) if _NAME.fullmatch(name) else []
+        newest.update({name: found[-1]} if found else {})
     for name, version in pinned.items():
         check_exists(files, name, version)
-    return {name: found[-1] for name, found in existing.items() if found} | dict(pinned)
+    return newest | dict(pinned)
 
 
 def check_exists(files: LakeFiles, name: str, version: int | None = None) -> None:

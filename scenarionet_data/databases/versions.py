@@ -20,8 +20,7 @@ def numbers(kind: str, files: LakeFiles, name: str, suffix: str = ".parquet") ->
         name: The database, or the user column.
         suffix: Of the files.
     """
-    stems = [path.rpartition("/")[2].removesuffix(suffix) for path in files.names(f"{kind}/{name}", suffix)]
-    return sorted(int(stem) for stem in stems if stem.isdecimal())
+    return files.numbers(f"{kind}/{name}", suffix)
 
 
 def following(kind: str, files: LakeFiles, name: str) -> int:

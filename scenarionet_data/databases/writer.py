@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -23,22 +24,24 @@ from scenarionet_data.storage.integrity import seals
 _ROWS_PER_GROUP = 65_536  # one row group per DuckDB thread
 
 
+@dataclass
 class DatabaseWriter:
     """Writes one database to a temporary file, which gets its name once it is complete.
 
     Attributes:
+        files: Files of the lake.
+        path: The temporary file.
+        table: Its writer.
         count: Members written so far.
     """
 
-    def __init__(self, files: LakeFiles) -> None:
-        self.count = 0
-        self._files = files
-        self._path = files.temporary()
-        self._lineage: Lineage | None = None
-        self._waiting: list[pa.RecordBatch] = []
-        self._num_waiting = 0
-        with writing(self._path, self._path):
-            self._writer = tables.load("members").writer(self._path, {})
+    files: LakeFiles
+    path: Path
+    table: pq.ParquetWriter
+    count: int = 0
+    _lineage: Lineage | None = None
+    _waiting: list[pa.RecordBatch] = field(default_factory=list)
+    _num_waiting: int = 0
 
     def add(self, rows: pa.RecordBatch) -> None:
         """Append members: columns scenario_id, weight and content_hash, in order."""
@@ -53,13 +56,13 @@ class DatabaseWriter:
         if self._num_waiting:
             self._write(self._num_waiting)
         self._lineage = replace(lineage, count=self.count)
-        with writing(self._path):
-            self._writer.add_key_value_metadata({"scenarionet.lineage": json.dumps(self._lineage.to_dict())})
-            self._writer.close()
+        with writing(self.path):
+            self.table.add_key_value_metadata({"scenarionet.lineage": json.dumps(self._lineage.to_dict())})
+            self.table.close()
 
     def ids(self) -> Iterator[pa.Array]:
         """Yield scenario_id of the members after :meth:`finish`, one row group at a time."""
-        with pq.ParquetFile(self._path) as file:
+        with pq.ParquetFile(self.path) as file:
             for batch in file.iter_batches(_ROWS_PER_GROUP, columns=["scenario_id"]):
                 yield batch["scenario_id"]
 
@@ -76,20 +79,14 @@ class DatabaseWriter:
         if self._lineage is None:
             raise LakeError(f"{name}: call finish() before publish()")
         while True:
-            version = records.next_version(self._files, name)
+            version = records.next_version(self.files, name)
             # Checked after listing: a version that a rival publishes in between makes publish_new fail instead.
-            records.check_free(self._files, name, replace=replace)
+            records.check_free(self.files, name, replace=replace)
             file = records.path(name, version)
-            with writing(self._path):
-                seals.seal(self._path, self._files.place_to_write(file))
-            if self._files.publish_new(file, self._path):
-                return DatabaseRecord(name, version, self._lineage, self._files)
-
-    def discard(self) -> None:
-        """Remove the temporary file."""
-        with suppress(OSError):  # on a full disk, the footer cannot be written
-            self._writer.close()
-        self._path.unlink(missing_ok=True)
+            with writing(self.path):
+                seals.seal(self.path, self.files.place_to_write(file))
+            if self.files.publish_new(file, self.path):
+                return DatabaseRecord(name, version, self._lineage, self.files)
 
     def _write(self, count: int) -> None:
         """Write the first ``count`` waiting members, with their positions."""
@@ -100,8 +97,8 @@ class DatabaseWriter:
         positions = pa.Array.from_buffers(pa.int32(), count, [None, pa.py_buffer(numbers)])
         schema = tables.load("members").schema
         content = rows.append_column("position", positions).select(schema.names).cast(schema)
-        with writing(self._path):
-            self._writer.write_table(content, row_group_size=_ROWS_PER_GROUP)
+        with writing(self.path):
+            self.table.write_table(content, row_group_size=_ROWS_PER_GROUP)
         self._waiting = waiting.slice(count).to_batches()
         self._num_waiting -= count
 
@@ -112,11 +109,15 @@ def database_writers(files: LakeFiles, names: Iterable[str]) -> Iterator[dict[st
     writers: dict[str, DatabaseWriter] = {}
     try:
         for name in names:
-            writers[name] = DatabaseWriter(files)
+            path = files.temporary()
+            with writing(path, path):
+                writers[name] = DatabaseWriter(files, path, tables.load("members").writer(path, {}))
         yield writers
     finally:
         for writer in writers.values():
-            writer.discard()
+            with suppress(OSError):  # on a full disk, the footer cannot be written
+                writer.table.close()
+            writer.path.unlink(missing_ok=True)
 
 
 def save(files: LakeFiles, name: str, members: pa.Table, lineage: Lineage, *, replace: bool) -> DatabaseRecord:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -55,7 +55,7 @@ class Database(DatabaseRecord, HasCard, Filtering["Database"], Splitting["Databa
         """Return the handle of a record."""
         if isinstance(record, cls):
             return record
-        return cls(**{each.name: getattr(record, each.name) for each in fields(DatabaseRecord)}, view=view)
+        return cls(record.name, record.version, record.lineage, record.files, record.selected, view=view)
 
     def __repr__(self) -> str:
         return f"Database({self.reference!r}, {len(self):,} scenarios, lake={str(self.view.root)!r})"

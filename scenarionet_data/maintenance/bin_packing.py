@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
+from scenarionet_data.storage.files.places import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
@@ -54,7 +54,7 @@ def plan_compaction(
     for key in sorted(set(patterns) - set(_KEYS)):
         raise BadParameter(f"where: unknown key {key!r}; select by {', '.join(_KEYS)}")
     base = snapshots.newest(files)
-    manifests.check_schemas(files, base)
+    manifests.schema_versions(files, base)
     groups: dict[tuple[str, ...], list[ShardRecord]] = defaultdict(list)
     for record in manifests.shards(files, base):
         if record.num_scenarios and all(fnmatchcase(getattr(record, key), patterns[key]) for key in patterns):

@@ -16,7 +16,7 @@ from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.maintenance.bin_packing import Bin, content_sizes, plan_compaction
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
+from scenarionet_data.storage.files.places import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots

@@ -18,7 +18,7 @@ from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
 from scenarionet_data.storage.files.lake_files import IDENTITY, LakeFiles
-from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
+from scenarionet_data.storage.files.places import LakeFilesLike, open_files
 from scenarionet_data.storage.integrity.file_checks import Damage, Written
 from scenarionet_data.storage.integrity.snapshot_checks import Verifier, listed
 from scenarionet_data.storage.snapshots import commit as commits

@@ -25,8 +25,8 @@ from scenarionet_data.maintenance.fsck import Fsck, fsck
 from scenarionet_data.packs.contents import SUMS, renew_sums
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
-from scenarionet_data.storage.integrity import sealed_json
+from scenarionet_data.storage.files.places import LakeFilesLike, open_files
+from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -169,8 +169,8 @@ def _seal(files: LakeFiles, name: str) -> None:
     source, temporary = files.path(name), files.temporary()
     with writing(temporary, temporary):
         if name.endswith(".json"):
-            content, _ = sealed_json.read(source.read_bytes(), files.place(name))
-            temporary.write_bytes(sealed_json.seal(content, files.place_to_write(name)))
+            content, _ = seals.read_json(source.read_bytes(), files.place(name))
+            temporary.write_bytes(seals.seal_json(content, files.place_to_write(name)))
         else:
             copy_sealed(files, name, temporary, files.place_to_write(name))
         shutil.copystat(source, temporary)  # the age of a snapshot is the time of its publication

@@ -17,7 +17,7 @@ from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage.files.lake_files import LakeFiles, Listed
-from scenarionet_data.storage.files.opening import LakeFilesLike, open_files
+from scenarionet_data.storage.files.places import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot

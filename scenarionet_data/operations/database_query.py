@@ -20,7 +20,7 @@ from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord, Lineage
 from scenarionet_data.errors import BadParameter, EmptyResult
 from scenarionet_data.query.engine import Rows
-from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.query.lake_view import LakeLike, LakeView
 from scenarionet_data.query.members import relation
 from scenarionet_data.query.statements import words
 from scenarionet_data.schema import tables
@@ -63,10 +63,10 @@ class DatabaseQuery:
         Raises:
             ScenarioNotFound: No such snapshot has them all.
         """
-        view = open_view(lake)
-        found = tuple(view.record(database) for database in databases if database is not None)
-        if not found:
+        view = lake if isinstance(lake, LakeView) else LakeView(lake)
+        if databases == (None,):
             return cls(view)
+        found = tuple([view.record(database) for database in databases if database is not None])
         unsaved = [database for database in found if not database.is_saved]
         if not unsaved:
             return cls(view.with_members(found[:num_pinned]), found)
@@ -93,29 +93,29 @@ class DatabaseQuery:
 
     def run(self, query: str, parameters: Mapping[str, Any], tables: Mapping[str, Rows] | None = None) -> pa.Table:
         """Return the rows of a query over the views of the snapshot and ``members``."""
-        sql, selected = self._with_members(query)
+        sql, selected = self._with_members(query) if self.parents else (query, {})
         all_tables = {**selected, **(tables or {})}
         return self.view.engine.arrow(sql, parameters, user_columns=self.user_columns(query), tables=all_tables)
 
     def batches(self, query: str, parameters: Mapping[str, Any]) -> Generator[pa.RecordBatch, None, None]:
         """Yield the rows of a query like :meth:`run`, in batches."""
-        sql, selected = self._with_members(query)
+        sql, selected = self._with_members(query) if self.parents else (query, {})
         return self.view.engine.batches(sql, parameters, user_columns=self.user_columns(query), tables=selected)
 
     def user_columns(self, query: str) -> list[str]:
         """Return the user columns that the query names, sorted; unused ones are not joined."""
+        if not self.view.user_columns:
+            return []
         found = words(query)
         # COLUMNS('score_.*') may select any of them.
         return sorted(self.view.user_columns if "columns" in found else found & set(self.view.user_columns))
 
     def _with_members(self, query: str) -> tuple[str, dict[str, Rows]]:
-        """Return a query that defines ``members``, and tables it needs.
+        """Return a query that defines ``members``, and tables it needs, for queries over databases.
 
         ``members`` has the rows of all parents, each with ``parent``, the index of its database. It is read again for
         each use instead of kept in memory.
         """
-        if not self.parents:
-            return query, {}
         tables: dict[str, Rows] = {}
         sources = []
         for number, parent in enumerate(self.parents):
@@ -200,8 +200,11 @@ class DatabaseQuery:
 
         The lineage of an unsaved parent becomes part of the query, so that it depends on saved databases only.
         """
-        user_columns = {f"{name}@{self.view.user_columns[name]}" for name in self.user_columns(query)}
-        parents = [parent.reference for parent in self.parents]
+        user_columns, parents = set[str](), list[str]()
+        for name in self.user_columns(query):
+            user_columns.add(f"{name}@{self.view.user_columns[name]}")
+        for parent in self.parents:
+            parents.append(parent.reference)
         if self.parents and not self.parents[0].is_saved:
             inner = self.parents[0].lineage
             selected, parameters = _renamed(inner, parameters)

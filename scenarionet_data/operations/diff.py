@@ -139,8 +139,6 @@ def _changed_columns(view: LakeView, before: _Side, after: _Side) -> tuple[Colum
     except NoSuchSnapshot as error:
         warnings.warn(f"columns cannot be compared, only members: {error}", StaleDatabaseWarning, stacklevel=4)
         return ()
-    for snapshot in found:
-        manifests.check_schemas(view.files, snapshot)
     own = [sorted({*a.metadata} - {*b.metadata}) for a, b in (found, found[::-1])]
     if not all(own):
         return ()
@@ -162,7 +160,7 @@ def _metadata_rows(view: LakeView, snapshot: snapshots.Snapshot, names: Sequence
     if not names:
         return "(FROM metadata_rows LIMIT 0)"
     paths = ", ".join(map(quoted, view.files.scans(names)))
-    is_current = manifests.has_current_files(view.files, snapshot, "metadata")
+    is_current = tables.load("metadata").tag in manifests.schema_versions(view.files, snapshot)
     return scan_files("metadata", f"[{paths}]", is_current=is_current)
 
 

@@ -14,8 +14,7 @@ from scenarionet_data.databases.record import DatabaseRecord, Lineage
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
 from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, as_recorded
 from scenarionet_data.query.named_sql import EVENTS, FILTERS, Conditions, NamedSql
-from scenarionet_data.query.statements import check_expression
-from scenarionet_data.query.suggestions import explaining
+from scenarionet_data.query.statements import check_expression, explaining
 
 BoundSql = tuple[NamedSql, dict[str, Any]]
 """A condition and the values of its parameters."""
@@ -100,10 +99,10 @@ def find_scenarios(
             raise BadParameter(f"ids: wanted a list of ids, found the text {ids!r}; put it into a list")
         named.append((FILTERS.load("ids"), {"ids": list(ids)}))
         _check_ids(query, list(ids))
-    happening = [
-        (replace(event, text=f"scenario_id IN (SELECT scenario_id FROM (\n{event.text}\n))"), values)
-        for event, values in EVENTS.resolve(events)
-    ]
+    happening = []
+    for event, values in EVENTS.resolve(events):
+        occurs = f"scenario_id IN (SELECT scenario_id FROM (\n{event.text}\n))"
+        happening.append((replace(event, text=occurs), values))
     conditions, bound = _combined(where, [*named, *happening], parameters or {})
     sql = query.query("operations/filter", {"conditions": conditions})
     lineage = query.lineage("filter", sql, as_recorded(bound))

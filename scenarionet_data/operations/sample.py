@@ -12,8 +12,7 @@ from scenarionet_data.operations.database_query import (
     check_whole,
     uniform,
 )
-from scenarionet_data.query.statements import check_expression
-from scenarionet_data.query.suggestions import explaining
+from scenarionet_data.query.statements import check_expression, explaining
 
 _FROM_EASY = "row_number() OVER (ORDER BY difficulty, scenario_id)"
 _LEVEL = f"(1 + ({_FROM_EASY} - 1) * $levels::BIGINT // count(*) OVER ())::VARCHAR"

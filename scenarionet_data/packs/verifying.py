@@ -18,8 +18,7 @@ from scenarionet_data.packs.contents import SUMS
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.local import LocalLakeFiles
-from scenarionet_data.storage.files.opening import open_files
-from scenarionet_data.storage.files.places import is_url
+from scenarionet_data.storage.files.places import is_url, open_files
 from scenarionet_data.storage.integrity.file_checks import Damage
 from scenarionet_data.storage.integrity.snapshot_checks import verify
 from scenarionet_data.storage.snapshots import snapshot as snapshots

@@ -21,7 +21,7 @@ from scenarionet_data.query.engine import Engine
 from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 

@@ -65,21 +65,17 @@ class Engine:
         user_columns: Mapping[str, int] | None = None,
         chosen: pa.Table | None = None,
     ) -> None:
-        manifests.check_schemas(files, snapshot)
+        schemas = manifests.schema_versions(files, snapshot)
         self._files = files
         self._snapshot = snapshot
         try:
             self._connection = duckdb.connect(config={"autoinstall_known_extensions": False})
         except duckdb.Error as error:  # DuckDB reserves address space for its buffers and threads
             raise _out_of_memory(error) from error
+        if chosen is not None:
+            self._connection.register("chosen", chosen.select(["scenario_id", "map_id"]))
         self._views = Views(
-            self._connection,
-            files,
-            snapshot,
-            without=without,
-            given=given,
-            user_columns=user_columns or {},
-            chosen=chosen,
+            self._connection, files, snapshot, set(without), set(given), user_columns or {}, chosen, schemas
         )
         self._filesystem: Any = files.filesystem() if is_url(files.root) else None
         if self._filesystem:  # before allowed_directories: DuckDB 1.5 would take its URLs for local folders

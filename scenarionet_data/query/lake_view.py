@@ -21,7 +21,7 @@ from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFou
 from scenarionet_data.query.members import count_changed, locate
 from scenarionet_data.query.named_sql import ANALYTICS
 from scenarionet_data.query.views import FILE_TABLES, table_files
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS, MetadataRows, ScenarioIndex
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -78,8 +78,9 @@ class LakeView:
             if not (value is None or isinstance(value, int)):
                 raise BadParameter(f"{what}: wanted a number or None, found {value!r}")
         self.files = open_files(root)
-        snapshots.check_is_lake(self.files)
         self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
+        if self.snapshot == snapshots.EMPTY:
+            snapshots.check_is_lake(self.files)
         self.user_columns: dict[str, int] = user_column_records.current(self.files, user_columns or {})
         self._max_memory = max_memory
         self._chosen: pa.Table | None = None

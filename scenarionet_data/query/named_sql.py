@@ -155,7 +155,7 @@ class Folder:
         if isinstance(given, Mapping):
             found = [(self.load(name), values) for name, values in given.items()]
             return [(file, file.bind(values)) for file, values in found]
-        return [self.parse(text) for text in given]
+        return list(map(self.parse, given))
 
 
 FILTERS = Folder("filters", UnknownFilter)

@@ -1,13 +1,18 @@
-"""User SQL: reject everything but reads, find the names it uses, and locate syntax errors."""
+"""User SQL: reject everything but reads, find the names it uses, locate errors, and suggest similar columns."""
 
 from __future__ import annotations
 
+import difflib
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.errors import QueryError, UnsafeSql
+from scenarionet_data.schema import tables
+
+_UNKNOWN_COLUMN = re.compile(r'Referenced (?:column|table) "(\w+)" not found')
 
 if TYPE_CHECKING:  # imported where it is used: loaders need the rest of this file only
     import duckdb
@@ -103,9 +108,9 @@ def shows_every_column(connection: duckdb.DuckDBPyConnection, sql: str) -> bool:
     (answer,) = connection.execute("SELECT json_serialize_sql($1::VARCHAR)", [sql]).fetchall()[0]
     tree = json.loads(answer)
     nodes = list(_nodes(tree))
-    tables = {node["alias"] or node["table_name"] for node in nodes if node.get("type") == "BASE_TABLE"}
+    sources = {node["alias"] or node["table_name"] for node in nodes if node.get("type") == "BASE_TABLE"}
     named = {node["column_names"][0] for node in nodes if len(node.get("column_names", ())) == 1}
-    is_row = not {name.lower() for name in tables}.isdisjoint(name.lower() for name in named)
+    is_row = not {name.lower() for name in sources}.isdisjoint(name.lower() for name in named)
     return tree["error"] or is_row or any(node.get("class") == "STAR" for node in nodes)
 
 
@@ -127,3 +132,36 @@ def words(sql: str) -> set[str]:
 def quoted(text: str) -> str:
     """Return an SQL literal of a text."""
     return "'" + text.replace("'", "''") + "'"
+
+
+@contextmanager
+def explaining(where: str, user_columns: Iterable[str] = ()) -> Iterator[None]:
+    """Add position and suggestions to errors of DuckDB about unknown columns.
+
+    Args:
+        where: The condition that is run.
+        user_columns: User columns of the lake.
+    """
+    try:
+        yield
+    except QueryError as error:
+        found = _UNKNOWN_COLUMN.search(str(error))
+        word = re.search(rf"\b{re.escape(found.group(1))}\b", where, re.IGNORECASE) if found else None
+        if word is None:
+            raise
+        similar = similar_columns(where, user_columns)
+        raise QueryError(f"no column {word.group()} at character {word.start() + 1} of {where!r}; {similar}") from error
+
+
+def similar_columns(where: str, user_columns: Iterable[str] = ()) -> str:
+    """Suggest columns with names similar to the unknown names in a condition."""
+    metadata = tables.load("metadata")
+    columns = [column.name for column in (*metadata.columns, *metadata.derived)] + list(user_columns)
+    unknown = {word.lower() for word in re.findall(r"[A-Za-z_]\w*", where)} - set(columns)
+    near = [name for word in sorted(unknown) for name in difflib.get_close_matches(word, columns, n=3, cutoff=0.5)]
+    hint = f"similar: {', '.join(dict.fromkeys(near))}; " if near else ""
+    compared = re.findall(r"(?:[=<>(,]|\b(?:IN|LIKE)\b)\s*([A-Za-z_]\w*)\b(?!\s*\()", where, re.IGNORECASE)
+    texts = [word for word in compared if word.lower() in unknown]
+    if texts:
+        hint = f"a text is written in quotes, '{texts[0]}'; {hint}"
+    return f"{hint}`scenarionet info filters --columns` explains all columns"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Set
+from dataclasses import dataclass, field
 from functools import cache
+from itertools import filterfalse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +25,8 @@ if TYPE_CHECKING:
     import duckdb
 
 FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "defects", "shards", *evaluation_runs.RUN_TABLES)
-_FOLDER_COLUMNS = ("tracks", "lights", "maps")
+_HIVE_COLUMNS = {"maps": ("dataset", "version"), **dict.fromkeys(("tracks", "lights"), ("dataset", "split", "version"))}
+"""Columns that are in the names of folders."""
 _COMMENT_TABLES = {"duckdb_columns", "duckdb_views", "information_schema", "pg_description"}
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 
@@ -40,45 +43,35 @@ def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
     return sorted(listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist())
 
 
+@dataclass
 class Views:
     """The views and macros of one connection.
 
-    Args:
+    Attributes:
         connection: Connection that the views are created on.
         files: Files of the lake.
         snapshot: Snapshot that the views show.
         without: Files of the snapshot that the views leave out.
         given: Tables that every query passes in place of the snapshot's.
         user_columns: Version of each user column that the view metadata has for queries that use it.
-        chosen: Scenarios that the views show, with their addresses; all of the snapshot for None.
-
-    Attributes:
+        chosen: Scenarios that the views show, with their addresses; all of the snapshot for None. The connection has
+            them as ``chosen``.
+        schemas: Versions of tables, as ``tracks/1``, that all files of the snapshot have.
         scanned: Files that the views read, in order.
     """
 
-    def __init__(
-        self,
-        connection: duckdb.DuckDBPyConnection,
-        files: LakeFiles,
-        snapshot: Snapshot,
-        *,
-        without: Iterable[str],
-        given: Iterable[str],
-        user_columns: Mapping[str, int],
-        chosen: pa.Table | None,
-    ) -> None:
-        self._connection = connection
-        self._files = files
-        self._snapshot = snapshot
-        self.scanned: dict[str, None] = {}
-        self._without = set(without)
-        self._made = set(given)
-        self._commented = set(given)
-        self._user_columns = user_columns
-        self._joined: frozenset[str] = frozenset()
-        self._chosen = chosen
-        if chosen is not None:
-            connection.register("chosen", chosen.select(["scenario_id", "map_id"]))
+    connection: duckdb.DuckDBPyConnection
+    files: LakeFiles
+    snapshot: Snapshot
+    without: Set[str]
+    given: Set[str]
+    user_columns: Mapping[str, int]
+    chosen: pa.Table | None
+    schemas: Set[str]
+    scanned: dict[str, None] = field(default_factory=dict)
+    _made: set[str] = field(default_factory=set)
+    _commented: set[str] = field(default_factory=set)
+    _joined: frozenset[str] = frozenset()
 
     def make(self, sql: str, user_columns: Iterable[str] | None = None) -> None:
         """Create the views and macros that a query names, after those they depend on.
@@ -87,10 +80,10 @@ class Views:
             sql: The query.
             user_columns: User columns that it uses; found in its text by default.
         """
-        if self._user_columns and "metadata" in words(sql):
+        if self.user_columns and "metadata" in words(sql):
             if user_columns is None:
-                is_all = shows_every_column(self._connection, sql)
-                user_columns = self._user_columns if is_all else words(sql) & set(self._user_columns)
+                is_all = shows_every_column(self.connection, sql)
+                user_columns = self.user_columns if is_all else words(sql) & set(self.user_columns)
             self._join(frozenset(user_columns))
         defined = _definitions()
         for name in words(sql) & self._made & set(evaluation_runs.RUN_TABLES):
@@ -108,12 +101,12 @@ class Views:
         self._joined = names
 
     def _drop(self, name: str) -> None:
-        self._connection.execute(f"DROP VIEW {name}")
+        self.connection.execute(f"DROP VIEW {name}")
         self._made.remove(name)
         self._commented.discard(name)
 
     def _make(self, name: str, defined: Mapping[str, Path]) -> None:
-        if name in self._made:
+        if name in self._made or name in self.given:
             return
         text = defined[name].read_text("utf-8")
         needs = re.search(r"^-- needs: (.*)$", text, re.MULTILINE)
@@ -121,17 +114,16 @@ class Views:
             self._make(needed, defined)
         table = name.removesuffix("_rows")
         if table in FILE_TABLES:
-            derived = "".join(f", {column.sql} AS {column.name}" for column in tables.load(table).derived)
-            text = text.replace("{files}", self._relation(table)).replace("{derived}", derived)
+            text = text.replace("{files}", self._relation(table)).replace("{derived}", tables.load(table).derived_sql)
         if name == "metadata":
             joins = []
             for column in sorted(self._joined):
-                file = f"layers/{column}/{self._user_columns[column]}.parquet"
-                path = self._files.verified(file)
+                file = f"layers/{column}/{self.user_columns[column]}.parquet"
+                path = self.files.verified(file)
                 self.scanned[file] = None
                 joins.append(f"LEFT JOIN read_parquet({quoted(str(path))}) AS user_{column} USING (scenario_id)")
             text = text.replace("{user_columns}", " ".join(joins))
-        self._connection.execute(text)
+        self.connection.execute(text)
         self._made.add(name)
 
     def _comment(self, name: str) -> None:
@@ -144,25 +136,25 @@ class Views:
         for column in (*table.columns, *table.derived):
             meaning = column.doc + (f" [{column.unit}]" if column.unit else "")
             comments.append(f"COMMENT ON COLUMN {name}.{column.name} IS {quoted(meaning)}")
-        self._connection.execute("; ".join(comments))
+        self.connection.execute("; ".join(comments))
 
     def _relation(self, table: str) -> str:
         """Return SQL for the files of a table: a scan, or no rows of the right types without files."""
-        listed = table_files(self._files, self._snapshot, table)
-        if self._chosen is not None and table in ("tracks", "lights"):  # of shared maps, scenarios have no address
-            wanted = set(pc.unique(self._chosen[f"{table}_file"]).to_pylist())
+        listed = table_files(self.files, self.snapshot, table)
+        if self.chosen is not None and table in ("tracks", "lights"):  # of shared maps, scenarios have no address
+            wanted = set(pc.unique(self.chosen[f"{table}_file"]).to_pylist())
             listed = [name for name in listed if name in wanted]
-        names = [name for name in listed if name not in self._without]
+        names = list(filterfalse(self.without.__contains__, listed))
         if not names:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
-            folders = ["NULL::VARCHAR AS " + name for name in _hive_columns(table)]
+            folders = ["NULL::VARCHAR AS " + name for name in _HIVE_COLUMNS.get(table, ())]
             return f"(SELECT {', '.join(columns + folders)} WHERE false)"
         self.scanned |= dict.fromkeys(names)
-        paths = self._files.scans(names)
-        self._connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
-        is_current = table in tables.CONTENT and manifests.has_current_files(self._files, self._snapshot, table)
+        paths = self.files.scans(names)
+        self.connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
+        is_current = tables.load(table).tag in self.schemas
         scan = scan_files(table, f"getvariable('{table}_files')", is_current=is_current)
-        if self._chosen is None or table not in _KEYS:
+        if self.chosen is None or table not in _KEYS:
             return scan
         return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
 
@@ -176,7 +168,7 @@ def scan_files(table: str, files: str, *, is_current: bool = False) -> str:
         is_current: All files have the current schema version: the columns need not be listed, which would double the
             time of a small query.
     """
-    folders = _hive_columns(table)
+    folders = _HIVE_COLUMNS.get(table, ())
     if is_current or not tables.load(table).added:
         if not folders:
             return f"read_parquet({files}, hive_partitioning = false)"
@@ -198,12 +190,6 @@ def scan_files(table: str, files: str, *, is_current: bool = False) -> str:
 def _definitions() -> dict[str, Path]:
     """Return the file of each view and macro by name."""
     return {path.stem: path for folder in ("macros", "views") for path in (SQL / folder).glob("*.sql")}
-
-
-def _hive_columns(table: str) -> Sequence[str]:
-    if table not in _FOLDER_COLUMNS:
-        return ()
-    return ("dataset", "version") if table == "maps" else ("dataset", "split", "version")
 
 
 _SQL_TYPES = {

@@ -175,6 +175,11 @@ class Table:
         """Columns that files of the oldest readable version lack."""
         return tuple(column for column in self.columns if column.since > self.oldest)
 
+    @cached_property
+    def derived_sql(self) -> str:
+        """SQL of the derived columns, each after a comma."""
+        return "".join(f", {column.sql} AS {column.name}" for column in self.derived)
+
     def column(self, name: str) -> Column:
         """Find a column, stored or derived."""
         return next(column for column in (*self.columns, *self.derived) if column.name == name)
@@ -208,6 +213,10 @@ class Table:
             "store_schema": False,
         }
 
+    @cached_property
+    def _options(self) -> dict[str, Any]:
+        return self.writer_options()
+
     def writer(
         self, path: Path, footer: Mapping[str, str], sample: pa.Table | pa.RecordBatch | None = None
     ) -> pq.ParquetWriter:
@@ -218,7 +227,8 @@ class Table:
             footer: Further entries for the file's footer.
             sample: The first rows that will be written, see :meth:`writer_options`.
         """
-        writer = pq.ParquetWriter(path, self.schema, **self.writer_options(sample))
+        options = self._options if sample is None else self.writer_options(sample)
+        writer = pq.ParquetWriter(path, self.schema, **options)
         writer.add_key_value_metadata({"scenarionet.schema": self.tag, **footer, **SEALED})
         return writer
 
@@ -234,7 +244,7 @@ class Table:
             SchemaMismatch: The message names the file, both versions and the remedy.
         """
         found = (footer or {}).get(b"scenarionet.schema", b"none").decode(errors="replace")
-        if not self.reads(found):
+        if found != self.tag and not self.reads(found):
             raise SchemaMismatch(f"{path}: written under schema {found}, this version reads {self.tag}; {_REMEDY}")
 
     def conform(self, rows: pa.Table, names: Sequence[str] | None = None) -> pa.Table:
@@ -247,7 +257,7 @@ class Table:
         Raises:
             SchemaMismatch: A required column is missing.
         """
-        schema = self.schema if names is None else pa.schema([self.schema.field(name) for name in names])
+        schema = self.schema if names is None else pa.schema(map(self.schema.field, names))
         present, columns = set(rows.column_names), []
         for field in schema:
             if field.name in present:
@@ -281,9 +291,7 @@ def content_tag() -> str:
 
 def reads_content(tag: str) -> bool:
     """Whether files of a shard with these versions (see :func:`content_tag`) can be read."""
-    return tag == content_tag() or all(
-        part.partition("/")[0] in CONTENT and load(part.partition("/")[0]).reads(part) for part in tag.split()
-    )
+    return all(part.partition("/")[0] in CONTENT and load(part.partition("/")[0]).reads(part) for part in tag.split())
 
 
 def _is_number(element: str) -> bool:

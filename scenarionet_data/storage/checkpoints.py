@@ -25,7 +25,7 @@ from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.integrity import sealed_json, seals
+from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.integrity.file_end import Place
 
 if sys.platform != "win32":
@@ -213,7 +213,7 @@ def _read(files: LakeFiles, name: str) -> tuple[dict[str, Any], dict[str, Array]
 
 def _read_older(files: LakeFiles, name: str) -> tuple[dict[str, Any], dict[str, Array]]:
     """Return facts and arrays of a checkpoint of two files."""
-    facts, _ = sealed_json.read(files.content(name), files.place(name))
+    facts, _ = seals.read_json(files.content(name), files.place(name))
     data = files.content(name.removesuffix(".json") + ".safetensors")
     if xxh3_128_hexdigest(data) != facts["tensors"]:
         raise ValueError("its tensors differ from those that were written")

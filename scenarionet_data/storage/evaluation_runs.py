@@ -18,8 +18,8 @@ import pyarrow as pa
 from scenarionet_data.errors import BadParameter, LakeError, SchemaMismatch
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.integrity import sealed_json
-from scenarionet_data.storage.integrity.sealed_json import NewerFormat
+from scenarionet_data.storage.integrity import seals
+from scenarionet_data.storage.integrity.seals import NewerFormat
 from scenarionet_data.storage.write.table_file import publish_table
 
 RUN_TABLES = ("results", "rollouts", "observations", "frames", "training")
@@ -88,7 +88,7 @@ def claim(files: LakeFiles, name: str, run_tables: tuple[str, ...], description:
         raise BadParameter(f"{name!r} is not a valid name of a run; use letters, digits, '.', '_' and '-'")
     wanted = dict(description) | {"tables": [tables.load(table).tag for table in run_tables]}
     content = wanted | {"id": uuid.uuid4().hex}  # which the seals of its files cover
-    if not files.publish_new(file_name(name), sealed_json.seal(content, files.place_to_write(file_name(name)))):
+    if not files.publish_new(file_name(name), seals.seal_json(content, files.place_to_write(file_name(name)))):
         found = describe(files, name)
         found.pop("id", None)
         differing = sorted(key for key in {*found, *wanted} if found.get(key) != wanted.get(key))
@@ -123,7 +123,7 @@ def parse(files: LakeFiles, name: str) -> tuple[dict[str, Any], bool]:
     """
     path = files.path(file_name(name))
     try:
-        content, is_sealed = sealed_json.read(files.content(file_name(name)), files.place(file_name(name)))
+        content, is_sealed = seals.read_json(files.content(file_name(name)), files.place(file_name(name)))
         if not all(isinstance(tag, str) for tag in content["tables"]):
             raise ValueError("its tables are no texts")
         return content, is_sealed

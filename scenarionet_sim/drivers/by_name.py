@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.public_names import load_by_name
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic

@@ -21,7 +21,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.drivers.by_name import MANUAL, REACTIVE, find_backend, resolve_drivers
 from scenarionet_sim.drivers.trained import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure

@@ -24,7 +24,7 @@ from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation
 from scenarionet_sim.evaluation.evaluation import describe_database

@@ -22,7 +22,7 @@ from scenarionet_data import Database, Lake, version
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage import checkpoints, evaluation_runs
 from scenarionet_data.storage.evaluation_runs import EvaluationRun
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.environments.config import EnvConfig, MultiAgentConfig, VectorConfig
 from scenarionet_sim.environments.flat import FlatEnv, FlatState
 from scenarionet_sim.evaluation.evaluation import describe_database

@@ -19,7 +19,7 @@ from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.maintenance import compact, fsck, vacuum
 from scenarionet_data.query.lake_view import open_view
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.write.map_tiles import write_shared_map
 from tests.bench.measure import Figure

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from scenarionet_data.maintenance.fsck import fsck
-from scenarionet_data.storage.integrity import sealed_json
+from scenarionet_data.storage.integrity import seals
 from tests.fixtures.golden_lakes import describe
 
 pytestmark = pytest.mark.integration
@@ -28,7 +28,7 @@ def test_there_are_lakes_of_every_format():
         "format-3/generated",
     ]
     written = json.loads((EXPECTED[-1].parent / "lake" / "snapshots" / "00000001.json").read_text())
-    assert written["format"] == sealed_json.FORMAT  # a new format gets a folder of its own
+    assert written["format"] == seals.FORMAT  # a new format gets a folder of its own
 
 
 @pytest.mark.parametrize("path", EXPECTED, ids=lambda path: f"{path.parts[-3]}-{path.parts[-2]}")

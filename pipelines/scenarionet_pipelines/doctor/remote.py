@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from scenarionet_data import Lake
 from scenarionet_data.errors import NoSuchSnapshot, ScenarioNetError
 from scenarionet_data.storage.files import cache, store_client
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_pipelines.doctor.finding import Finding
 
 _CREDENTIALS = {

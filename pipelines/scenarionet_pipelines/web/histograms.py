@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.query.statements import check_expression
-from scenarionet_data.query.suggestions import explaining
+from scenarionet_data.query.statements import check_expression, explaining
 from scenarionet_pipelines.web.rows import PageColumn
 
 MAX_BINS = 30

@@ -9,8 +9,7 @@ from typing import Any
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.query.statements import check_expression
-from scenarionet_data.query.suggestions import explaining
+from scenarionet_data.query.statements import check_expression, explaining
 from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
 
 MAX_ROWS = 200

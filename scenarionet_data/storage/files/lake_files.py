@@ -7,14 +7,19 @@ relative to the lake and use forward slashes.
 from __future__ import annotations
 
 import hashlib
+import os
 import re
+import shutil
+import time
 import uuid
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +27,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage.files.errors import check_is_file, reading
-from scenarionet_data.storage.integrity import sealed_json, seals
+from scenarionet_data.storage.files.errors import check_is_file, reading, writing
+from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.integrity.file_end import FileEnd, Place
 
 READ_IN_PLACE = ("tracks/", "lights/", "maps/")
@@ -37,6 +42,8 @@ _BOUND = re.compile(r"databases/.*|layers/.*|results/.*|snapshots/[0-9]+\.json|o
 
 _OF_RUN = re.compile(r"(results/[^/]+)/[^/]+/.+")
 """Files of a run besides its description: those of an earlier run of the same name could take their place."""
+_TEMPORARY = ".tmp"
+_ABANDONED_AFTER = 24 * 3600.0
 
 _ONE_THREAD = 2**18
 """Bytes of a file up to which starting threads takes longer than reading it."""
@@ -58,13 +65,15 @@ class Listed:
 
 
 class LakeFiles(ABC):
-    """Reads, publishes, lists and removes files below a lake's root; see :func:`.opening.open_files`.
+    """Reads, publishes, lists and removes files below a lake's root; see :func:`.places.open_files`.
 
     Attributes:
         root: Absolute path of the lake, or its URL.
+        scanned_folders: Folders that SQL may read, each with a trailing slash.
     """
 
     root: Path | str
+    scanned_folders: Sequence[str]
     _folder: Path
     _identity: tuple[str, bool] | None = None
 
@@ -82,11 +91,11 @@ class LakeFiles(ABC):
         """
         if not _BOUND.fullmatch(name):
             return Place(name)
-        if self._identity is None and self.has(IDENTITY):
+        if self._identity is None and self.size(IDENTITY) is not None:
             try:
-                content, _ = sealed_json.read(self.content(IDENTITY), Place(IDENTITY))
+                content, _ = seals.read_json(self.content(IDENTITY), Place(IDENTITY))
                 self._identity = str(content["id"]), bool(content["has_older_files"])
-            except (ValueError, KeyError, sealed_json.NewerFormat) as error:
+            except (ValueError, KeyError, seals.NewerFormat) as error:
                 remedy = "damaged, it holds no id of a lake; restore it from a copy of it"
                 raise LakeError(f"{self.url(IDENTITY)}: {remedy}") from error
         lake, may_be_older = self._identity or ("", True)
@@ -101,8 +110,8 @@ class LakeFiles(ABC):
         if not self.has(description):
             return ""
         try:
-            return str(sealed_json.read(self.content(description), self.place(description))[0].get("id", ""))
-        except (ValueError, sealed_json.NewerFormat) as error:
+            return str(seals.read_json(self.content(description), self.place(description))[0].get("id", ""))
+        except (ValueError, seals.NewerFormat) as error:
             remedy = "damaged, it is no description of a run; restore it from a copy of it"
             raise LakeError(f"{self.url(description)}: {remedy}") from error
 
@@ -110,7 +119,7 @@ class LakeFiles(ABC):
         """The same for a file that is about to be written; a lake without an id gets one."""
         if self._identity is None and _BOUND.fullmatch(name) and not self.has(IDENTITY):
             content = {"id": uuid.uuid4().hex, "has_older_files": bool(self.names("snapshots", ".json"))}
-            self.publish_new(IDENTITY, sealed_json.seal(content, Place(IDENTITY)))
+            self.publish_new(IDENTITY, seals.seal_json(content, Place(IDENTITY)))
         return self.place(name)
 
     # --- listing ----------------------------------------------------------------------------------------
@@ -118,6 +127,15 @@ class LakeFiles(ABC):
     @abstractmethod
     def names(self, folder: str, suffix: str = "") -> list[str]:
         """Files directly in ``folder``, sorted; empty when the folder does not exist."""
+
+    def numbers(self, folder: str, suffix: str = ".parquet") -> list[int]:
+        """Numbers of the files directly in a folder that are named by a number, ascending."""
+        found = []
+        for name in self.names(folder, suffix):
+            stem = name.rpartition("/")[2].removesuffix(suffix)
+            if stem.isdecimal():
+                found.append(int(stem))
+        return sorted(found)
 
     @abstractmethod
     def folders(self, folder: str) -> list[str]:
@@ -167,7 +185,7 @@ class LakeFiles(ABC):
 
     def paths(self, names: Sequence[str]) -> list[Path]:
         """Call :meth:`path` for many files."""
-        return [self.path(name) for name in names]
+        return list(map(self.path, names))
 
     @abstractmethod
     def digest(self, name: str) -> str:
@@ -236,8 +254,7 @@ class LakeFiles(ABC):
 
     def read_all(self, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
         """Rows of each of several Parquet files."""
-        self.paths(names)  # downloads those of an object store together
-        return [self.read(name, columns) for name in names]
+        return list(map(self.read, names, repeat(columns)))
 
     def scans(self, names: Sequence[str]) -> list[str]:
         """Paths or URLs under which SQL scans files; all are below :attr:`scanned_folders`.
@@ -250,12 +267,7 @@ class LakeFiles(ABC):
         paths = self.paths(names)
         with ThreadPoolExecutor() as pool:  # digests are computed without the interpreter lock
             deque(pool.map(seals.verify, paths, map(partial(self.place, runs={}), names)), maxlen=0)
-        return [str(path) for path in paths]
-
-    @property
-    @abstractmethod
-    def scanned_folders(self) -> list[str]:
-        """Folders that SQL may read, each with a trailing slash."""
+        return list(map(str, paths))
 
     def filesystem(self) -> Any:
         """The fsspec file system for the URLs of :meth:`scans`; None when they are paths."""
@@ -263,9 +275,12 @@ class LakeFiles(ABC):
 
     # --- writing ----------------------------------------------------------------------------------------
 
-    @abstractmethod
     def temporary(self) -> Path:
-        """A new path to write to before :meth:`publish`."""
+        """A new path to write to before :meth:`publish`, unique among all processes."""
+        folder = self._folder / _TEMPORARY
+        with writing(folder):
+            make_folder(folder)
+        return folder / f"{os.getpid()}-{uuid.uuid4().hex}"
 
     @abstractmethod
     def publish(self, temporary: Path, name: str) -> None:
@@ -305,9 +320,37 @@ class LakeFiles(ABC):
             Those that no longer exist.
         """
 
-    @abstractmethod
     def sweep(self) -> None:
         """Remove temporary files that a killed job left more than a day ago."""
+        for path in (self._folder / _TEMPORARY).glob("*"):
+            with suppress(FileNotFoundError):  # another job has removed or published it
+                if time.time() - path.stat().st_mtime > _ABANDONED_AFTER:
+                    delete(path)
+
+
+def delete(path: Path) -> None:
+    """Remove a file or folder."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
+
+
+def flush(path: Path) -> None:
+    """Flush the bytes of a file, or the names in a folder: a renamed or linked file survives a power failure then."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def make_folder(path: Path) -> None:
+    """Create a folder, and those above it, and flush their names; an existing one is left as it is."""
+    if not path.is_dir():
+        make_folder(path.parent)
+        path.mkdir(exist_ok=True)
+        flush(path.parent)
 
 
 def sha256(path: Path) -> str:

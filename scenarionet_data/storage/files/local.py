@@ -10,10 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage.files.durability import flush, make_folder
 from scenarionet_data.storage.files.errors import reading, writing
-from scenarionet_data.storage.files.lake_files import LakeFiles, Listed, sha256
-from scenarionet_data.storage.files.temporary import TemporaryFolder, delete
+from scenarionet_data.storage.files.lake_files import LakeFiles, Listed, delete, flush, make_folder, sha256
 
 
 class LocalLakeFiles(LakeFiles):
@@ -25,18 +23,25 @@ class LocalLakeFiles(LakeFiles):
 
     def __init__(self, root: str | Path) -> None:
         self.root = self._folder = Path(os.path.realpath(root))
-        self._temporary = TemporaryFolder(self._folder)
+        self.scanned_folders = [f"{self._folder}/"]
 
     # --- listing ----------------------------------------------------------------------------------------
 
     def names(self, folder: str, suffix: str = "") -> list[str]:
         """Files directly in ``folder``, sorted; empty when the folder does not exist."""
-        found = [entry.name for entry in self._entries(folder) if entry.name.endswith(suffix)]
-        return sorted(f"{folder}/{name}" for name in found if (self._folder / folder / name).is_file())
+        found = []
+        for entry in self._entries(folder):
+            if entry.name.endswith(suffix) and entry.is_file():
+                found.append(f"{folder}/{entry.name}")
+        return sorted(found)
 
     def folders(self, folder: str) -> list[str]:
         """Names of the folders directly in ``folder``, sorted."""
-        return sorted(entry.name for entry in self._entries(folder) if Path(entry).is_dir())
+        found = []
+        for entry in self._entries(folder):
+            if entry.is_dir():
+                found.append(entry.name)
+        return sorted(found)
 
     def listing(self, folder: str) -> list[Listed]:
         """Every file below a folder, at any depth, in any order."""
@@ -94,16 +99,7 @@ class LocalLakeFiles(LakeFiles):
         with reading(path):
             return sha256(path)
 
-    @property
-    def scanned_folders(self) -> list[str]:
-        """The lake's folder, with a trailing slash."""
-        return [f"{self._folder}/"]
-
     # --- writing ----------------------------------------------------------------------------------------
-
-    def temporary(self) -> Path:
-        """A new path to write to before :meth:`publish`."""
-        return self._temporary.new()
 
     def publish(self, temporary: Path, name: str) -> None:
         """Rename a complete temporary file, after its bytes have reached the disk."""
@@ -189,7 +185,3 @@ class LocalLakeFiles(LakeFiles):
                     raise
                 missing.append(name)
         return missing
-
-    def sweep(self) -> None:
-        """Remove temporary files that a killed job left more than a day ago."""
-        self._temporary.sweep()

@@ -1,12 +1,16 @@
-"""Paths and URLs, as users give them; imports no large package."""
+"""Paths and URLs, as users give them, and the files of a lake there; imports no large package before it opens one."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 from urllib.parse import unquote, urlsplit
 
 from scenarionet_data.errors import BadParameter
+
+if TYPE_CHECKING:
+    from scenarionet_data.storage.files.lake_files import LakeFiles
 
 _FILE_URL = re.compile(r"file://(localhost)?/")
 _SHORTENED_URL = re.compile(r"[a-z][a-z0-9]+:/")
@@ -53,3 +57,36 @@ def path_of(place: str | Path, remedy: str) -> Path:
     except UnicodeEncodeError as error:
         raise BadParameter(f"{path}: the path is not UTF-8; rename the folder, or give another one") from error
     return path
+
+
+class HasFiles(Protocol):
+    """An open lake, such as :class:`scenarionet_data.Lake`."""
+
+    @property
+    def files(self) -> LakeFiles:
+        """Files of the lake."""
+        ...
+
+
+LakeFilesLike: TypeAlias = HasFiles | str | Path
+"""An open lake, or a lake's folder or URL."""
+
+
+def open_files(lake: LakeFilesLike) -> LakeFiles:
+    """Files of a lake: an open one, or by its folder or URL (``lake``, ``file:///data/lake``, ``s3://bucket/lake``).
+
+    Raises:
+        LakeError: The URL scheme is not supported.
+        MissingDependency: The libraries for object stores are not installed.
+    """
+    if not isinstance(lake, str | Path):
+        return lake.files
+    if not is_url(lake):
+        from scenarionet_data.storage.files.local import (
+            LocalLakeFiles,  # lazy: paths are checked before Arrow is needed
+        )
+
+        return LocalLakeFiles(path_of(lake, "give a URL as text"))
+    from scenarionet_data.storage.files.remote import RemoteLakeFiles  # lazy: local lakes do not need it
+
+    return RemoteLakeFiles(str(lake))

@@ -15,13 +15,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+import pyarrow as pa
+
 from scenarionet_data.errors import FileGone, LakeError
 from scenarionet_data.storage.files import store_client
 from scenarionet_data.storage.files.cache import LocalCopies, folder_of
 from scenarionet_data.storage.files.errors import writing
-from scenarionet_data.storage.files.lake_files import READ_IN_PLACE, LakeFiles, Listed
+from scenarionet_data.storage.files.lake_files import READ_IN_PLACE, LakeFiles, Listed, delete
 from scenarionet_data.storage.files.object_store import ObjectStore, Stored
-from scenarionet_data.storage.files.temporary import TemporaryFolder, delete
 from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.integrity.file_end import FileEnd
 
@@ -57,7 +58,7 @@ class RemoteLakeFiles(LakeFiles):
         self._store = ObjectStore(self._url)
         self._folder = folder_of(f"{store_client.endpoint()} {self._url}")
         self._copies = LocalCopies(self._folder)
-        self._temporary = TemporaryFolder(self._folder)
+        self.scanned_folders = [f"{self._url}/", f"{self._folder}/"]
         self._marks: dict[str, str] = {}
         self._sizes: dict[str, int] = {}
 
@@ -207,17 +208,17 @@ class RemoteLakeFiles(LakeFiles):
         """Bytes ``start`` to ``end`` (exclusive) of a file."""
         return self._store.range(name, start, end)
 
+    def read_all(self, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
+        """Rows of each of several Parquet files, downloaded concurrently."""
+        self.paths(names)
+        return super().read_all(names, columns)
+
     def scans(self, names: Sequence[str]) -> list[str]:
         """URLs of files of the large tables, paths of cached copies of the others."""
         small = [name for name in names if not name.startswith(READ_IN_PLACE)]
         copies = dict(zip(small, self.map(self.verified, small), strict=True))
         self.map(self.end, [name for name in names if name not in copies])
         return [str(copies[name]) if name in copies else self.url(name) for name in names]
-
-    @property
-    def scanned_folders(self) -> list[str]:
-        """The lake's URL and its cache folder, each with a trailing slash."""
-        return [f"{self._url}/", f"{self._folder}/"]
 
     def filesystem(self) -> Any:
         """The lake as an fsspec file system."""
@@ -226,10 +227,6 @@ class RemoteLakeFiles(LakeFiles):
         return RemoteFilesystem(self)
 
     # --- writing ----------------------------------------------------------------------------------------
-
-    def temporary(self) -> Path:
-        """A new path in the cache folder to write to before :meth:`publish`."""
-        return self._temporary.new()
 
     def publish(self, temporary: Path, name: str) -> None:
         """Upload a complete temporary file; it becomes visible atomically."""
@@ -290,7 +287,3 @@ class RemoteLakeFiles(LakeFiles):
             return False
         self.remove(listed.name)
         return True
-
-    def sweep(self) -> None:
-        """Remove temporary files in the cache folder that a killed job left more than a day ago."""
-        self._temporary.sweep()

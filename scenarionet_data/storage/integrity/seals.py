@@ -1,7 +1,7 @@
-"""Seals of Parquet files: a sealed file verifies its own bytes, its place, and the lake that it belongs to.
+"""Seals of Parquet and JSON files: a sealed file verifies its own bytes, its place, and the lake that it belongs to.
 
-The seal is between the last row group and the footer. Parquet readers find everything by absolute offsets and ignore
-it::
+The seal of a Parquet file is between the last row group and the footer. Parquet readers find everything by absolute
+offsets and ignore it::
 
     PAR1 | row groups | digest of each (16) | magic (8), their number (8), digest (16) | footer | length | PAR1
 
@@ -18,15 +18,16 @@ large tables are compared with their digests when they are read instead.
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-from xxhash import xxh3_128_digest
+from xxhash import xxh3_128_digest, xxh3_128_hexdigest
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage.files.errors import check_is_file, damaged, reading
@@ -37,6 +38,10 @@ _PARQUET = b"PAR1"
 _MAGIC = b"SNSEAL\x00\x02"
 _DIGEST = 16
 _SEAL = len(_MAGIC) + 8 + _DIGEST
+
+FORMAT = 3
+"""Of JSON files."""
+_ZEROS = b"0" * 32
 
 _verified: dict[Path, tuple[tuple[int, ...], bool]] = {}
 """Files that this process has verified: what identified them then, and whether every byte is."""
@@ -56,57 +61,37 @@ class Sealed(NamedTuple):
     checksum: str
 
 
-def seal(path: Path, place: Place) -> None:
+def seal(path: Path, place: Place | str) -> Sealed:
     """Seal a local file that is not published yet, in place; an existing seal is replaced.
+
+    Args:
+        path: The file.
+        place: Where it belongs; or, of a file that is named by its content, its name up to the digest:
+            ``<place>-<first 16 digits of the SHA-256 before sealing>.parquet``. Only of these the checksum is right.
 
     Raises:
         LakeError: It is not a Parquet file, or its footer lacks the entry of sealed files.
     """
     with path.open("r+b") as file:
-        end = _open_to_seal(file, path)
-        digests = list(map(xxh3_128_digest, row_groups(file, end)))
-        file.truncate(file.seek(end.body))
-        file.write(_seal(digests, end.footer, place) + end.footer)
-
-
-def seal_data(path: Path, stem: str) -> Sealed:
-    """Seal a local file of a table, in place, and name it by its content.
-
-    Args:
-        path: The file.
-        stem: Its name up to the digest: ``<stem>-<first 16 digits of the SHA-256 before sealing>.parquet``.
-    """
-    with path.open("r+b") as file:
-        end = _open_to_seal(file, path)
-        digests, checksum = [], hashlib.sha256()
-        for group in row_groups(file, end):
-            digests.append(xxh3_128_digest(group))
-            checksum.update(group)
-        unsealed = checksum.copy()
-        unsealed.update(end.footer)
-        name = f"{stem}-{unsealed.hexdigest()[:16]}.parquet"
-        written = _seal(digests, end.footer, Place(name)) + end.footer
+        end = split(*last(file), path)
+        metadata = pq.read_metadata(pa.BufferReader(end.footer))
+        if MARK not in (metadata.metadata or {}):
+            raise LakeError(f"{path}: its footer has no entry {MARK.decode()}; please report it")
+        listed, checksum = b"", hashlib.sha256()
+        for group in row_groups(file, metadata, end.body):
+            listed += xxh3_128_digest(group)
+            if isinstance(place, str):
+                checksum.update(group)
+        if isinstance(place, str):
+            unsealed = checksum.copy()
+            unsealed.update(end.footer)
+            place = Place(f"{place}-{unsealed.hexdigest()[:16]}.parquet")
+        count = (len(listed) // _DIGEST).to_bytes(8, "little")
+        written = listed + _MAGIC + count + _digest(listed, end.footer, place) + end.footer
         checksum.update(written)
         file.truncate(file.seek(end.body))
         file.write(written)
-    return Sealed(name, end.body + len(written), checksum.hexdigest())
-
-
-def _open_to_seal(file: BinaryIO, path: Path) -> FileEnd:
-    end = split(*last(file), path)
-    if MARK not in (pq.read_metadata(pa.BufferReader(end.footer)).metadata or {}):
-        raise LakeError(f"{path}: its footer has no entry {MARK.decode()}; please report it")
-    return end
-
-
-def _seal(digests: list[bytes], footer: bytes, place: Place) -> bytes:
-    listed = b"".join(digests)
-    return listed + _MAGIC + len(digests).to_bytes(8, "little") + _digest(listed, footer, place)
-
-
-def covered(place: Place) -> bytes:
-    """Bytes for its place that the digest of a file covers."""
-    return f"{place.lake}/{place.name}".encode()
+    return Sealed(place.name, end.body + len(written), checksum.hexdigest())
 
 
 def _digest(listed: bytes, footer: bytes, place: Place) -> bytes:
@@ -162,7 +147,8 @@ def verify_again(path: Path, place: Place, url: Path | str | None = None) -> boo
         end = _checked(tail, size, place, where)
         if not end.digest:
             return older_files.verify(file, tail, end, place, where)
-        if tuple(map(xxh3_128_digest, row_groups(file, end))) != end.digests:
+        metadata = pq.read_metadata(pa.BufferReader(end.footer))
+        if tuple(map(xxh3_128_digest, row_groups(file, metadata, end.body))) != end.digests:
             raise damaged(where, "its bytes differ from those that were written")
     return True
 
@@ -211,9 +197,8 @@ def needed(tail: bytes) -> int:
     return max(length + _SEAL + _DIGEST * count, WINDOW)
 
 
-def row_groups(file: BinaryIO, end: FileEnd) -> Iterator[bytes]:
-    """Bytes of each row group; a file without any is one piece."""
-    metadata = pq.read_metadata(pa.BufferReader(end.footer))
+def row_groups(file: BinaryIO, metadata: pq.FileMetaData, body: int) -> Iterator[bytes]:
+    """Bytes of each row group of a file, of which so many are before the seal; a file without any is one piece."""
     file.seek(0)
     start = 0
     for number in range(1, metadata.num_row_groups):
@@ -221,7 +206,7 @@ def row_groups(file: BinaryIO, end: FileEnd) -> Iterator[bytes]:
         stop = min(column.data_page_offset, column.dictionary_page_offset or column.data_page_offset)
         yield file.read(stop - start)
         start = stop
-    yield file.read(end.body - start)
+    yield file.read(body - start)
 
 
 def last(file: BinaryIO) -> tuple[bytes, int]:
@@ -254,3 +239,60 @@ def split(end: bytes, size: int, url: Path | str) -> FileEnd:
     digests = before[len(before) - _SEAL - listed : -_SEAL]
     parts = struct.unpack(f"{_DIGEST}s" * (listed // _DIGEST), digests)
     return FileEnd(footer, size - length - _SEAL - listed, parts, fixed[16:])
+
+
+def covered(place: Place) -> bytes:
+    """Bytes for its place that the digest of a file covers."""
+    return f"{place.lake}/{place.name}".encode()
+
+
+class NewerFormat(Exception):
+    """A file was written by a newer version of this software."""
+
+
+def seal_json(content: Mapping[str, Any], place: Place) -> bytes:
+    """Bytes of a JSON file with its format and digest.
+
+    The last entry, ``digest``, is the XXH3-128 of the file's bytes with zeros in its place, followed by the file's
+    place. ``format`` is 3. Version 0.2 wrote format 2, whose digest covers the name alone, and version 0.1 no digest.
+
+    Args:
+        content: JSON-serialisable.
+        place: Where it will be published.
+    """
+    blank = json.dumps({"format": FORMAT, **content, "digest": _ZEROS.decode()}, indent=1).encode()
+    head, _, end = blank.rpartition(_ZEROS)
+    return head + xxh3_128_hexdigest(blank + covered(place)).encode() + end
+
+
+def read_json(data: bytes, place: Place) -> tuple[dict[str, Any], bool]:
+    """Content of a JSON file without format and digest, and whether it has a seal of the present version.
+
+    Args:
+        data: Bytes of the file.
+        place: Where it belongs.
+
+    Raises:
+        ValueError: It is damaged, or not the file that was published at this place; the message states the reason.
+        NewerFormat: It is intact, and of a format that this version does not know.
+    """
+    try:
+        content = json.loads(data)
+    except RecursionError as error:
+        raise ValueError("its JSON is nested too deeply") from error
+    if not isinstance(content, dict):
+        raise ValueError("it holds no JSON object")
+    version, digest = content.pop("format", 1), content.pop("digest", None)
+    if digest is None and version not in (1, 2, FORMAT):
+        raise NewerFormat(f"written in format {version!r}, not {FORMAT}")
+    if version in (1, 2) and not place.may_be_older:
+        raise ValueError("it is of another lake")
+    if version == 1 and digest is None:
+        return content, False
+    head, found, end = data.rpartition(str(digest).encode())
+    named = place.name.encode() if version == 2 else covered(place)
+    if not found or digest != xxh3_128_hexdigest(head + _ZEROS + end + named):
+        raise ValueError("its bytes differ from those that were written under this name in this lake")
+    if version not in (2, FORMAT):
+        raise NewerFormat(f"written in format {version!r}, not {FORMAT}")
+    return content, version == FORMAT

@@ -35,11 +35,11 @@ def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
 
 def column(files: LakeFiles, snapshot: Snapshot, name: str) -> pa.ChunkedArray:
     """One column of :func:`shard_table`, in any order."""
+    chunks = list[pa.Array]()
     with snapshots.reading_from(files, snapshot):
-        parts = [rows[name] for rows in _read_all(files, snapshot.manifests, [name])]
-    return pa.chunked_array(
-        [chunk for part in parts for chunk in part.chunks], tables.load("shards").schema.field(name).type
-    )
+        for rows in _read_all(files, snapshot.manifests, [name]):
+            chunks += rows[name].chunks
+    return pa.chunked_array(chunks, tables.load("shards").schema.field(name).type)
 
 
 def shards(files: LakeFiles, snapshot: Snapshot) -> list[ShardRecord]:
@@ -75,31 +75,29 @@ def read_files(files: LakeFiles, name: str) -> pa.Table:
 
 def _read_all(files: LakeFiles, names: Sequence[str], columns: list[str] | None = None) -> list[pa.Table]:
     found, table = files.read_all(names, columns), tables.load("shards")
-    for name, rows in zip(names, found, strict=True):
-        table.check_version(rows.schema.metadata, name)
-    return [table.conform(rows, columns) for rows in found]
+    for number, name in enumerate(names):
+        table.check_version(found[number].schema.metadata, name)
+        found[number] = table.conform(found[number], columns)
+    return found
 
 
-def has_current_files(files: LakeFiles, snapshot: Snapshot, table: str) -> bool:
-    """Whether every shard's files of a table have the table's current schema version."""
-    tag = tables.load(table).tag
-    return all(tag in versions.split() for versions in set(column(files, snapshot, "schemas").to_pylist()))
-
-
-def check_schemas(files: LakeFiles, snapshot: Snapshot) -> None:
-    """Raise unless all shards of a snapshot were written under readable schema versions.
+def schema_versions(files: LakeFiles, snapshot: Snapshot) -> set[str]:
+    """Versions of tables, as ``tracks/1``, under which all shards of a snapshot were written.
 
     Raises:
         SchemaMismatch: The message names a shard, both versions and the remedy.
     """
     found = column(files, snapshot, "schemas").to_pylist()
+    common = set(tables.content_tag().split())
     for tag in set(found):
-        if not tables.reads_content(tag):
+        common.intersection_update(tag.split())
+        if tag != tables.content_tag() and not tables.reads_content(tag):
             name = column(files, snapshot, "name")[found.index(tag)].as_py()
             raise SchemaMismatch(
                 f"{files.root}: shard {name} was written under {tag}, this version reads {tables.content_tag()}; "
                 "convert its recordings again with replace=True, or use the version of this software that wrote them"
             )
+    return common
 
 
 def write(files: LakeFiles, base: Snapshot, added: Iterable[ShardRecord], removed: frozenset[str]) -> tuple[str, ...]:

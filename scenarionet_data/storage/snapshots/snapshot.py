@@ -7,12 +7,11 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from typing import Any
 
 from scenarionet_data.errors import LakeError, NoSuchSnapshot
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.integrity import sealed_json
-from scenarionet_data.storage.integrity.sealed_json import NewerFormat
+from scenarionet_data.storage.integrity import seals
+from scenarionet_data.storage.integrity.seals import NewerFormat
 
 FOLDER = "snapshots"
 
@@ -41,8 +40,7 @@ EMPTY = Snapshot(0, "", "empty", (), ())
 
 def numbers(files: LakeFiles) -> list[int]:
     """Numbers of the existing snapshots, ascending."""
-    stems = [name.rpartition("/")[2].removesuffix(".json") for name in files.names(FOLDER, ".json")]
-    return sorted(int(stem) for stem in stems if stem.isdecimal())
+    return files.numbers(FOLDER, ".json")
 
 
 def read(files: LakeFiles, number: int | None = None) -> Snapshot:
@@ -51,12 +49,14 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
     Raises:
         NoSuchSnapshot: The snapshot does not exist; the message lists those that do.
     """
-    there, wanted = numbers(files), number
+    there, wanted = files.numbers(FOLDER, ".json"), number
     if number is None:
         if not there:
             return EMPTY
         number = there[-1]
     if number not in there:
+        if not there:
+            check_is_lake(files)
         found = f"there are {there[0]} ... {there[-1]}" if there else "there are none"
         expired = ", those before have expired" if there and number < there[-1] else ""
         raise NoSuchSnapshot(f"{files.root}: no snapshot {number}; {found}{expired}")
@@ -114,8 +114,14 @@ def parse(files: LakeFiles, number: int) -> tuple[Snapshot, bool]:
     name = file_name(number)
     path = files.path(name)
     try:
-        content, is_sealed = sealed_json.read(files.content(name), files.place(name))
-        return _of_content(content, number), is_sealed
+        content, is_sealed = seals.read_json(files.content(name), files.place(name))
+        metadata, manifests = tuple(content.pop("metadata", None) or ()), tuple(content.pop("manifests", None) or ())
+        found = Snapshot(metadata=metadata, manifests=manifests, **content)
+        if {str} != set(map(type, (found.created_at, found.operation, *metadata, *manifests))):
+            raise TypeError("expected texts and lists of texts")
+        if found.number != number:
+            raise ValueError(f"it is snapshot {found.number}")
+        return found, is_sealed
     except NewerFormat as error:
         raise NoSuchSnapshot(f"{path}: {error}, by a newer version of this software; update it") from error
     except (ValueError, TypeError, KeyError) as error:
@@ -123,22 +129,6 @@ def parse(files: LakeFiles, number: int) -> tuple[Snapshot, bool]:
             f"{path}: damaged, it is no snapshot ({error}); restore it from a copy of the lake, or remove it to go "
             "back to the snapshot before (shards committed since are adopted when their recordings are converted again)"
         ) from error
-
-
-def _of_content(content: dict[str, Any], number: int) -> Snapshot:
-    """The snapshot of a JSON file.
-
-    Raises:
-        TypeError: An entry is missing, unknown, or of another type.
-        ValueError: It is a snapshot of another number.
-    """
-    metadata, manifests = (tuple(content.pop(name, None) or ()) for name in ("metadata", "manifests"))
-    found = Snapshot(metadata=metadata, manifests=manifests, **content)
-    if not all(isinstance(text, str) for text in (found.created_at, found.operation, *metadata, *manifests)):
-        raise TypeError("expected texts and lists of texts")
-    if found.number != number:
-        raise ValueError(f"it is snapshot {found.number}")
-    return found
 
 
 def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
@@ -166,7 +156,7 @@ def restore(files: LakeFiles, snapshot: Snapshot) -> None:
 def _write(files: LakeFiles, snapshot: Snapshot) -> bool:
     """Publish the file of a snapshot unless it exists; returns whether it was published."""
     name = file_name(snapshot.number)
-    return files.publish_new(name, sealed_json.seal(asdict(snapshot), files.place_to_write(name)))
+    return files.publish_new(name, seals.seal_json(asdict(snapshot), files.place_to_write(name)))
 
 
 def remove_expired(files: LakeFiles, name: str) -> None:

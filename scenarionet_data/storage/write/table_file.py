@@ -42,7 +42,7 @@ def publish_data(files: LakeFiles, temporary: Path, stem: str) -> Sealed:
         stem: Its name up to the digest of the content.
     """
     with writing(temporary, temporary):
-        sealed = seals.seal_data(temporary, stem)
+        sealed = seals.seal(temporary, stem)
     files.publish(temporary, sealed.name)
     return sealed
 

@@ -16,7 +16,7 @@ from scenarionet_data.maintenance.compaction import compact
 from scenarionet_data.maintenance.fsck import fsck
 from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots.shard_record import read_defects
 from scenarionet_data.storage.write.map_tiles import write_shared_map

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scenarionet_data import Database, Lake, ScenarioLoader
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound, EmptyResult
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from tests.fixtures.lakes import write_lake, write_shard
 from tests.fixtures.scenarios import NUM_VARIED, make_scenario

@@ -10,8 +10,8 @@ from scenarionet_data import ScenarioLoader
 from scenarionet_data.databases import writer
 from scenarionet_data.errors import BadParameter, DatabaseNotFound, NoSuchSnapshot
 from scenarionet_data.query.lake_view import StaleDatabaseWarning
-from scenarionet_data.storage.files.opening import open_files
-from scenarionet_data.storage.integrity import sealed_json
+from scenarionet_data.storage.files.places import open_files
+from scenarionet_data.storage.integrity import seals
 from tests.scenarionet_data.operations.conftest import COUNT
 
 ONE, TWO, THREE, FOUR = (f"made/v1/s00000{k}" for k in (1, 2, 3, 4))
@@ -144,7 +144,7 @@ def test_snapshots_differ_in_scenarios_and_columns(changed):
 def test_empty_lake_differs_in_everything(changed):
     nothing = {"number": 0, "created_at": "", "operation": "", "metadata": [], "manifests": []}
     place = open_files(changed.root).place_to_write("snapshots/00000000.json")
-    (changed.root / "snapshots" / "00000000.json").write_bytes(sealed_json.seal(nothing, place))
+    (changed.root / "snapshots" / "00000000.json").write_bytes(seals.seal_json(nothing, place))
     diff = changed.diff("@0", "@1")
     assert diff.counts == (0, 3)
     assert diff.count("came") == 3

@@ -15,7 +15,7 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.lakes import content, write_shard
 from tests.fixtures.made import NAME, MadeOptions, write_raw
@@ -37,7 +37,7 @@ if __name__ == "__main__":
 COMMIT_MANY = """
 import sys
 from scenarionet_data.storage.snapshots import commit as commits
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import make_scenario, renamed
 url, who = sys.argv[1:]

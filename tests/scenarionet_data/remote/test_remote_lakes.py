@@ -12,7 +12,7 @@ from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import DatabaseExists, LakeError, MissingDependency, NoSuchSnapshot, QueryError
 from scenarionet_data.storage.files import remote
 from scenarionet_data.storage.files.local import LocalLakeFiles
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.read import scenario_reader
 from scenarionet_data.storage.read.parquet import column_reader, footer
 from scenarionet_data.testing import differences

@@ -6,7 +6,7 @@ import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, maintenance
 from scenarionet_data.storage.files import remote
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.testing import differences
 from tests.fixtures.lakes import write_lake, write_shard

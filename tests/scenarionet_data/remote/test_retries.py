@@ -10,7 +10,7 @@ import pytest
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage.files.object_store import ObjectStore
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from tests.fixtures.object_store import BUCKET
 
 pytestmark = pytest.mark.integration

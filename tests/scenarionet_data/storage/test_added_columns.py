@@ -16,7 +16,7 @@ from scenarionet_data.maintenance.compaction import compact
 from scenarionet_data.maintenance.fsck import fsck
 from scenarionet_data.packs.verifying import verify_pack
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import metadata_files

@@ -9,8 +9,8 @@ from xxhash import xxh3_128_hexdigest
 from scenarionet_data.errors import LakeError
 from scenarionet_data.storage import checkpoints
 from scenarionet_data.storage.checkpoints import Checkpoint, decode, encode
-from scenarionet_data.storage.files.opening import open_files
-from scenarionet_data.storage.integrity import sealed_json
+from scenarionet_data.storage.files.places import open_files
+from scenarionet_data.storage.integrity import seals
 
 ARRAYS = {
     "weights": np.arange(6, dtype=np.float32).reshape(2, 3),
@@ -100,7 +100,7 @@ def test_checkpoints_of_two_files_stay_readable(files, tmp_path):
     (folder / "000004.safetensors").write_bytes(data)
     facts = {"steps": 40, "number": 4, "tensors": xxh3_128_hexdigest(data)}
     (folder / "000004.json").write_bytes(
-        sealed_json.seal(facts, files.place_to_write("results/run/checkpoints/000004.json"))
+        seals.seal_json(facts, files.place_to_write("results/run/checkpoints/000004.json"))
     )
     (folder / "000005.safetensors").write_bytes(data)  # of a process that was killed before the second file
     assert checkpoints.numbers(files, "run") == [4]
@@ -113,7 +113,7 @@ def test_checkpoints_of_two_files_stay_readable(files, tmp_path):
     (folder / "checkpoint-000005.safetensors").unlink()
     (folder / "000004.safetensors").write_bytes(data[:-1] + b"9")
     (folder / "000004.json").write_bytes(
-        sealed_json.seal(facts, files.place_to_write("results/run/checkpoints/000004.json"))
+        seals.seal_json(facts, files.place_to_write("results/run/checkpoints/000004.json"))
     )
     with pytest.raises(LakeError, match="damaged checkpoint"):
         checkpoints.verify(files, "run")

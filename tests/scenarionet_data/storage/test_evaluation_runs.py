@@ -11,7 +11,7 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, SchemaMismatch
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.local import LocalLakeFiles
-from scenarionet_data.storage.integrity import sealed_json
+from scenarionet_data.storage.integrity import seals
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
@@ -74,7 +74,7 @@ def test_run_of_another_schema_is_named(tmp_path, lake):
     run.publish(0, {"results": []})
     description = tmp_path / "lake" / "results" / "old" / "run.json"
     place = lake.files.place("results/old/run.json")
-    description.write_bytes(sealed_json.seal({"tables": ["results/0"]}, place))
+    description.write_bytes(seals.seal_json({"tables": ["results/0"]}, place))
     with pytest.raises(SchemaMismatch, match=r"results/old: written under another version .* reads results/2"):
         Lake(tmp_path / "lake").sql("SELECT * FROM results")
 

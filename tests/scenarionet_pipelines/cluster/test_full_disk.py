@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from scenarionet_data import Lake, convert
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from tests.fixtures.lakes import content
 from tests.fixtures.made import NAME, held_raw
 from tests.fixtures.small_disk import filled, on_small_disk

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.snapshots.commit import commit
 from scenarionet_sim import evaluate
 from tests.fixtures.drives import Other, make_drive

@@ -8,7 +8,7 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.storage import checkpoints, evaluation_runs
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.drivers.trained import TrainedDriver
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation

@@ -12,7 +12,7 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.learning.config import make_learner_config
 from scenarionet_sim.learning.experiments import comparison as comparisons
 from scenarionet_sim.learning.experiments.comparison import (

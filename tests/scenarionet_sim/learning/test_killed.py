@@ -12,7 +12,7 @@ import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.storage import checkpoints
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 from tests.fixtures.waiting import until
 
 pytestmark = [pytest.mark.learn, pytest.mark.integration]

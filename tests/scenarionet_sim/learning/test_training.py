@@ -12,7 +12,7 @@ from scenarionet_data import Lake  # noqa: E402
 from scenarionet_data.errors import BadParameter, LakeError  # noqa: E402
 from scenarionet_data.maintenance.fsck import fsck  # noqa: E402
 from scenarionet_data.storage import checkpoints  # noqa: E402
-from scenarionet_data.storage.files.opening import open_files  # noqa: E402
+from scenarionet_data.storage.files.places import open_files  # noqa: E402
 from scenarionet_sim import record  # noqa: E402
 from scenarionet_sim.learning.config import make_learner_config  # noqa: E402
 from scenarionet_sim.learning.training import train  # noqa: E402

@@ -54,7 +54,7 @@ class TrainVerb(Progressing):
     onnx: str | None = option("Write the trained driver as ONNX.", metavar="FILE")
 
     def run(self) -> None:
-        from scenarionet_data.storage.files.opening import open_files
+        from scenarionet_data.storage.files.places import open_files
         from scenarionet_sim.drivers.trained import load_driver
         from scenarionet_sim.learning.config import make_learner_config
 

@@ -28,8 +28,7 @@ from scenarionet_data.compiled.checking import unchecked
 from scenarionet_data.storage.integrity.footers.pages import check_headers
 from scenarionet_data.storage.integrity.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet import page_kernels as pages
-from scenarionet_data.storage.read.parquet.footer import RowGroup, StoredGroup, UnreadableFile
-from scenarionet_data.storage.read.parquet.reservation import Reservation
+from scenarionet_data.storage.read.parquet.footer import Reservation, RowGroup, StoredGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.row_group_kernels import read_row_group
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 

@@ -18,7 +18,7 @@ from xxhash import xxh3_128_digest, xxh3_128_hexdigest
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
-from scenarionet_data.storage.integrity import sealed_json, seals
+from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.integrity.file_end import Place
 
 NAME = Place("databases/near/1.parquet", "a", may_be_older=False)
@@ -84,7 +84,7 @@ def test_seal_of_other_name_replaces_seal(sealed, tmp_path):
 def test_data_is_named_by_its_content_before_sealing(tmp_path):
     path = tmp_path / "draft"
     content = write(path)
-    found = seals.seal_data(path, "tracks/a-000")
+    found = seals.seal(path, "tracks/a-000")
     assert found.name == f"tracks/a-000-{hashlib.sha256(content).hexdigest()[:16]}.parquet"
     assert found.checksum == hashlib.sha256(path.read_bytes()).hexdigest()
     assert found.size == path.stat().st_size
@@ -170,37 +170,37 @@ def test_seal_of_version_0_2_is_verified(tmp_path, length):
 @pytest.mark.parametrize("other", [Place("snapshots/4.json", "a"), Place("snapshots/3.json", "b")])
 def test_json_is_verified_with_its_place(other):
     content, place = {"number": 3, "files": ["a", "b"], "text": "0" * 32}, Place("snapshots/3.json", "a")
-    data = sealed_json.seal(content, place)
-    assert sealed_json.read(data, place) == (content, True)
+    data = seals.seal_json(content, place)
+    assert seals.read_json(data, place) == (content, True)
     with pytest.raises(ValueError, match="written under this name"):
-        sealed_json.read(data, other)
+        seals.read_json(data, other)
 
 
 def test_every_other_byte_in_json_is_found():
     """A single byte can become any other one, also one that means the same in JSON."""
-    data = sealed_json.seal({"a": 1}, Place("run.json"))
+    data = seals.seal_json({"a": 1}, Place("run.json"))
     for place in range(len(data)):
         for byte in set(range(256)) - {data[place]}:
-            with pytest.raises((ValueError, sealed_json.NewerFormat)):
-                sealed_json.read(data[:place] + bytes([byte]) + data[place + 1 :], Place("run.json"))
+            with pytest.raises((ValueError, seals.NewerFormat)):
+                seals.read_json(data[:place] + bytes([byte]) + data[place + 1 :], Place("run.json"))
 
 
 def test_json_of_older_lakes_is_read():
     blank = b'{"format": 2, "number": 3, "digest": "%s"}'
     digest = xxh3_128_hexdigest(blank % (b"0" * 32) + b"a").encode()  # as version 0.2 wrote it
-    assert sealed_json.read(blank % digest, Place("a", "lake")) == ({"number": 3}, False)
-    assert sealed_json.read(b'{"format": 1, "number": 3}', Place("a")) == ({"number": 3}, False)
-    assert sealed_json.read(b'{"policy": "idm"}', Place("a")) == ({"policy": "idm"}, False)
+    assert seals.read_json(blank % digest, Place("a", "lake")) == ({"number": 3}, False)
+    assert seals.read_json(b'{"format": 1, "number": 3}', Place("a")) == ({"number": 3}, False)
+    assert seals.read_json(b'{"policy": "idm"}', Place("a")) == ({"policy": "idm"}, False)
     with pytest.raises(ValueError, match="of another lake"):
-        sealed_json.read(b'{"policy": "idm"}', Place("a", "lake", may_be_older=False))
+        seals.read_json(b'{"policy": "idm"}', Place("a", "lake", may_be_older=False))
 
 
 def test_json_of_newer_lakes_is_refused():
-    with pytest.raises(sealed_json.NewerFormat, match="written in format 4, not 3"):
-        sealed_json.read(b'{"format": 4}', Place("a"))
+    with pytest.raises(seals.NewerFormat, match="written in format 4, not 3"):
+        seals.read_json(b'{"format": 4}', Place("a"))
 
 
 @pytest.mark.parametrize("data", [b"", b"[]", b"\xff", b"[" * 100_000, b'{"format": 2}', b'"x"'])
 def test_hostile_json_is_damaged(data):
     with pytest.raises(ValueError, match=r"\S"):
-        sealed_json.read(data, Place("a"))
+        seals.read_json(data, Place("a"))

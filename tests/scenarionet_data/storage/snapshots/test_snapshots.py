@@ -11,7 +11,7 @@ import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import LakeError, NoSuchSnapshot
-from scenarionet_data.storage.integrity import sealed_json
+from scenarionet_data.storage.integrity import seals
 from tests.fixtures.lakes import write_lake
 
 
@@ -46,7 +46,7 @@ def test_damaged_snapshot_error_names_remedy(tmp_path, template, garbage):
 def test_snapshot_of_newer_format_asks_for_update(tmp_path, template):
     write_lake(tmp_path, [template])
     path = tmp_path / "snapshots" / "00000001.json"
-    path.write_text(json.dumps({"format": sealed_json.FORMAT + 1, "number": 1}))
+    path.write_text(json.dumps({"format": seals.FORMAT + 1, "number": 1}))
     with pytest.raises(NoSuchSnapshot, match="newer version of this software; update it"):
         Lake(tmp_path)
 

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 
 NAME = "databases/made/1.parquet"
 DECLARED = 825_000_000
@@ -114,7 +114,7 @@ def test_gigabytes_in_a_few_bytes_are_refused(tmp_path, padding):
 PROBE = f"""
 import resource, sys
 from scenarionet_data.errors import LakeError
-from scenarionet_data.storage.files.opening import open_files
+from scenarionet_data.storage.files.places import open_files
 import pyarrow.parquet
 files = open_files(sys.argv[1])
 before = resource.getrusage(resource.RUSAGE_SELF)
