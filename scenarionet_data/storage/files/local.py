@@ -31,7 +31,7 @@ class LocalLakeFiles(LakeFiles):
         """Files directly in ``folder``, sorted; empty when the folder does not exist."""
         found = []
         for entry in self._entries(folder):
-            if entry.name.endswith(suffix) and entry.is_file():
+            if entry.name.endswith(suffix) and os.path.isfile(entry):
                 found.append(f"{folder}/{entry.name}")
         return sorted(found)
 
@@ -39,7 +39,7 @@ class LocalLakeFiles(LakeFiles):
         """Names of the folders directly in ``folder``, sorted."""
         found = []
         for entry in self._entries(folder):
-            if entry.is_dir():
+            if os.path.isdir(entry):
                 found.append(entry.name)
         return sorted(found)
 
