@@ -31,7 +31,7 @@ class LocalLakeFiles(LakeFiles):
         """Files directly in ``folder``, sorted; empty when the folder does not exist."""
         found = []
         for entry in self._entries(folder):
-            if entry.name.endswith(suffix) and os.path.isfile(entry):
+            if entry.name.endswith(suffix) and Path(entry).is_file():
                 found.append(f"{folder}/{entry.name}")
         return sorted(found)
 
@@ -39,7 +39,7 @@ class LocalLakeFiles(LakeFiles):
         """Names of the folders directly in ``folder``, sorted."""
         found = []
         for entry in self._entries(folder):
-            if os.path.isdir(entry):
+            if Path(entry).is_dir():
                 found.append(entry.name)
         return sorted(found)
 
