@@ -91,6 +91,7 @@ class Stage:
         }
         self._places: dict[World, tuple[dict[str, tuple[int, int]], Float64, Float64]] = {}
         self._slots: list[World] = []
+        self._dt: Float64 = np.zeros(0)
         self._fixed_range: Int64 = np.zeros((0, 2), np.int64)
 
     def update(self, batch: WorldBatch) -> None:
@@ -112,6 +113,7 @@ class Stage:
             level=np.zeros(len(places)),
             **{name: arrays[name] for name in Ground._fields[4:]},
         )
+        self._dt = np.array([world.dt for world in self._slots])
         self._fixed_range = np.array([blocks["fixed"] for blocks, _, _ in places], np.int64)
 
     def _store(self, world: World) -> tuple[dict[str, tuple[int, int]], Float64, Float64]:
@@ -133,7 +135,7 @@ class Stage:
         """Return everything that stands on the ground, as kernels take it."""
         fixed = self.kinds["fixed"].arrays
         return Solids(
-            state.motion, state.size, state.object_type, state.present, state.timestep, batch.place,
+            state.motion, state.size, state.object_type, state.present, state.timestep, self._dt, batch.place,
             batch.recorded.log, batch.recorded.light_state, self._fixed_range, fixed["fixed"], fixed["fixed_kind"],
             LIGHT_COLORS,
         )  # fmt: skip

@@ -9,6 +9,7 @@ import shapely
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32
 from scenarionet_sim.cameras.draw import codes as at
+from scenarionet_sim.cameras.draw.facades import FOUNDATION
 from scenarionet_sim.cameras.terrain import Terrain
 from scenarionet_sim.worlds.world import World
 
@@ -22,6 +23,11 @@ LIGHT_HEIGHT = 5.2
 
 _MAST_PLACES: Float64 = np.concatenate([np.arange(2.0, 26.0, 0.5), np.arange(-2.0, -26.0, -0.5)])
 """Where masts may stand, to the right of a stop line's middle [m], best ones first."""
+
+_SCENERY = (
+    ("building", 11.0, 32.0, 60), ("lamp", 0.7, 0.9, 22), ("sign", 0.4, 0.6, 12), ("tree", 2.5, 38.0, 420),
+)  # fmt: skip
+"""Kinds of scenery, how near and far they are from the edge of the pavement [m], and how many there are at most."""
 
 Row = tuple[tuple[float, ...], tuple[int, int, int, int]]
 
@@ -96,10 +102,12 @@ def _scenery(world: World, terrain: Terrain, seed: int) -> list[Row]:
     path = shapely.MultiPoint(driven)
     rows: list[Row] = []
     placed = [shapely.Point(-1e9, -1e9)]
-    for kind, near, far, count in (("building", 11.0, 32.0, 60), ("lamp", 0.7, 0.9, 22), ("tree", 2.5, 38.0, 420)):
+    for kind, near, far, count in _SCENERY:
         for spot in _spots(terrain, path, near, far, count * 2, rng):
             if len(rows) >= _MOST or count == 0:
                 break
+            if kind == "sign" and not shapely.contains_xy(terrain.road, *_beside(spot, 4.5)):
+                spot = (*spot[:2], spot[2] + np.pi)  # faces those who drive on this side
             made = _made(kind, spot, rng)
             (x, y, _, heading, length, width, _), _ = made
             outline = shapely.affinity.translate(
@@ -115,6 +123,12 @@ def _scenery(world: World, terrain: Terrain, seed: int) -> list[Row]:
             rows.append(made)
             count -= 1
     return rows
+
+
+def _beside(spot: tuple[float, float, float], far: float) -> tuple[float, float]:
+    """Return the point left of a place with a heading."""
+    x, y, heading = spot
+    return x - far * np.sin(heading), y + far * np.cos(heading)
 
 
 def _spots(
@@ -143,14 +157,12 @@ def _made(kind: str, spot: tuple[float, float, float], rng: np.random.Generator)
     x, y, heading = spot
     if kind == "building":
         length, width, height = rng.uniform(10, 24), rng.uniform(9, 15), rng.choice([4, 7, 7, 10, 13, 20, 27])
-        return (x, y, -0.5, heading, length, width, float(height)), (
-            at.BUILDING,
-            at.BUILDING_CLASS,
-            20 + int(rng.integers(6)),
-            -1,
-        )
+        place = (x, y, -FOUNDATION, heading, length, width, float(height))
+        return place, (at.BUILDING, at.BUILDING_CLASS, 20 + int(rng.integers(6)), -1)
     if kind == "lamp":
-        return (x, y, 0.0, heading, 0.16, 0.16, 7.5), (at.POLE, at.POLE_CLASS, _LIGHT_PAINT, -1)
+        return (x, y, 0.0, heading, 2.6, 2.6, 7.5), (at.LAMP, at.POLE_CLASS, _LIGHT_PAINT, -1)
+    if kind == "sign":
+        return (x, y, 0.0, heading, 0.3, 0.7, 2.9), (at.SIGN, at.SIGN_CLASS, int(rng.choice([3, 3, 10])), -1)
     mesh = at.CONIFER if rng.random() < 0.25 else at.TREE
     wide = rng.uniform(3.2, 6.5)
     tall = wide * rng.uniform(1.2, 1.7) if mesh == at.TREE else wide * rng.uniform(1.9, 2.6)

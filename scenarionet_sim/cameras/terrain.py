@@ -110,13 +110,13 @@ def _edges(area: shapely.Geometry) -> Float64:
 
 
 def _kerbs(road: shapely.Geometry) -> tuple[Float32, UInt8]:
-    """Return the kerbs along the outline of the road, outside of it."""
-    edges = _edges(road.buffer(KERB_WIDTH / 2, join_style="mitre"))
+    """Return the kerbs along the outline of the road, outside of it, with the gutters inside."""
+    edges = _edges(road)
     vector = edges[:, 2:] - edges[:, :2]
     length = np.hypot(vector[:, 0], vector[:, 1])
     kept = length > 1e-6
     unit = vector[kept] / length[kept, None]
-    half = np.full((kept.sum(), 1), KERB_WIDTH / 2)
+    half = np.full((kept.sum(), 1), KERB_WIDTH)
     strokes = np.column_stack([edges[kept, :2], unit, length[kept], half]).astype(np.float32)
     return strokes, np.full(len(strokes), codes.KERB, np.uint8)
 

@@ -21,7 +21,7 @@ class Weather:
     """Light and weather of a scene.
 
     Attributes:
-        sun_elevation: Of the sun over the horizon [rad], above 0.
+        sun_elevation: Of the sun over the horizon [rad]; up to 0 it is night, lit by headlights and street lamps.
         sun_azimuth: Direction to the sun [rad], counter-clockwise from +x of the scenario.
         clouds: Share of the sky that is cloudy, in [0, 1]; from 0.8 on the sun casts no shadows.
         haze: Inverse of the distance at which half of the light is haze [1/m].
@@ -35,8 +35,8 @@ class Weather:
     wetness: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.sun_elevation <= np.pi / 2:
-            raise BadParameter(f"sun_elevation={self.sun_elevation}; expected an angle in (0, pi/2] [rad]")
+        if not abs(self.sun_elevation) <= np.pi / 2:
+            raise BadParameter(f"sun_elevation={self.sun_elevation}; expected an angle in [-pi/2, pi/2] [rad]")
         if not (0 <= self.clouds <= 1 and 0 <= self.wetness <= 1 and self.haze >= 0):
             raise BadParameter(f"{self}; expected clouds and wetness in [0, 1], and haze of at least 0 per metre")
 
@@ -45,8 +45,9 @@ DAY = Weather()
 DUSK = Weather(sun_elevation=0.10, sun_azimuth=0.4, clouds=0.45, haze=1 / 500)
 OVERCAST = Weather(sun_elevation=0.7, clouds=0.9, haze=1 / 700)
 RAIN = Weather(sun_elevation=0.6, clouds=1.0, haze=1 / 160, wetness=1.0)
+NIGHT = Weather(sun_elevation=-0.3, clouds=0.2, haze=1 / 900)
 
-WEATHERS = {"day": DAY, "dusk": DUSK, "overcast": OVERCAST, "rain": RAIN}
+WEATHERS = {"day": DAY, "dusk": DUSK, "night": NIGHT, "overcast": OVERCAST, "rain": RAIN}
 """Presets by name."""
 
 
@@ -68,6 +69,10 @@ _HIGH_SUN, _LOW_SUN = np.array([2.55, 2.40, 2.15]), np.array([1.9, 0.85, 0.30])
 _HIGH_SKY, _LOW_SKY = np.array([0.42, 0.55, 0.78]), np.array([0.20, 0.22, 0.33])
 _ZENITH, _LOW_ZENITH = np.array([0.10, 0.26, 0.68]), np.array([0.07, 0.12, 0.28])
 _HORIZON, _LOW_HORIZON = np.array([0.62, 0.76, 0.94]), np.array([0.78, 0.44, 0.24])
+_NIGHT = np.array([
+    (0.0, 0.0, 1.0), (2.3, 1.9, 1.3), (0.040, 0.050, 0.080), (0.006, 0.007, 0.010), (0.008, 0.013, 0.030),
+    (0.030, 0.031, 0.042),
+])  # fmt: skip
 _GREY = np.array([0.60, 0.63, 0.67])
 
 
@@ -103,7 +108,7 @@ def _light(weather: Weather) -> Float64:
     sun = np.array([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)])
     if weather.clouds >= 0.8:
         sun = np.array([0.0, 0.0, 1.0])  # what is left is dark under objects, not behind them
-    high = min(rise / 0.6, 1.0) ** 0.7
+    high = min(max(rise, 0.0) / 0.6, 1.0) ** 0.7
     dull = np.clip((weather.clouds - 0.5) / 0.4, 0.0, 1.0)
     sunlight = (high * _HIGH_SUN + (1 - high) * _LOW_SUN) * (1 - 0.94 * dull)
     skylight = (high * _HIGH_SKY + (1 - high) * _LOW_SKY) * (1 - dull) + dull * (0.45 + 0.75 * high) * _GREY
@@ -113,7 +118,9 @@ def _light(weather: Weather) -> Float64:
     light = np.zeros(at.NUM_LIGHT)
     light[: at.HORIZON + 3] = np.concatenate([sun, sunlight, skylight, bounce, zenith, horizon])
     light[[at.HAZE, at.CLOUD, at.WET]] = 0.73 * weather.haze, weather.clouds, weather.wetness
-    light[at.LAMPS] = max(1.0 - min(rise / 0.35, 1.0), weather.wetness)
+    light[at.LAMPS] = np.clip(1.0 - rise / 0.35, weather.wetness, 1.0)
+    if rise <= 0.0:
+        light[: at.HORIZON + 3], light[at.NIGHT] = _NIGHT.ravel(), 1.0
     light[at.SHADOW] = 0.55 + 0.45 * (weather.clouds < 0.8)
     return light
 

@@ -41,9 +41,9 @@ def ground_class(ground: Ground, slot: int, x: float, y: float) -> int:
         paint = paint_at(ground, cell, x, y)
         if bits & codes.CROSSWALK:
             return codes.CROSSING
-        if paint == codes.KERB:
+        if paint == codes.KERB and not bits & codes.ROAD:
             return codes.PAVEMENT
-        if paint >= 0:
+        if paint >= 0 and paint != codes.KERB:
             return codes.LANE_PAINT
     if bits & codes.CROSSWALK:
         return codes.CROSSING

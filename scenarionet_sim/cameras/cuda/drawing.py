@@ -47,7 +47,7 @@ from scenarionet_sim.worlds.world_batch import WorldBatch
 
 cuda: Any = numba.cuda
 
-_EACH_CALL = "motion", "size", "object_type", "present", "timestep", "place", "fixed_range"
+_EACH_CALL = "motion", "size", "object_type", "present", "timestep", "dt", "place", "fixed_range"
 """Arrays of ``Solids`` that are uploaded at every call."""
 
 _drawing = Lock()

@@ -25,6 +25,7 @@ from scenarionet_sim.cameras.draw.instances import (
     caster_of,
     casts_shadow,
     has_shadows,
+    source_of,
     write_box,
 )
 from scenarionet_sim.cameras.draw.lighting import light_vertices
@@ -37,7 +38,7 @@ from scenarionet_sim.cameras.draw.placement import (
     set_up_outline,
     set_up_triangle,
 )
-from scenarionet_sim.cameras.draw.shadows import NUM_SHADOW, add_shadow
+from scenarionet_sim.cameras.draw.shadows import NUM_SHADOW, add_light, add_shadow, light_at
 from scenarionet_sim.cameras.draw.structures import (
     GROUP,
     FrameView,
@@ -50,7 +51,7 @@ from scenarionet_sim.cameras.draw.structures import (
 )
 from scenarionet_sim.cameras.draw.vertices import place_vertices
 
-SPIN, STEER, COS, SIN, NUM_BOX = 7, 8, 9, 10, 11
+SPIN, STEER, SWING, COS, SIN, NUM_BOX = 7, 8, 9, 10, 11, 12
 """Columns of ``Items.boxes`` behind x, y, z, heading, length, width, height; and their number."""
 
 MESH, ITEM_CLASS, PAINT, GLOW, HAS_SHADOW, IS_SMALL, NUM_ITEM = range(7)
@@ -101,13 +102,16 @@ def view_of(frame: int, shots: Shots, look: Look) -> FrameView:
 
 
 @device_function(allocates=True)
-def item_of(frame: int, place: int, num_objects: int, items: Items) -> Item:
+def item_of(frame: int, place: int, num_objects: int, view: FrameView, items: Items) -> Item:
     """Return an instance in view."""
     number = items.drawn[frame, place]
     box, kind = items.boxes[frame, number], items.kinds[frame, number]
+    lit = 1.0
+    if has_shadows(view) and view.light[at.NIGHT] > 0.0:
+        lit = light_at(box[0], box[1], items.shadows[frame, : items.counts[frame, NUM_SHADOWS]])
     return Item(
         number if number < num_objects else -1, box, kind[MESH], (box[COS], box[SIN]), kind[ITEM_CLASS], kind[PAINT],
-        kind[GLOW], box[SPIN], box[STEER], kind[IS_SMALL] == 1,
+        kind[GLOW], (box[SPIN], box[STEER], box[SWING]), kind[IS_SMALL] == 1, lit,
     )  # fmt: skip
 
 
@@ -121,14 +125,17 @@ def find_item(frame: int, number: int, shots: Shots, scene: SceneArrays, items: 
         return
     if not write_box(number, view, solids, scene.ground, box):
         return
-    if has_shadows(view) and casts_shadow(number < rows, box, view):
-        caster, shadow = caster_of(number, view.slot, solids), items.shadows[frame, number : number + 1]
-        kind[HAS_SHADOW] = add_shadow(box, caster, view, shadow, 0)
+    shadow, source = items.shadows[frame, number : number + 1], source_of(number, view, solids)
+    if has_shadows(view) and source >= 0:
+        kind[HAS_SHADOW] = add_light(box, source, view, shadow, 0)
+    elif has_shadows(view) and casts_shadow(number < rows, box, view):
+        kind[HAS_SHADOW] = add_shadow(box, caster_of(number, view.slot, solids), view, shadow, 0)
     radius = screen_radius(box, view)
     is_hidden = number == view.own and view.own_view == codes.HIDDEN
     if is_hidden or radius < (LEAST if number < rows else LEAST_FIXED):
         return
-    mesh, kind[ITEM_CLASS], kind[PAINT], kind[GLOW], box[SPIN], box[STEER] = appearance_of(number, view, solids, box)
+    mesh, kind[ITEM_CLASS], kind[PAINT], kind[GLOW], moves = appearance_of(number, view, solids, box)
+    box[SPIN], box[STEER], box[SWING] = moves
     kind[MESH], box[COS], box[SIN] = mesh_for(meshes, mesh, radius, box, view.pose)
     kind[IS_SMALL] = 1 if radius < SMALL else 0
 
@@ -161,7 +168,8 @@ def set_up_part(
 ) -> None:  # fmt: skip
     """Write every ``LANES``-th triangle of an instance from number ``lane`` on; ``vertices`` has memory for three."""
     view, meshes, instance = view_of(frame, shots, scene.look), scene.meshes, items.instances[frame, place]
-    item, first = item_of(frame, place, scene.solids.motion.shape[1], items), items.first[frame] + instance[FIRST]
+    item = item_of(frame, place, scene.solids.motion.shape[1], view, items)
+    first = items.first[frame] + instance[FIRST]
     ranges = meshes.ranges[item.mesh]
     if may_be_outline(meshes, item.mesh, view.lens):
         ends = ends_of(meshes.outlines[item.mesh], item.box, view.pose, view.lens)
@@ -177,7 +185,7 @@ def set_up_part(
             spot, light = vertices.places[:, corner : corner + 1], vertices.lights[:, corner : corner + 1]
             place_vertices(meshes.corners[source, corner], 1, item, view, meshes, spot, light)
             if view.is_colored:
-                light_vertices(view.light, item.turn, 1, ranges[at.IS_GLOSSY] > 0, spot, light)
+                light_vertices(view, item, 1, ranges[at.IS_GLOSSY] > 0, spot, light)
         if not set_up_triangle(source, (0, 1, 2), first + number, item, view, meshes, vertices, triangles):
             bounds = triangles.bounds[first + number]
             bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, 0, 0

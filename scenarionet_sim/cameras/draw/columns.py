@@ -55,8 +55,8 @@ SUN, SUNLIGHT, SKYLIGHT, BOUNCE, ZENITH, HORIZON = range(0, 18, 3)
 """First columns of ``Look.lights``: direction to the sun; linear RGB of sunlight, of light from above and from
 below, of the sky overhead and at the horizon."""
 
-HAZE, CLOUD, WET, EXPOSURE, LAMPS, SHADOW, VIGNETTE, SHIFT = range(18, 26)
+HAZE, CLOUD, WET, EXPOSURE, LAMPS, SHADOW, VIGNETTE, SHIFT, NIGHT = range(18, 27)
 """Other columns: density of haze [1/m], share of cloud, wetness, exposure, brightness of lamps, strength of shadows,
-vignette, and a shift of all textures [texels]."""
+vignette, a shift of all textures [texels], and 1 at night: then sunlight is the light of lamps, near them."""
 
-NUM_LIGHT = 26
+NUM_LIGHT = 27

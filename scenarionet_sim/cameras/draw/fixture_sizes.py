@@ -8,10 +8,10 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Int32
 from scenarionet_data.compiled.decorators import device_function
-from scenarionet_sim.arrays.minmax import larger
+from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
-from scenarionet_sim.cameras.draw.shadows import LEAST_SHADOW, SHADOW_REACH
+from scenarionet_sim.cameras.draw.shadows import LEAST_CASTER, LEAST_SHADOW, SHADOW_REACH
 from scenarionet_sim.cameras.draw.single_precision import single, singles
 from scenarionet_sim.cameras.draw.structures import GROUP, FrameView
 
@@ -64,5 +64,5 @@ def measure_fixtures(count: int, first: int, view: FrameView, fixed: Float32, ra
             )
             square, limit = wx * wx + wy * wy, far_shadow + radius
             is_tiny = 2.0 * radius * abs(foot) * fy < LEAST_SHADOW * (square - radius * radius)
-            has_shadow = (long + wide > 0.6) & (square < limit * limit) & (not (is_tiny | is_beside))
+            has_shadow = (smaller(long, wide) > LEAST_CASTER) & (square < limit * limit) & (not (is_tiny | is_beside))
             shadows[k] = np.int32(1) if has_shadow else np.int32(0)

@@ -92,14 +92,16 @@ def color_tile(
     """Write the light of the pixels of a tile, from number ``place`` of the picture on, which see some kinds."""
     shades, count, width, grid = tile.shades, len(tile.seen), view.width, ground.frame[view.slot]
     if sees & codes.SEES_GROUND:
-        shade = shades[at.SHADE]
+        shade, night = shades[at.SHADE], view.light[at.NIGHT]
         for k in range(count):
-            shade[k] = 1.0
+            shade[k] = 1.0 - 0.98 * night
         if len(shadows):
             first, row, column = 0, place // width, place % width
             while first < count:
                 end = smaller(first + width - column, count)
                 spots = shades[at.GROUND_X, first:end], shades[at.GROUND_Y, first:end], shade[first:end]
+                if night > 0.0:
+                    cast_shadows(row, column, 0.0, grid, shadows, tile.seen[first:end], spots)
                 cast_shadows(row, column, view.light[at.SHADOW], grid, shadows, tile.seen[first:end], spots)
                 first, row, column = end, row + 1, 0
         color_ground(view, ground, grain, tile)
@@ -108,7 +110,7 @@ def color_tile(
         while first < count:
             pixels = first, smaller(first + width - column, count)
             if sees & codes.SEES_TRIANGLE:
-                color_triangles(row, column - first, pixels, view, grid, triangles, tile.seen, shades)
+                color_triangles(row, column - first, pixels, view, triangles, tile.seen, shades)
             if sees & codes.SEES_SKY:
                 color_sky(row, column, pixels, view, grain, tile)
             first, row, column = pixels[1], row + 1, 0

@@ -72,7 +72,8 @@ def color_ground(view: FrameView, ground: Ground, grain: UInt8, tile: Tile) -> N
         corner, spots = (frame[0] % 1.5, frame[1] % 1.5), (shades[at.GROUND_X], shades[at.GROUND_Y], shades[at.ALONG])
         _pave(count, light, corner, spots, shades[at.ON_ROAD], shades[at.ON_WALK], cover)
     if surfaces >= codes.HAS_STROKES:
-        _paint_over(count, light, (shades[at.WHITE_SHARE], shades[at.YELLOW_SHARE], shades[at.KERB_SHARE]), cover)
+        paint = shades[at.WHITE_SHARE], shades[at.YELLOW_SHARE], shades[at.KERB_SHARE]
+        _paint_over(count, light, paint, shades[at.ON_ROAD], cover)
     if light[at.WET] > 0.0:
         _wet(light, frame, grain, seen, shades)
 
@@ -228,8 +229,8 @@ def _pave(
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _paint_over(count: int, light: Float64, paint: Triple, cover: Cover) -> None:
-    """Cover the ground with kerbs, then with paint, which is worn."""
+def _paint_over(count: int, light: Float64, paint: Triple, on_road: Float32, cover: Cover) -> None:
+    """Cover the ground with kerbs, whose gutters are dark, then with paint, which is worn."""
     whites, yellows, kerbs = paint
     fine, coarse, shade, red, green, blue = cover
     up = single(light[at.SUN + 2])
@@ -243,11 +244,12 @@ def _paint_over(count: int, light: Float64, paint: Triple, cover: Cover) -> None
         kerb = kerbs[k] * bare
         white *= 1.0 - yellow
         rest = bare - kerb
+        kerb *= 1.0 - 0.72 * on_road[k]
         direct = shade[k]
         ambient = 0.55 + 0.45 * direct
-        red[k] = rest * red[k] + (0.74 * white + 0.68 * yellow + 0.40 * kerb) * (sun_r * direct + sky_r * ambient)
-        green[k] = rest * green[k] + (0.74 * white + 0.43 * yellow + 0.39 * kerb) * (sun_g * direct + sky_g * ambient)
-        blue[k] = rest * blue[k] + (0.72 * white + 0.05 * yellow + 0.37 * kerb) * (sun_b * direct + sky_b * ambient)
+        red[k] = rest * red[k] + (0.74 * white + 0.68 * yellow + 0.46 * kerb) * (sun_r * direct + sky_r * ambient)
+        green[k] = rest * green[k] + (0.74 * white + 0.43 * yellow + 0.45 * kerb) * (sun_g * direct + sky_g * ambient)
+        blue[k] = rest * blue[k] + (0.72 * white + 0.05 * yellow + 0.42 * kerb) * (sun_b * direct + sky_b * ambient)
 
 
 @device_function(divides_by_zero=True)

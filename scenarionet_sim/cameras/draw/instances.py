@@ -14,11 +14,21 @@ from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.fixture_sizes import measure_fixtures
 from scenarionet_sim.cameras.draw.ground import height_at
 from scenarionet_sim.cameras.draw.placement import SMALL, add_instance, is_beside_picture, mesh_for, screen_radius
-from scenarionet_sim.cameras.draw.shadows import LEAST_SHADOW, SHADOW_REACH, add_shadow
+from scenarionet_sim.cameras.draw.shadows import (
+    LEAST_CASTER,
+    LEAST_SHADOW,
+    SHADOW_REACH,
+    add_light,
+    add_shadow,
+    light_at,
+)
 from scenarionet_sim.cameras.draw.structures import GROUP, FrameMemory, FrameView, Ground, Item, Meshes, Solids
 
 NUM_PAINTS, OWN_PAINT = 15, 15
 """Number of paints of other objects, and the paint of the own vehicle."""
+
+STRIDES = 0.95
+"""Strides of people a second, two steps each."""
 
 LEAST, LEAST_FIXED = 0.4, 0.9
 """Radius below which objects and fixtures are not drawn."""
@@ -62,12 +72,20 @@ def is_braking(solids: Solids, slot: int, row: int) -> bool:
 
 
 @device_function(divides_by_zero=True)
-def wheels_of(motion: Float64, box: Float64) -> tuple[float, float]:
-    """Return how far the wheels of a vehicle rolled [m], a function of its place, and how they are steered [rad]."""
+def wheels_of(motion: Float64, box: Float64) -> tuple[float, float, float]:
+    """Return how far a vehicle's wheels rolled [m], a function of its place, how they are steered [rad], and 0."""
     spin = motion[X] * math.cos(box[3]) + motion[Y] * math.sin(box[3])
     speed = math.hypot(motion[VX], motion[VY])
     steer = math.atan(0.6 * box[4] * motion[YAW_RATE] / larger(speed, 1.0))
-    return spin, smaller(larger(steer, -0.6), 0.6)
+    return spin, smaller(larger(steer, -0.6), 0.6), 0.0
+
+
+@device_function(divides_by_zero=True)
+def limbs_of(motion: Float64, seconds: float, row: int) -> tuple[float, float, float]:
+    """Return how far a cyclist's wheels rolled [m], 0, and how far limbs swing [rad]: with speed more, not faster."""
+    speed = math.hypot(motion[VX], motion[VY])
+    spin = motion[X] * math.cos(motion[HEADING]) + motion[Y] * math.sin(motion[HEADING])
+    return spin, 0.0, smaller(0.3 * speed, 0.5) * math.sin(2.0 * math.pi * (STRIDES * seconds + 0.618 * row))
 
 
 @device_function(divides_by_zero=True)
@@ -100,6 +118,8 @@ def write_box(item: int, view: FrameView, solids: Solids, ground: Ground, box: F
     motion, size = solids.motion[slot, item], solids.size[slot, item]
     box[0], box[1], box[3] = motion[X], motion[Y], motion[HEADING]
     box[4], box[5], box[6] = larger(size[0], 0.05), larger(size[1], 0.05), larger(size[2], 0.05)
+    if solids.object_type[slot, item] == 2 and not view.are_boxes:  # recorded boxes have room for arms and bags
+        box[4], box[5] = smaller(box[4], 0.36 * box[6]), smaller(box[5], 0.36 * box[6])
     if not abs(box[0] - pose[at.EYE]) + abs(box[1] - pose[at.EYE + 1]) <= 2.0 * view.reach:  # not a number either
         return False
     box[2] = height_at(ground, slot, box[0], box[1])
@@ -109,7 +129,7 @@ def write_box(item: int, view: FrameView, solids: Solids, ground: Ground, box: F
 @device_function(divides_by_zero=True, in_lanes=True)
 def casts_shadow(is_object: bool, box: Float64, view: FrameView) -> bool:
     """Whether the shadow of a box may be seen: it is in the picture and high enough there, and not too far away."""
-    if not is_object and box[4] + box[5] <= 0.6:
+    if not is_object and smaller(box[4], box[5]) <= LEAST_CASTER:
         return False
     pose, light = view.pose, view.light
     reach = box[6] / larger(light[at.SUN + 2], 0.2)
@@ -123,6 +143,18 @@ def casts_shadow(is_object: bool, box: Float64, view: FrameView) -> bool:
 
 
 @device_function(forceinline=True)
+def source_of(item: int, view: FrameView, solids: Solids) -> int:
+    """Return the mesh of an object or fixture that lights the ground, or -1."""
+    slot, rows = view.slot, solids.motion.shape[1]
+    if view.light[at.NIGHT] == 0.0:
+        return -1
+    if item >= rows:
+        group, place = solids.fixed_range[slot, 0] + (item - rows) // GROUP, (item - rows) % GROUP
+        return codes.LAMP if solids.fixed_kind[group, place, 0] == codes.LAMP else -1
+    return codes.CAR if solids.object_type[slot, item] == 1 else -1
+
+
+@device_function(forceinline=True)
 def caster_of(item: int, slot: int, solids: Solids) -> int:
     """Return the class by which an object or fixture casts its shadow."""
     rows = solids.motion.shape[1]
@@ -132,26 +164,30 @@ def caster_of(item: int, slot: int, solids: Solids) -> int:
 
 
 @device_function(forceinline=True, divides_by_zero=True)
-def appearance_of(item: int, view: FrameView, solids: Solids, box: Float64) -> tuple[int, int, int, int, float, float]:
-    """Return mesh, class, paint, shining material or -1, and how far wheels rolled [m] and are steered [rad]."""
+def appearance_of(
+    item: int, view: FrameView, solids: Solids, box: Float64
+) -> tuple[int, int, int, int, tuple[float, float, float]]:
+    """Return mesh, class, paint, shining material or -1, and how wheels and limbs move, see ``Item.moves``."""
     slot, rows = view.slot, solids.motion.shape[1]
-    spin, steer, glow = 0.0, 0.0, -1
+    moves, glow = (0.0, 0.0, 0.0), -1
     if item >= rows:
         kind = solids.fixed_kind[solids.fixed_range[slot, 0] + (item - rows) // GROUP, (item - rows) % GROUP]
         if kind[3] >= 0:
             glow = lamp_of(solids, slot, kind[3])
-        return int(kind[0]), int(kind[1]), int(kind[2]), glow, spin, steer
+        return int(kind[0]), int(kind[1]), int(kind[2]), glow, moves
     mesh, semantic = shape_of(solids.object_type[slot, item], box[4])
     paint = (item * 7 + 3 + (item >> 3)) % NUM_PAINTS
     if solids.object_type[slot, item] == 1:
-        spin, steer = wheels_of(solids.motion[slot, item], box)
+        moves = wheels_of(solids.motion[slot, item], box)
         if view.is_colored and is_braking(solids, slot, item):
             glow = codes.TAIL_LAMP
+    elif solids.object_type[slot, item] in (2, 3):
+        moves = limbs_of(solids.motion[slot, item], solids.timestep[slot] * solids.dt[slot], item)
     if item == view.own:
         paint, semantic = OWN_PAINT, codes.OWN_VEHICLE
         if view.own_view == codes.INSIDE:
             mesh = codes.DECK
-    return codes.BOX if view.are_boxes else mesh, semantic, paint, glow, spin, steer
+    return codes.BOX if view.are_boxes else mesh, semantic, paint, glow, moves
 
 
 @device_function(forceinline=True, divides_by_zero=True)
@@ -169,6 +205,13 @@ def add_solids(
     are_cast, slot, rows = has_shadows(view), view.slot, solids.motion.shape[1]
     num_items = rows + GROUP * int(solids.fixed_range[slot, 1] - solids.fixed_range[slot, 0])
     radii, shadows, listed, begin = scratch.radii, scratch.has_shadow, scratch.listed, 0
+    is_night = are_cast and view.light[at.NIGHT] > 0.0
+    if is_night:
+        for number in range(num_items):
+            source = source_of(number, view, solids)
+            if source >= 0 and write_box(number, view, solids, ground, box):
+                num_shadows = add_light(box, source, view, scratch.shadows, num_shadows)
+    lights = scratch.shadows[:num_shadows]
     while begin < num_items:
         is_object = begin < rows
         end = smaller(begin + len(listed), rows if is_object else num_items)
@@ -186,15 +229,15 @@ def add_solids(
                 radius, has_shadow = screen_radius(box, view), are_cast and casts_shadow(True, box, view)
             else:
                 radius, has_shadow = radii[number_listed] * 1.0, are_cast and shadows[number_listed] > 0
-            if has_shadow:
+            if has_shadow and source_of(number, view, solids) < 0:
                 num_shadows = add_shadow(box, caster_of(number, slot, solids), view, scratch.shadows, num_shadows)
             is_hidden = number == view.own and view.own_view == codes.HIDDEN
             if radius < (LEAST if is_object else LEAST_FIXED) or is_hidden or count >= len(scratch.instances):
                 continue
-            mesh, semantic, paint, glow, spin, steer = appearance_of(number, view, solids, box)
+            mesh, semantic, paint, glow, moves = appearance_of(number, view, solids, box)
             mesh, cos, sin = mesh_for(meshes, mesh, radius, box, view.pose)
-            row = number if is_object else -1
-            item = Item(row, box, mesh, (cos, sin), semantic, paint, glow, spin, steer, radius < SMALL)
+            row, lit = number if is_object else -1, light_at(box[0], box[1], lights) if is_night else 1.0
+            item = Item(row, box, mesh, (cos, sin), semantic, paint, glow, moves, radius < SMALL, lit)
             num_triangles, count = add_instance(item, view, meshes, scratch, (num_triangles, count))
         begin = end
     return count, num_shadows

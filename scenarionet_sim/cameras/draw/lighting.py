@@ -10,10 +10,13 @@ from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.single_precision import single, singles
-from scenarionet_sim.cameras.draw.structures import Item, Meshes, Places, Triple, Vertices
+from scenarionet_sim.cameras.draw.structures import FrameView, Item, Meshes, Places, Triple, Vertices
 from scenarionet_sim.cameras.draw.vertices import turn_normals
 
 NUM_MATERIALS = 21
+
+Three = tuple[float, float, float]
+"""A direction, or linear RGB."""
 
 LEAST_AREA = 0.5
 """Twice the area [pixels] of triangles below which their light is the same everywhere."""
@@ -21,35 +24,43 @@ LEAST_AREA = 0.5
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def light_vertices(
-    light: Float64, turn: tuple[float, float], count: int, is_glossy: bool, vertices: Float64, lights: Float32
+    view: FrameView, item: Item, count: int, is_glossy: bool, vertices: Float64, lights: Float32
 ) -> None:
     """Write the light on the first vertices of a mesh in view.
 
+    At night the light of lamps comes from above and behind the camera.
+
     Args:
-        light: Light of the frame.
-        turn: Cosine and sine of the heading of the mesh.
+        view, item: The camera, and what the mesh stands for.
         count: Number of vertices.
         is_glossy: Whether a material of the mesh mirrors.
         vertices, lights: See ``FrameMemory``.
     """
     nx, ny, nz = lights[at.NORMAL], lights[at.NORMAL + 1], lights[at.NORMAL + 2]
-    turn_normals(count, single(turn[0]), single(turn[1]), nx, ny, nz)
+    light, pose = view.light, view.pose
+    turn_normals(count, single(item.turn[0]), single(item.turn[1]), nx, ny, nz)
+    to_sun = singles(light, at.SUN)
+    if light[at.NIGHT] > 0.0:
+        to_sun = single(-0.8 * pose[at.FORWARD]), single(-0.8 * pose[at.FORWARD + 1]), single(0.6)
+    red, green, blue = light[at.SUNLIGHT], light[at.SUNLIGHT + 1], light[at.SUNLIGHT + 2]
+    sunlight = single(red * item.lit), single(green * item.lit), single(blue * item.lit)
     diffuse = lights[at.DIFFUSE], lights[at.DIFFUSE + 1], lights[at.DIFFUSE + 2]
-    _light_vertices(count, light, (nx, ny, nz), diffuse)
+    _light_vertices(count, light, to_sun, sunlight, (nx, ny, nz), diffuse)
     if is_glossy:
         away = vertices[at.AWAY], vertices[at.AWAY + 1], vertices[at.AWAY + 2]
         mirror = lights[at.MIRROR], lights[at.MIRROR + 1], lights[at.MIRROR + 2]
         gloss = lights[at.GLOSS], lights[at.GLOSS + 1], lights[at.GLOSS + 2]
-        _mirror(count, light, away, (nx, ny, nz), mirror, gloss)
+        _mirror(count, light, to_sun, sunlight, away, (nx, ny, nz), mirror, gloss)
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _light_vertices(count: int, light: Float64, normals: Triple, diffuse: Triple) -> None:
+def _light_vertices(
+    count: int, light: Float64, to_sun: Three, sunlight: Three, normals: Triple, diffuse: Triple
+) -> None:
     """Write the light of sun, sky and ground that arrives (Lambert)."""
     nx, ny, nz = normals
     red, green, blue = diffuse
-    sx, sy, sz = singles(light, at.SUN)
-    sun_r, sun_g, sun_b = singles(light, at.SUNLIGHT)
+    (sx, sy, sz), (sun_r, sun_g, sun_b) = to_sun, sunlight
     sky_r, sky_g, sky_b = singles(light, at.SKYLIGHT)
     low_r, low_g, low_b = singles(light, at.BOUNCE)
     for k in range(count):
@@ -62,7 +73,10 @@ def _light_vertices(count: int, light: Float64, normals: Triple, diffuse: Triple
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def _mirror(count: int, light: Float64, away: Places, normals: Triple, mirror: Triple, gloss: Triple) -> None:
+def _mirror(
+    count: int, light: Float64, to_sun: Three, sunlight: Three, away: Places, normals: Triple, mirror: Triple,
+    gloss: Triple,
+) -> None:  # fmt: skip
     """Write what is mirrored towards the camera, and the part that depends on the angle of view, with the highlight.
 
     Sky or ground is mirrored; its share grows with the angle (Schlick).
@@ -71,8 +85,7 @@ def _mirror(count: int, light: Float64, away: Places, normals: Triple, mirror: T
     nx, ny, nz = normals
     mirror_r, mirror_g, mirror_b = mirror
     gloss_r, gloss_g, gloss_b = gloss
-    sx, sy, sz = singles(light, at.SUN)
-    sun_r, sun_g, sun_b = singles(light, at.SUNLIGHT)
+    (sx, sy, sz), (sun_r, sun_g, sun_b) = to_sun, sunlight
     low_r, low_g, low_b = singles(light, at.HORIZON)
     high_r, high_g, high_b = singles(light, at.ZENITH)
     to_r, to_g, to_b = high_r - low_r, high_g - low_g, high_b - low_b
@@ -151,7 +164,7 @@ def strength_of(material: int, glow: int, light: Float64) -> float:
     if material in (codes.HEADLAMP, codes.TAIL_LAMP):
         return float(light[at.LAMPS] * (3.0 if material == codes.HEADLAMP else 1.2))
     if codes.LAMP_RED <= material <= codes.LAMP_GREEN:
-        return 6.0 if glow == material else -0.85
+        return 6.0 if glow == material else -0.94
     return 0.0
 
 

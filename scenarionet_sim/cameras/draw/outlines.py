@@ -95,18 +95,19 @@ def span_of_outline(bounds: Int32, spans: Float64, row: int) -> tuple[float, flo
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
-def color_outline(color: Float32, box: Float64, pose: Float64, light: Float64, colors: Float32) -> None:
+def color_outline(color: Float32, item: Item, pose: Float64, light: Float64, colors: Float32) -> None:
     """Write the light and the normal of an outline to ``colors`` (12,), see ``FrameMemory``.
 
     Args:
         color: Linear RGB of the object.
-        box, pose, light: The object, the camera and the light of the frame.
+        item, pose, light: The object, the camera and the light of the frame.
         colors: Output.
     """
-    x, y = pose[at.EYE] - box[0], pose[at.EYE + 1] - box[1]
+    x, y = pose[at.EYE] - item.box[0], pose[at.EYE + 1] - item.box[1]
     per = _LEVEL / math.sqrt(x * x + y * y)
     colors[9], colors[10], colors[11] = x * per, y * per, _UPWARD
     direct = larger(x * per * light[at.SUN] + y * per * light[at.SUN + 1] + _UPWARD * light[at.SUN + 2], 0.0)
+    direct *= item.lit
     above = 0.5 + 0.5 * _UPWARD
     for channel in range(3):
         arrives = light[at.SUNLIGHT + channel] * direct + light[at.SKYLIGHT + channel] * above

@@ -9,6 +9,7 @@ from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
+from scenarionet_sim.cameras.draw.facades import lay_out_wall
 from scenarionet_sim.cameras.draw.lighting import color_of, color_triangle, light_vertices
 from scenarionet_sim.cameras.draw.outlines import Ends, add_outline, color_outline, ends_of, is_upright
 from scenarionet_sim.cameras.draw.structures import FrameMemory, FrameView, Item, Meshes, Triangles, Vertices
@@ -102,7 +103,10 @@ def set_up_triangle(
     labels[at.INSTANCE_ROW], labels[at.SEMANTIC], labels[at.MATERIAL] = item.row, item.semantic, material
     write_normal(vertices.places, a, b, c, colors)
     if view.is_colored:
-        color_triangle(corners, material, item.is_small or found == 1, item, view.light, meshes, vertices, colors)
+        is_flat = item.is_small or found == 1 or material == codes.FACADE
+        color_triangle(corners, material, is_flat, item, view.light, meshes, vertices, colors)
+        if material == codes.FACADE:
+            lay_out_wall(item, view.pose, colors)
     return True
 
 
@@ -115,7 +119,7 @@ def set_up_outline(ends: Ends, number: int, item: Item, view: FrameView, meshes:
     material = int(meshes.material[meshes.ranges[item.mesh, at.TRIANGLE_FIRST]])
     labels[at.INSTANCE_ROW], labels[at.SEMANTIC], labels[at.MATERIAL] = item.row, item.semantic, material
     color = meshes.colors[color_of(material, item.paint)]
-    color_outline(color, item.box, view.pose, view.light, triangles.colors[number])
+    color_outline(color, item, view.pose, view.light, triangles.colors[number])
     return True
 
 
@@ -139,7 +143,7 @@ def add_instance(
     place_vertices(first, num_vertices, item, view, meshes, vertices.places, vertices.lights)
     if view.is_colored:
         is_glossy = meshes.ranges[mesh, at.IS_GLOSSY] > 0
-        light_vertices(view.light, item.turn, num_vertices, is_glossy, vertices.places, vertices.lights)
+        light_vertices(view, item, num_vertices, is_glossy, vertices.places, vertices.lights)
     after, top, bottom = num_triangles, view.height, 0
     for t in range(meshes.ranges[mesh, at.TRIANGLE_FIRST], meshes.ranges[mesh, at.TRIANGLE_END]):
         if after >= most:

@@ -11,7 +11,8 @@ from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
-from scenarionet_sim.cameras.draw.single_precision import bits_of, number_of, rounded_down, single, single_of, singles
+from scenarionet_sim.cameras.draw.facades import draw_wall
+from scenarionet_sim.cameras.draw.single_precision import bits_of, number_of, single, single_of, singles
 from scenarionet_sim.cameras.draw.structures import FrameView, Triangles, Triple
 
 OCTAVES = -12.0, math.log2(3.0)
@@ -47,11 +48,13 @@ def cast_shadows(
 ) -> None:
     """Lower the share of sunlight that arrives at the ground, under and behind objects, in pixels of a row.
 
+    With a strength of 0, add the light of lamps instead.
+
     Only points of the ground are on a line: what is seen before it, and the sky, does not bound those between.
     """
     xs, ys, shade = spots
     for n in range(len(shadows)):
-        if not shadows[n, 9] <= row < shadows[n, 11]:
+        if not shadows[n, 9] <= row < shadows[n, 11] or (strength == 0.0) != (shadows[n, 12] < 0.0):
             continue
         first, end = int(larger(shadows[n, 8] - start, 0.0)), int(smaller(shadows[n, 10] - start, len(xs) * 1.0))
         for begin in range(first, end, PART):
@@ -62,10 +65,23 @@ def cast_shadows(
                 right -= 1
             if left == right or _is_beside(shadows[n], frame, xs[left], ys[left], xs[right - 1], ys[right - 1]):
                 continue
-            _cast(
-                single(strength), single(shadows[n, 0] - frame[0]), single(shadows[n, 1] - frame[1]), shadows[n],
-                xs[left:right], ys[left:right], shade[left:right],
-            )  # fmt: skip
+            x, y = single(shadows[n, 0] - frame[0]), single(shadows[n, 1] - frame[1])
+            if strength == 0.0:
+                _shine(x, y, shadows[n], xs[left:right], ys[left:right], shade[left:right])
+            else:
+                _cast(single(strength), x, y, shadows[n], xs[left:right], ys[left:right], shade[left:right])
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _shine(x0: float, y0: float, lamp: Float64, xs: Float32, ys: Float32, shade: Float32) -> None:
+    """Add the light of a lamp, an ellipse on the ground."""
+    cos, sin, bright = single(lamp[2]), single(lamp[3]), single(lamp[12])
+    per_length, per_width = single(1.0 / lamp[4]), single(1.0 / lamp[5])
+    for k in range(len(xs)):
+        dx, dy = xs[k] - x0, ys[k] - y0
+        x, y = (cos * dx + sin * dy) * per_length, (cos * dy - sin * dx) * per_width
+        part = larger(1.0 - x * x - y * y, 0.0)
+        shade[k] -= bright * part * part
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -103,26 +119,23 @@ def _cast(strength: float, x0: float, y0: float, shadow: Float64, xs: Float32, y
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def _outside(x: float, y: float) -> float:
-    """Return the distance of a point from a box, by how far it is outside of its sides; negative inside."""
-    u, v = larger(x, 0.0), larger(y, 0.0)
-    return float(math.sqrt(u * u + v * v) + smaller(larger(x, y), 0.0))
+    """Return about the distance of a point from a box, by how far it is outside of its sides; negative inside."""
+    return float(larger(larger(x, y), 0.7071 * (x + y)))
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def color_triangles(
-    row: int, shift: int, pixels: tuple[int, int], view: FrameView, frame: Float64, triangles: Triangles, seen: Int32,
-    shades: Float32,
-) -> None:  # fmt: skip
+    row: int, shift: int, pixels: tuple[int, int], view: FrameView, triangles: Triangles, seen: Int32, shades: Float32
+) -> None:
     """Write the light of triangles in pixels of a row, run by run of those that see the same one.
 
     Args:
         row, shift: Pixel k of the tile is in this row and in column ``k + shift``.
         pixels: First one and end of those of the tile.
-        view, frame: The camera and the ground's grid.
+        view: The camera.
         triangles, seen, shades: See ``FrameMemory``.
     """
     rgb, (first, end) = (shades[at.RED], shades[at.GREEN], shades[at.BLUE]), pixels
-    spots = shades[at.DISTANCE], shades[at.RAY_Z], shades[at.GROUND_X], shades[at.GROUND_Y]
     begin, line = first, single(row)
     while begin < end:
         triangle = seen[begin]
@@ -139,12 +152,10 @@ def color_triangles(
         if stop == begin + 1 and not is_wall:
             begin += _grade_few(begin, end, triangle, seen, light, color, rgb)
             continue
-        _grade(begin, stop, light, color, rgb)
         if is_wall:
-            nx, ny = color[9] * (1.0 / 3.2), color[10] * (1.0 / 3.2)
-            wall = single(nx), single(ny), single((nx * frame[1] - ny * frame[0]) % 1.0)
-            level, angle = single(view.pose[at.EYE + 2]), single(0.8 / view.lens[at.FX])
-            _open_windows(begin, stop, wall, level, angle, spots, rgb)
+            draw_wall(begin, stop, color, single(1.0 / view.lens[at.FX]), view.light, shades)
+        else:
+            _grade(begin, stop, light, color, rgb)
         begin = stop
 
 
@@ -174,27 +185,6 @@ def _grade_few(first: int, end: int, triangle: int, seen: Int32, light: Light, c
         blues[k] = blue + blue_step * place if is_same else blues[k]
         count = smaller(count, LONG if is_same else lane)
     return smaller(count, end - first)
-
-
-@device_function(divides_by_zero=True, in_lanes=True)
-def _open_windows(
-    first: int, end: int, wall: Light, level: float, angle: float, spots: tuple[Float32, Float32, Float32, Float32],
-    rgb: Triple,
-) -> None:  # fmt: skip
-    """Darken the windows of the storeys of a wall."""
-    nx, ny, offset = wall
-    distances, zs, xs, ys = spots
-    red, green, blue = rgb
-    for k in range(first, end):
-        far = distances[k]
-        u, v = nx * ys[k] - ny * xs[k] + offset, (level + far * zs[k]) * (1.0 / 3.3)
-        u, v = u - rounded_down(u), v - rounded_down(v)
-        is_window = (u > 0.22) & (u < 0.78) & (v > 0.28) & (v < 0.80)
-        share = smaller(larger(1.2 - far * angle, 0.0), 1.0)
-        bright = 1.0 - 0.72 * ((1.0 if is_window else 0.0) * share + 0.29 * (1.0 - share))
-        red[k] *= bright
-        green[k] *= bright
-        blue[k] *= 0.1 + 0.9 * bright
 
 
 @device_function(forceinline=True, divides_by_zero=True)

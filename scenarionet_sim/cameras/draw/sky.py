@@ -155,6 +155,8 @@ def _light_along(
     """Replace directions right, below and ahead of the camera by the linear RGB of the sky with sun and clouds."""
     sun_x, sun_y, sun_z = singles(light, at.SUN)
     sun_r, sun_g, sun_b = singles(light, at.SUNLIGHT)
+    if light[at.NIGHT] > 0.0:
+        sun_r = sun_g = sun_b = single(0.0)
     sky_r, sky_g, sky_b = singles(light, at.SKYLIGHT)
     low_r, low_g, low_b = singles(light, at.HORIZON)
     high_r, high_g, high_b = singles(light, at.ZENITH)

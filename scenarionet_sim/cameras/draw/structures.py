@@ -61,6 +61,7 @@ class Solids(NamedTuple):
 
     Attributes:
         motion, size, object_type, present, timestep: Of the state, see ``State``.
+        dt: (W,) of a timestep [s].
         place, log, light_state: Of the recorded worlds, see ``arrays.structures.Recorded``.
         fixed_range: (W, 2) first and end group of each slot's fixtures.
         fixed: (F, 7, GROUP) x, y, z [m] of the base, heading [rad], length, width, height [m]; x is infinite in the
@@ -74,6 +75,7 @@ class Solids(NamedTuple):
     object_type: UInt8
     present: Bool
     timestep: Int32
+    dt: Float64
     place: Int64
     log: Float32
     light_state: UInt8
@@ -91,10 +93,12 @@ class Meshes(NamedTuple):
             [pixels] below which it is drawn instead, whether a material mirrors, and whether only its rear side is
             made, which then faces the camera.
         vertices: (6, V) position and normal.
-        part: (V,) 0, or 1 + the wheel that the vertex is on.
+        part: (V,) 0, or 1 + the joint that the vertex is on.
         corners: (T, 3) vertices of each triangle, counter-clockwise from outside.
         material: (T,) material.
-        wheels: (M, 4, 5) centre of each wheel and its radii in x and z, in the unit box's measures.
+        joints: (M, 8, 5) where parts turn about the axis y, in the unit box's measures: centres of four wheels with
+            their radii in x and z; then of limbs, two that swing forward and two that swing backward. Below the ground
+            where there is none.
         colors: (P, 3) linear RGB of materials, then of the paint of instances.
         outlines: (M, NUM_OUTLINE) outline that stands for the mesh in a pinhole's picture: its lowest and highest place
             in the unit box, half its width in the middle, the slope and bend of the width from there to the foot, and
@@ -106,7 +110,7 @@ class Meshes(NamedTuple):
     part: UInt8
     corners: Int32
     material: UInt8
-    wheels: Float32
+    joints: Float32
     colors: Float32
     outlines: Float32
 
@@ -183,8 +187,9 @@ class Item(NamedTuple):
         mesh, turn: Mesh to draw, and cosine and sine of its heading.
         semantic, paint: Class, and colour of ``BODY``.
         glow: Material that shines, or -1.
-        spin, steer: How far wheels rolled [m] and are steered [rad].
+        moves: How far wheels rolled [m] and are steered [rad], and how far limbs swing [rad].
         is_small: Whether triangles have one colour.
+        lit: Share of sunlight that arrives; of the light of lamps at night.
     """
 
     row: int
@@ -194,9 +199,9 @@ class Item(NamedTuple):
     semantic: int
     paint: int
     glow: int
-    spin: float
-    steer: float
+    moves: tuple[float, float, float]
     is_small: bool
+    lit: float
 
 
 class Vertices(NamedTuple):
@@ -261,7 +266,7 @@ class FrameMemory(NamedTuple):
         triangles: Of the frame.
         instances: (I, NUM_INSTANCE), see ``columns``.
         shadows: (I, NUM_SHADOW) x, y, cos, sin, half length, half width, sweep x, y in its frame, its screen bounds,
-            and how dark it is where the object stands.
+            and how dark it is where the object stands; below 0 how bright the light of a lamp is there.
         places: (2, BAND) first columns and ends of a triangle in the rows of a band.
         band: Pixels of a band; all but ``near`` and ``seen`` hold those of a tile.
         box: (7,) of an object.

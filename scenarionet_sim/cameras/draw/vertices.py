@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from scenarionet_data.arrays.dtypes import Float32, Float64
+from scenarionet_data.arrays.dtypes import Float32, Float64, UInt8
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_sim.arrays.minmax import larger
 from scenarionet_sim.cameras.draw import codes
@@ -15,6 +15,9 @@ from scenarionet_sim.cameras.draw.structures import FrameView, Item, Meshes, Pla
 
 NEAREST = 0.05
 """Distance [m] below which corners are not projected: the bounds are those of the picture."""
+
+LIMBS = 4
+"""First joint of limbs; those before are of wheels."""
 
 STEEP = 1e6
 """Slope of rays that are vertical for a lidar."""
@@ -38,12 +41,12 @@ def place_vertices(
     per = single(1.0 / box[4]), single(1.0 / box[5]), single(1.0 / box[6])
     _scale(first, count, box, (source[0], source[1], source[2]), away)
     _scale_normals(first, count, per, (source[3], source[4], source[5]), normals)
-    if meshes.wheels[item.mesh, 0, 4] > 0.0:
-        for k in range(count):
-            if meshes.part[first + k] > 0:
-                wheel = meshes.wheels[item.mesh, meshes.part[first + k] - 1]
-                _roll(wheel, meshes.part[first + k] <= 2, item, k, vertices, lights)
-    start = box[0] - pose[at.EYE], box[1] - pose[at.EYE + 1], box[2] - pose[at.EYE + 2]
+    joints, sink = meshes.joints[item.mesh], 0.0
+    if joints[0, 2] >= 0.0 or joints[LIMBS, 2] >= 0.0:
+        _move_parts(first, count, item, joints, meshes.part, vertices, lights)
+    if joints[0, 2] < 0.0 <= joints[LIMBS, 2]:  # legs apart are less high
+        sink = joints[LIMBS, 2] * box[6] * (1.0 - math.cos(item.moves[2]))
+    start = box[0] - pose[at.EYE], box[1] - pose[at.EYE + 1], box[2] - pose[at.EYE + 2] - sink
     _turn(count, item.turn, start, pose, away, before)
     if view.lens[at.KIND] == codes.PINHOLE:
         _project(count, view.lens, before, vertices[at.COLUMN], vertices[at.ROW])
@@ -70,20 +73,42 @@ def _scale_normals(first: int, count: int, per: tuple[float, float, float], sour
         nx[k], ny[k], nz[k] = from_x[first + k] * per[0], from_y[first + k] * per[1], from_z[first + k] * per[2]
 
 
-@device_function(divides_by_zero=True, in_lanes=True)
-def _roll(wheel: Float32, is_front: bool, item: Item, k: int, vertices: Float64, lights: Float32) -> None:
-    """Roll a vertex of a wheel about its axle, and steer it if it is on a front wheel."""
-    box = item.box
-    cx, cy, cz, radius = wheel[0] * box[4], wheel[1] * box[5], wheel[2] * box[6], wheel[4] * box[6]
-    angle = item.spin / larger(radius, 0.05)
-    c, s = math.cos(angle), math.sin(angle)
+@device_function(divides_by_zero=True)
+def _move_parts(
+    first: int, count: int, item: Item, joints: Float32, parts: UInt8, vertices: Float64, lights: Float32
+) -> None:
+    """Roll and steer wheels, which are round, and swing limbs."""
+    box, before, turn, stretch = item.box, 0, (1.0, 0.0), 1.0
+    for k in range(count):
+        part = int(parts[first + k])
+        if part == 0:
+            continue
+        joint = joints[part - 1]
+        if part != before:
+            radius = joint[4] * box[6]
+            angle = item.moves[0] / larger(radius, 0.05)
+            if part > LIMBS:
+                angle = item.moves[2] if part <= LIMBS + 2 else -item.moves[2]
+            turn = math.cos(angle), math.sin(angle)
+            stretch, before = radius / larger(box[4] * joint[3], 1e-3), part
+        _turn_part(joint, stretch, turn, part <= 2, item, k, vertices, lights)
+
+
+@device_function(divides_by_zero=True)
+def _turn_part(
+    joint: Float32, stretch: float, turn: tuple[float, float], is_front: bool, item: Item, k: int, vertices: Float64,
+    lights: Float32,
+) -> None:  # fmt: skip
+    """Turn a vertex about the axle of its part, and steer it if it is on a front wheel."""
+    box, (c, s) = item.box, turn
+    cx, cy, cz = joint[0] * box[4], joint[1] * box[5], joint[2] * box[6]
     x, y, z = vertices[at.AWAY, k], vertices[at.AWAY + 1, k], vertices[at.AWAY + 2, k]
     nx, ny, nz = lights[at.NORMAL, k], lights[at.NORMAL + 1, k], lights[at.NORMAL + 2, k]
-    dx, dz = (x - cx) / larger(box[4] * wheel[3], 1e-3), (z - cz) / larger(radius, 1e-3)
-    x, z = cx + radius * (c * dx + s * dz), cz + radius * (c * dz - s * dx)
+    dx, dz = (x - cx) * stretch, z - cz
+    x, z = cx + (c * dx + s * dz), cz + (c * dz - s * dx)
     nx, nz = c * nx + s * nz, c * nz - s * nx
     if is_front:
-        c, s = math.cos(item.steer), math.sin(item.steer)
+        c, s = math.cos(item.moves[1]), math.sin(item.moves[1])
         dx, dy = x - cx, y - cy
         x, y = cx + c * dx - s * dy, cy + s * dx + c * dy
         nx, ny = c * nx - s * ny, s * nx + c * ny

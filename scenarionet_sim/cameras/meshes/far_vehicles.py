@@ -60,7 +60,7 @@ def _axles(places: tuple[float, ...]) -> list[Shape]:
 def _discs(axles: tuple[float, ...], radius: float, length: float, height: float) -> list[Shape]:
     """Return the outer sides of wheels, which do not roll."""
     shapes = []
-    for share, sides, out, material in ((1.0, 10, 0.495, at.TYRE), (0.62, 7, 0.5, at.METAL)):
+    for share, sides, out, material in ((1.0, 12, 0.495, at.TYRE), (0.62, 9, 0.5, at.METAL)):
         angles = np.arange(sides) * 2.0 * np.pi / sides
         fan = np.array([(0, k, k + 1) for k in range(1, sides - 1)], np.int32)
         for x in axles:

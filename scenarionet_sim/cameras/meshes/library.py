@@ -10,6 +10,7 @@ from scenarionet_data.arrays.dtypes import Float32
 from scenarionet_sim.cameras.draw import codes as at
 from scenarionet_sim.cameras.draw import columns
 from scenarionet_sim.cameras.draw.structures import Meshes
+from scenarionet_sim.cameras.draw.vertices import LIMBS
 from scenarionet_sim.cameras.meshes import far_vehicles, people, things, vehicles
 from scenarionet_sim.cameras.meshes.materials import MATERIAL_COLORS, PAINTS
 from scenarionet_sim.cameras.shapes import Shape, box, joined, tube, with_normals
@@ -40,7 +41,7 @@ def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
         at.TREE: (things.tree(), (5.0, 5.0, 8.0)),
         at.CONIFER: (things.conifer(), (4.0, 4.0, 9.0)),
         at.BUILDING: (things.building(), (15.0, 15.0, 12.0)),
-        at.SIGN: (whole, (1.0, 1.0, 1.0)),
+        at.SIGN: (things.sign(), (0.3, 0.7, 2.9)),
         at.DECK: (vehicles.interior(), (4.6, 1.9, 1.55)),
         at.CAR_FAR: (far_vehicles.far_car(), (4.6, 1.9, 1.55)),
         at.TRUCK_FAR: (far_vehicles.far_truck(), (8.0, 2.5, 3.2)),
@@ -57,7 +58,9 @@ def _sources() -> dict[int, tuple[list[Shape], tuple[float, float, float]]]:
         at.CONIFER_MIDDLE: (things.middle_conifer(), (4.0, 4.0, 9.0)),
         at.CONIFER_FAR: (things.far_conifer(), (4.0, 4.0, 9.0)),
         at.CONIFER_TINY: (things.tiny_conifer(), (4.0, 4.0, 9.0)),
-        at.POLE_FAR: (things.far_pole(), (0.2, 0.2, 6.0)),
+        at.POLE_FAR: (things.far_pole(0.42), (0.2, 0.2, 6.0)),
+        at.LAMP: (things.street_lamp(), (2.6, 2.6, 7.5)),
+        at.LAMP_FAR: (things.far_pole(0.027), (2.6, 2.6, 7.5)),
         at.SPECK: ([things.open_box(at.BODY)], (1.0, 1.0, 1.0)),
     }
 
@@ -67,7 +70,8 @@ _COARSER = {
     at.VAN_MIDDLE: (at.CAR_FAR, 24), at.CAR_FAR: (at.BLOCK, 6), at.TRUCK: (at.TRUCK_FAR, 24),
     at.BUS: (at.TRUCK_FAR, 24), at.TRUCK_FAR: (at.BLOCK, 6), at.PEDESTRIAN: (at.PERSON_FAR, 24),
     at.CYCLIST: (at.PERSON_FAR, 24), at.PERSON_FAR: (at.BLOCK, 6), at.CONE: (at.BLOCK, 6), at.BARRIER: (at.BLOCK, 6),
-    at.LIGHT_HEAD: (at.LIGHT_FAR, 24), at.POLE: (at.POLE_FAR, 60), at.BUILDING: (at.WALLS, 14),
+    at.LIGHT_HEAD: (at.LIGHT_FAR, 24), at.POLE: (at.POLE_FAR, 60),
+    at.LAMP: (at.LAMP_FAR, 24), at.SIGN: (at.LAMP_FAR, 6), at.BUILDING: (at.WALLS, 14),
     at.TREE: (at.TREE_MIDDLE, 70), at.TREE_MIDDLE: (at.TREE_FAR, 36), at.TREE_FAR: (at.TREE_TINY, 6),
     at.TREE_TINY: (at.TREE_DOT, 3), at.CONIFER: (at.CONIFER_MIDDLE, 70), at.CONIFER_MIDDLE: (at.CONIFER_FAR, 36),
     at.CONIFER_FAR: (at.CONIFER_TINY, 6), at.BLOCK: (at.SPECK, 3),
@@ -75,14 +79,14 @@ _COARSER = {
 """The next coarser mesh of each, and the radius on the screen [pixels] below which it is drawn instead."""
 
 
-_ONE_SIDED = (at.TREE_FAR, at.TREE_TINY, at.TREE_DOT, at.CONIFER_FAR, at.CONIFER_TINY, at.POLE_FAR)
+_ONE_SIDED = (at.TREE_FAR, at.TREE_TINY, at.TREE_DOT, at.CONIFER_FAR, at.CONIFER_TINY, at.POLE_FAR, at.LAMP_FAR)
 """Meshes that have only the side that faces the camera."""
 
 
 _OUTLINES = {
     at.TREE_TINY: (0.32, 1.0, 0.41, 0.0, -0.75, 0.0), at.TREE_DOT: (0.32, 1.0, 0.41, 0.0, -0.75, 0.0),
     at.CONIFER_TINY: (0.12, 1.0, 0.19, 1.0, 0.0, 0.0), at.POLE_FAR: (0.0, 1.0, 0.42, 0.0, 0.0, 0.0),
-    at.SPECK: (0.0, 1.0, 0.5, 0.0, 0.0, 0.5),
+    at.LAMP_FAR: (0.0, 1.0, 0.027, 0.0, 0.0, 0.0), at.SPECK: (0.0, 1.0, 0.5, 0.0, 0.0, 0.5),
 }  # fmt: skip
 """See ``Meshes.outlines``."""
 
@@ -96,7 +100,7 @@ def library() -> Meshes:
     """Return all meshes as kernels take them."""
     sources = _sources()
     ranges = np.zeros((len(sources), 8), np.int32)
-    wheels: Float32 = np.zeros((len(sources), 4, 5), np.float32)
+    joints: Float32 = np.full((len(sources), 8, 5), -1.0, np.float32)
     vertices, parts, corners, materials = [], [], [], []
     outlines: Float32 = np.zeros((len(sources), columns.NUM_OUTLINE), np.float32)
     for mesh, outline in _OUTLINES.items():
@@ -113,11 +117,13 @@ def library() -> Meshes:
             num_vertices, num_vertices + len(vertex), num_triangles, num_triangles + len(split),
             *_COARSER.get(mesh, (mesh, 0)), np.isin(material, _GLOSSY).any(), mesh in _ONE_SIDED,
         )  # fmt: skip
-        for wheel in range(4):
-            on_it = vertex[vertex_part == wheel + 1, :3]
-            if len(on_it):
-                low, high = on_it.min(axis=0), on_it.max(axis=0)
-                wheels[mesh, wheel] = *(low + high) / 2, (high[0] - low[0]) / 2, (high[2] - low[2]) / 2
+        for joint in np.unique(vertex_part[vertex_part > 0]).tolist():
+            on_it = vertex[vertex_part == joint, :3]
+            low, high = on_it.min(axis=0), on_it.max(axis=0)
+            joints[mesh, joint - 1] = *(low + high) / 2, (high[0] - low[0]) / 2, (high[2] - low[2]) / 2
+            if joint > LIMBS:  # they swing about their upper ends, and keep their length in boxes of typical shape
+                joints[mesh, joint - 1, :3] = on_it[on_it[:, 2] > high[2] - 0.03].mean(axis=0)
+                joints[mesh, joint - 1, 3:] = 1.0 / size[0], 1.0 / size[2]
         vertices.append(vertex)
         parts.append(vertex_part)
         corners.append(split + num_vertices)
@@ -126,6 +132,6 @@ def library() -> Meshes:
     colors = [MATERIAL_COLORS[material] for material in sorted(MATERIAL_COLORS)]
     return Meshes(
         ranges, np.ascontiguousarray(np.concatenate(vertices).astype(np.float32).T), np.concatenate(parts),
-        np.concatenate(corners).astype(np.int32), np.concatenate(materials), wheels,
+        np.concatenate(corners).astype(np.int32), np.concatenate(materials), joints,
         np.array([*colors, *PAINTS], np.float32), outlines,
     )  # fmt: skip

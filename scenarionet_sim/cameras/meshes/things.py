@@ -155,9 +155,30 @@ def tiny_conifer() -> list[Shape]:
     return [_front([(-0.2, 0.38, 0.12), (-0.2, -0.38, 0.12), (0.2, 0.0, 1.0)], [(0, 1, 2)], at.BODY)]
 
 
-def far_pole() -> list[Shape]:
+def street_lamp() -> list[Shape]:
+    """Return a street lamp with two arms across the road."""
+    arm = box((-0.02, -0.4, 0.965), (0.02, 0.4, 0.98), at.METAL)
+    heads = [box((-0.05, s * 0.43 - 0.09, 0.955), (0.05, s * 0.43 + 0.09, 0.985), at.HOUSING) for s in (1.0, -1.0)]
+    lights = [box((-0.045, s * 0.43 - 0.08, 0.948), (0.045, s * 0.43 + 0.08, 0.955), at.HEADLAMP) for s in (1.0, -1.0)]
+    return [_open_tube(0.0, 0.97, 0.035, 0.022, at.METAL, 6), arm, *heads, *lights]
+
+
+def sign() -> list[Shape]:
+    """Return a round traffic sign that faces -x."""
+    angles = np.arange(16) * np.pi / 8.0
+    fan = [(0, k, k + 1) for k in range(1, 15)]
+    discs = [
+        _front([(x, -r * np.cos(a), 0.87 + 0.24 * r * np.sin(a)) for a in way * angles], fan, material)
+        for x, r, way, material in (
+            (-0.20, 0.5, 1.0, at.BODY), (-0.24, 0.38, 1.0, at.REFLECTIVE), (-0.16, 0.5, -1.0, at.METAL)
+        )
+    ]  # fmt: skip
+    return [_open_tube(0.0, 0.98, 0.1, 0.1, at.METAL, 6), *discs]
+
+
+def far_pole(half: float) -> list[Shape]:
     """Return the side of a pole that faces -x."""
-    edge = [(0.0, 0.42, 0.0), (0.0, -0.42, 0.0), (0.0, -0.42, 1.0), (0.0, 0.42, 1.0)]
+    edge = [(0.0, half, 0.0), (0.0, -half, 0.0), (0.0, -half, 1.0), (0.0, half, 1.0)]
     return [_front(edge, [(0, 1, 2), (0, 2, 3)], at.METAL)]
 
 

@@ -5,6 +5,7 @@ Shapes are in a unit box: x from -0.5 (rear) to 0.5, y from -0.5 to 0.5 (left), 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,16 +18,18 @@ def _wheels(axles: tuple[float, ...], radius: float, length: float, height: floa
     """Return two wheels per axle, as parts 1, 2 (front) and following, for a typical length and height."""
     shapes = []
     rx, rz = radius / length, radius / height
+    angles = np.arange(20) * np.pi / 10.0
+    rim = np.stack([0.66 * rx * np.cos(angles), np.zeros(20), 0.66 * rz * np.sin(angles)], axis=1)
+    fan = np.array([(20, k, (k + 1) % 20) for k in range(20)], np.int32)
+    spokes = np.where(np.arange(20) % 4 < 2, at.METAL, at.TRIM).astype(np.uint8)
     for number, x in enumerate(axles):
         for side in (1.0, -1.0):
             part = min(2 * number + (1 if side > 0 else 2), 4)
             low, high = (side * 0.5, side * (0.5 - tread))
-            tyre = tube((x, low, rz), (x, high, rz), ((rx, rz), (rx, rz)), at.TYRE, 14)
-            rim = tube(
-                (x, side * 0.503, rz), (x, low, rz), ((0.62 * rx, 0.62 * rz), (0.66 * rx, 0.66 * rz)), at.METAL, 10
-            )
-            for shape in (tyre, rim):
-                shapes.append(Shape(shape.points, shape.corners, shape.material, part))
+            tyre = tube((x, low, rz), (x, high, rz), ((rx, rz), (rx, rz)), at.TYRE, 20)
+            disc = np.append(rim, np.zeros((1, 3)), axis=0) + np.array([x, side * 0.504, rz])
+            shapes.append(replace(tyre, part=part))
+            shapes.append(Shape(disc, fan[:, ::-1] if side > 0 else fan, spokes, part))
     return shapes
 
 

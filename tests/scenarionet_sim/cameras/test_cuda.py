@@ -14,7 +14,7 @@ import pytest
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_sim.cameras.cuda import availability
 from scenarionet_sim.cameras.cuda.dlpack import CPU, capsule_of
-from scenarionet_sim.cameras.weather import DAY, DUSK, RAIN
+from scenarionet_sim.cameras.weather import DAY, DUSK, NIGHT, RAIN
 from scenarionet_sim.sensors.camera import Camera
 from scenarionet_sim.worlds.world import World
 from tests.cuda.scenes import ALL, MOUNT, share_alike, street_and_junction
@@ -25,6 +25,7 @@ LOOKS = {
     "fisheye": Camera(320, 240, channels=ALL, lens="fisheye", fov=2.4, weather=RAIN, own="inside"),
     "distorted": Camera(320, 200, channels=ALL, distortion=(-0.2, 0.05), own="outside", vignette=0.3, weather=DUSK),
     "boxes": Camera(84, 84, channels=ALL, are_boxes=True, has_scenery=False),
+    "night": Camera(320, 180, channels=("rgb",), weather=NIGHT, own="outside"),
     "supersampled": Camera(160, 90, supersampling=2),
 }
 AGENTS = np.array([[0, 0], [1, 0], [1, 3]], np.int32)

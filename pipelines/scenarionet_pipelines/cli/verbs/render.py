@@ -49,7 +49,9 @@ class RenderVerb(LakeVerb, Progressing):
         "ego, at its driver's eyes, or around it. [default: route in pictures, ego in videos]",
         choices=("route", "ego", "all", *_IN_SPACE),
     )
-    weather: str = option("Weather of the views in space.", choices=("day", "dusk", "overcast", "rain"), default="day")
+    weather: str = option(
+        "Weather of the views in space.", choices=("day", "dusk", "night", "overcast", "rain"), default="day"
+    )
     width: float = option("Width of the view `ego` [m].", type=click.FloatRange(1.0), default=100.0)
     size: int = option("Length of the longer side [pixel].", type=click.IntRange(64, 8192), default=1000)
     speed: float = option("Playback speed of a video.", type=click.FloatRange(0.01), default=1.0)
