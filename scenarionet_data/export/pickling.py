@@ -143,15 +143,14 @@ def _dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
 
 PART = 64
 
-_SOURCE = ".scenarios"
-
 Entries = list[WrittenPickle | InvalidScenario]
 
 
 @dataclass(frozen=True)
 class _ExportPart:
-    """Scenarios ``first`` to ``end - 1``, to be written below ``draft``."""
+    """Scenarios ``first`` to ``end - 1`` of a pickled sequence, to be written below ``draft``."""
 
+    scenarios: bytes
     draft: Path
     first: int
     end: int
@@ -170,9 +169,8 @@ def write_parts(
         original: Whether to write scenarios that were converted from pickles as these were.
     """
     sequence = cast(Sequence[ScenarioDescription], scenarios)
-    (draft / _SOURCE).write_bytes(pickle.dumps(sequence))
-    total = len(sequence)
-    parts = [_ExportPart(draft, first, min(first + PART, total), original) for first in range(0, total, PART)]
+    pickled, total = pickle.dumps(sequence), len(sequence)
+    parts = [_ExportPart(pickled, draft, first, min(first + PART, total), original) for first in range(0, total, PART)]
     waiting: dict[int, Entries] = {}
     following = 0
     for first, entries in executor(parts, _write_part, _lost_part):
@@ -180,13 +178,13 @@ def write_parts(
         while following in waiting:
             yield from waiting.pop(following)
             following += PART
-    for path in draft.glob(".*"):
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    for folder in draft.glob(".*"):
+        shutil.rmtree(folder)
 
 
 def _write_part(part: _ExportPart) -> tuple[int, Entries]:
     """Write a part, on a worker; return its number and the result of each scenario."""
-    scenarios = _source(part.draft / _SOURCE)
+    scenarios = _opened(part.scenarios)
     folder = Path(tempfile.mkdtemp(prefix=f".{part.first}-", dir=part.draft))
     chosen = (scenarios[number] for number in range(part.first, part.end))
     return part.first, [*write_scenarios(chosen, folder, part.original)]
@@ -199,6 +197,6 @@ def _lost_part(part: _ExportPart, reason: str) -> tuple[int, Entries]:
 
 
 @lru_cache(maxsize=1)
-def _source(path: Path) -> Any:
+def _opened(scenarios: bytes) -> Any:
     """The scenarios, opened once per process."""
-    return pickle.loads(path.read_bytes())  # noqa: S301  # written by the process that submits the part
+    return pickle.loads(scenarios)  # noqa: S301  # of the process that submits the part, not from the draft's folder

@@ -48,6 +48,8 @@ class Law(NamedTuple):
 
 
 _YELLOW, _RED = 2, 3  # LightColor
+_MOST_ACCELERATION = 12.0
+"""Of any step, lateral acceleration included [m/s²]."""
 
 
 @device_function
@@ -126,7 +128,12 @@ def drive_along_paths(
         x, y, z, angle = pose_on(path, k, s)
         moved = then.motion[w, n]
         moved[X], moved[Y], moved[Z], moved[HEADING] = x, y, z, angle
-        moved[VX], moved[VY] = new_speed * tx, new_speed * ty
+        dx, dy = new_speed * tx - row[VX], new_speed * ty - row[VY]
+        share = smaller(_MOST_ACCELERATION * dt / larger(np.sqrt(dx * dx + dy * dy), 1e-9), 1.0)
+        if share < 1.0:  # at a kink of the path, for example by the noise of a standing object
+            moved[VX], moved[VY] = row[VX] + share * dx, row[VY] + share * dy
+        else:
+            moved[VX], moved[VY] = new_speed * tx, new_speed * ty
         moved[YAW_RATE] = wrapped(angle - row[HEADING]) / dt
         then.route[w, n, 0], then.present[w, n] = s, True
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import cached_property, partial
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 
 OWN_VIEWS = ("hidden", "outside", "inside")
 DEVICES = ("cpu", "cuda")
+_MEMORY = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else math.inf
+"""Of this machine [bytes]."""
 
 Made = TypeVar("Made")
 """Frames of one channel, on the processor or on a graphics card."""
@@ -143,6 +147,20 @@ class Camera(Sensor):
         require(1 <= self.supersampling <= 4, f"supersampling={self.supersampling}; expected 1 to 4")
         require(self.threads > 0, f"threads={self.threads}; expected at least 1")
         require(self.device in DEVICES, f"device={self.device!r}; choose from {', '.join(DEVICES)}")
+        require(
+            self._num_bytes <= _MEMORY / 2,
+            f"a frame of {self.width} x {self.height} pixels takes {self._num_bytes / 1e9:.1f} GB, more than half of "
+            "this machine's memory; choose fewer pixels, channels, or rays per pixel (supersampling)",
+        )
+
+    @property
+    def _num_bytes(self) -> int:
+        """Memory of a frame and of its rays, whose directions are stored unless they are those of a plain pinhole."""
+        of_ray = 3 + (0 if self.lens == "pinhole" and not any(self.distortion) else 48)
+        of_pixel = sum(
+            count * np.dtype(kind).itemsize for count, kind in (CHANNELS[name][:2] for name in self.channels)
+        )
+        return self.width * self.height * (of_ray * self.supersampling**2 + of_pixel)
 
     @property
     def shape(self) -> tuple[int, ...]:

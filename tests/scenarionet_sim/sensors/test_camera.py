@@ -320,6 +320,16 @@ def test_numbers_that_are_none_are_refused(name):
             Camera(**{name: number})
 
 
+@pytest.mark.parametrize(
+    "fine", [{"supersampling": 4}, {"lens": "fisheye"}, {"channels": ("rgb", "depth", "instance", "normals", "flow")}]
+)
+def test_frames_beyond_the_memory_are_refused(fine, monkeypatch):
+    monkeypatch.setattr("scenarionet_sim.sensors.camera._MEMORY", 4e9)
+    Camera(width=8192, height=4096)
+    with pytest.raises(BadParameter, match=r"8192 x 8192 pixels takes \d+\.\d GB, more than half of this machine's"):
+        Camera(width=8192, height=8192, **fine)
+
+
 @pytest.mark.parametrize("wrong", [{"intrinsics": (np.nan, 1.0, 2.0, 2.0)}, {"distortion": (0.1, np.nan)}])
 def test_lenses_with_numbers_that_are_none_are_refused(wrong):
     with pytest.raises(BadParameter):

@@ -53,6 +53,18 @@ def test_an_ego_that_once_steps_back_is_driven_forwards():
     assert min(speeds) > 0.0 and abs(np.diff(speeds)).max() < 1.2
 
 
+def test_no_step_at_a_kink_accelerates_by_more_than_a_vehicle_can():
+    scenario = make_drive(num_steps=81, speed=15.0)
+    scenario.tracks.position[0, 10:20, 1] += 0.9 * (np.arange(10) % 2)  # 1.5 m ahead, 0.9 m aside
+    simulation = Simulation([World.from_scenario(scenario)], [Idm(objects=ego)])
+    velocities = [simulation.state.velocity[0, 0].copy()]
+    for _ in range(60):
+        simulation.step()
+        velocities.append(simulation.state.velocity[0, 0].copy())
+    changes = np.hypot(*np.diff(velocities, axis=0).T)
+    assert 1.0 < changes.max() < 1.2 + 1e-6
+
+
 @pytest.mark.parametrize("count", [20, pytest.param(1000, marks=pytest.mark.long)])
 def test_paths_of_generated_scenarios_have_no_cusps(count, tmp_path):
     convert("pg", f"0:{count}", tmp_path)
