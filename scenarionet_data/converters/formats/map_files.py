@@ -9,9 +9,10 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.formats.geojson import read_geojson
 from scenarionet_data.converters.formats.lanelet2 import read_lanelet2
+from scenarionet_data.converters.formats.opendrive.reader import read_opendrive
 from scenarionet_data.errors import SourceNotFound
 
-SUFFIXES = (".geojson", ".json", ".osm")
+SUFFIXES = (".geojson", ".json", ".osm", ".xodr")
 
 
 def read_map(
@@ -22,7 +23,7 @@ def read_map(
     """Read a map; what cannot be used is left out and listed in its ``defects``.
 
     Args:
-        path: GeoJSON, or Lanelet2 (``*.osm``).
+        path: GeoJSON, Lanelet2 (``*.osm``) or OpenDRIVE (``*.xodr``).
         anchor: Latitude and longitude [degrees] of the frame's origin, for maps in degrees.
         to_metres: Makes points (n, 2) [m] of longitudes and latitudes (n,), for GeoJSON in degrees.
 
@@ -34,6 +35,8 @@ def read_map(
         raise SourceNotFound(f"{path}: no such map")
     if path.suffix == ".osm":
         return read_lanelet2(path, anchor)
+    if path.suffix == ".xodr":
+        return read_opendrive(path)
     if path.suffix in (".geojson", ".json"):
         return read_geojson(path, to_metres)
     raise SourceNotFound(f"{path}: expected a map, {', '.join(SUFFIXES)}, found {path.suffix or 'no ending'}")

@@ -22,6 +22,7 @@ from scenarionet_data.testing import ConverterConformance, differences
 from tests.fixtures import argoverse1, interaction
 from tests.fixtures.examples import blocks
 from tests.fixtures.reading import scenarios
+from tests.scenarionet_data.converters.formats import test_opendrive as opendrive
 
 CONVERTER = TrackTable()
 NAMES = ("track", "time", "type", "x", "y", "vx", "vy", "heading", "length", "width")
@@ -186,6 +187,12 @@ def test_map_has_its_links_both_ways(tmp_path: Path) -> None:
     np.testing.assert_allclose(features.width[0], 2.0)
     np.testing.assert_allclose(features.polyline[1][:, :2] + scenario.origin[:2], [[30, 2], [70, 2]], atol=1e-3)
     assert len(features.polygon[3]) == 5 and features.speed_limit[0] == pytest.approx(13.9)
+
+
+def test_map_as_opendrive(tmp_path: Path) -> None:
+    path = opendrive.write(tmp_path, opendrive.road(x=-10.0))
+    (scenario,) = scenarios(CONVERTER, write(tmp_path, rows_of_two()), map=str(path))
+    assert [*scenario.map.ids] == ["1_0_1", "1_0_-1"]
 
 
 def test_types_sizes_and_motion_are_assumed_and_flagged(tmp_path: Path) -> None:

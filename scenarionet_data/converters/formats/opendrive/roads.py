@@ -167,6 +167,8 @@ def _thinned(section: LaneSection) -> LaneSection:
     for line in [*lines, np.column_stack([section.stations, section.height])]:
         thin = shapely.get_coordinates(shapely.simplify(shapely.linestrings(line), TOLERANCE, preserve_topology=False))
         kept |= np.isin(line @ np.array([1.0, 1j]), thin @ np.array([1.0, 1j]))
-    starts = [number(each, "sOffset", 0.0) for lane in section.lanes.values() for each in lane.element.iter("roadMark")]
+    elements = [lane.element for lane in section.lanes.values()]
+    marks = [mark for each in (*elements, section.center) if each is not None for mark in each.iter("roadMark")]
+    starts = [number(mark, "sOffset", 0.0) for mark in marks]
     kept[np.searchsorted(section.stations, [section.start + each for each in starts]).clip(max=len(kept) - 1)] = True
     return LaneSection(**{**vars(section), "kept": np.flatnonzero(kept)})
