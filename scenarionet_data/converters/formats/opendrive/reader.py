@@ -13,7 +13,7 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.building.plausible import find_bad_geometry
 from scenarionet_data.converters.formats.opendrive.curves import number
-from scenarionet_data.converters.formats.opendrive.roads import LaneSection, Road, RoadLane, read_road
+from scenarionet_data.converters.formats.opendrive.roads import LaneSection, MapRoad, RoadLane, read_road
 from scenarionet_data.converters.formats.xml_files import read_xml
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
@@ -49,7 +49,7 @@ _SIGNALS = {"206": Type.STOP_SIGN, "R1-1": Type.STOP_SIGN, "294": Type.STOP_LINE
 _STOP_LINE = 3.0
 """Length of a stop line whose lanes are not known [m]."""
 
-End = tuple[tuple[str, int, int], bool]
+LaneEnd = tuple[tuple[str, int, int], bool]
 """A lane and whether its end along the road is meant, or else its start."""
 
 
@@ -61,7 +61,7 @@ def read_opendrive(path: Path) -> MapBuilder:
     Raises:
         CorruptSource: No OpenDRIVE, or no lane in it that can be used.
     """
-    root, defects, roads = read_xml(path, "OpenDRIVE"), Defects(), dict[str, Road]()
+    root, defects, roads = read_xml(path, "OpenDRIVE"), Defects(), dict[str, MapRoad]()
     for element in root.findall("road"):
         name = element.get("id", "")
         try:
@@ -94,9 +94,9 @@ def read_opendrive(path: Path) -> MapBuilder:
 class _LaneLinks:
     """Collects which ends of lanes meet."""
 
-    def __init__(self, file: str, roads: dict[str, Road], defects: Defects) -> None:
+    def __init__(self, file: str, roads: dict[str, MapRoad], defects: Defects) -> None:
         self.file, self.roads, self.defects = file, roads, defects
-        self.pairs = dict[tuple[End, End], None]()
+        self.pairs = dict[tuple[LaneEnd, LaneEnd], None]()
 
     def join_roads(self) -> None:
         """Join lanes of sections, and of roads that follow each other."""
@@ -107,7 +107,7 @@ class _LaneLinks:
                         for link in lane.element.findall(f"link/{tag}"):
                             self.join(road, place, lane, step, link.get("id", ""))
 
-    def join(self, road: Road, place: int, lane: RoadLane, step: int, name: str) -> None:
+    def join(self, road: MapRoad, place: int, lane: RoadLane, step: int, name: str) -> None:
         """Join a lane with the lane ``name`` of the next (``step=1``) or previous (-1) section, or road."""
         is_end = step > 0
         if 0 <= place + step < len(road.sections):
@@ -137,12 +137,12 @@ class _LaneLinks:
                             end, contact = (lane.key, place == -1), connection.get("contactPoint", "")
                             self.add_at(end, crossing, contact, pair.get("to", ""))
 
-    def add_at(self, end: End, road: str, contact: str, name: str) -> None:
+    def add_at(self, end: LaneEnd, road: str, contact: str, name: str) -> None:
         """Join an end with a lane at the ``contact`` of a road."""
         last = len(self.roads[road].sections) - 1 if road in self.roads else 0
         self.add(end, road, last if contact == "end" else 0, name, contact == "end")
 
-    def add(self, end: End, road: str, place: int, name: str, is_end: bool) -> None:
+    def add(self, end: LaneEnd, road: str, place: int, name: str, is_end: bool) -> None:
         """Join two ends."""
         sections = self.roads[road].sections if road in self.roads else []
         lane = sections[place].lanes.get(_whole(name)) if sections else None
@@ -171,7 +171,7 @@ class _RoadFeatures:
 
     def __init__(
         self,
-        roads: dict[str, Road],
+        roads: dict[str, MapRoad],
         driven: set[tuple[str, int, int]],
         links: set[tuple[tuple[str, int, int], tuple[str, int, int]]],
         origin: Float64,
@@ -214,7 +214,7 @@ class _RoadFeatures:
         return not reason
 
     def add_lane(
-        self, road: Road, section: LaneSection, lane: RoadLane, marks: dict[int, list[str]], limit: float
+        self, road: MapRoad, section: LaneSection, lane: RoadLane, marks: dict[int, list[str]], limit: float
     ) -> None:
         inner, outer = (section.line(border) + self.origin for border in lane.borders)
         center = (inner + outer) / 2.0
@@ -249,7 +249,7 @@ class _RoadFeatures:
             extras={"junction": road.junction} if road.junction is not None else None,
         )
 
-    def marks(self, road: Road, section: LaneSection, name: int) -> Iterator[str]:
+    def marks(self, road: MapRoad, section: LaneSection, name: int) -> Iterator[str]:
         """Add the lines that are painted along the outer border of a lane; yield their ids."""
         lane = section.lanes.get(name)
         element, aside = (section.center, section.offset) if lane is None else (lane.element, lane.borders[1])
@@ -268,7 +268,7 @@ class _RoadFeatures:
                 if self.add(key, kind, line, polyline=line):
                     yield key
 
-    def add_signal(self, road: Road, signal: Element) -> None:
+    def add_signal(self, road: MapRoad, signal: Element) -> None:
         """Add a traffic light, stop sign or stop line with the lanes that it controls."""
         is_light = signal.get("dynamic") == "yes"
         kind = Type.TRAFFIC_LIGHT if is_light else _SIGNALS.get(signal.get("type", ""))
@@ -299,7 +299,7 @@ class _RoadFeatures:
         points = np.array([[*road.reference.locate(station, end), height] for end in ends]) + self.origin
         self.add(name, kind, points, polyline=points, controlled_lanes=[lane.id for lane in lanes])
 
-    def add_crosswalk(self, road: Road, item: Element) -> None:
+    def add_crosswalk(self, road: MapRoad, item: Element) -> None:
         """Add the outline of a crosswalk."""
         name = f"crosswalk-{road.id}-{item.get('id', '')}"
         try:

@@ -74,7 +74,7 @@ class LaneSection:
 
 
 @dataclass(frozen=True, eq=False)
-class Road:
+class MapRoad:
     """A road: its id, element, reference line and sections."""
 
     id: str
@@ -93,7 +93,7 @@ class Road:
         return next((each for each in reversed(self.sections) if each.start <= station + _BEFORE), self.sections[0])
 
 
-def read_road(element: Element) -> Road:
+def read_road(element: Element) -> MapRoad:
     """Read a road.
 
     Raises:
@@ -154,7 +154,7 @@ def read_road(element: Element) -> Road:
             lanes,
         )
         found.append(_thinned(made))
-    return Road(name, element, reference, found)
+    return MapRoad(name, element, reference, found)
 
 
 def _thinned(section: LaneSection) -> LaneSection:
