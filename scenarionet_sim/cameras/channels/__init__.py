@@ -1,24 +1,25 @@
 """Channels of pictures: a module each, with the number and the type of values per pixel and a device function.
 
-To add one, write its module and name it in ``_MODULES``; ``rgb`` alone is drawn by ``draw.frames``.
+To add one, write its module and name it in ``_NAMES``; ``rgb`` alone is drawn by ``draw.frames``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from scenarionet_data.compiled.decorators import device_function
-from scenarionet_sim.cameras.channels import depth, flow, instance, normals, semantic
 from scenarionet_sim.cameras.draw.structures import FrameView, Pictures, SceneArrays, Tile, Triangles
 
-_MODULES = depth, semantic, instance, normals, flow
+_NAMES = "depth", "semantic", "instance", "normals", "flow"
+_MODULES = [import_module(f"{__name__}.{name}") for name in _NAMES]
 
 CHANNELS: dict[str, tuple[int, type[np.generic]]] = {
     "rgb": (3, np.uint8),
-    **{module.__name__.rpartition(".")[2]: (module.VALUES, module.DTYPE) for module in _MODULES},
+    **{name: (module.VALUES, module.DTYPE) for name, module in zip(_NAMES, _MODULES, strict=True)},
 }
 """Channels: numbers per pixel and their type."""
 
