@@ -14,8 +14,10 @@ import argparse
 import ast
 import os
 import random
+import shlex
 import subprocess
 import sys
+import time
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +32,7 @@ ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / ".mutants"
 CHECKOUT = FOLDER / "checkout"
 NO_EFFECT = ("core/RemoveDecorator", "core/ExceptionReplacer")
-LONGEST = 600.0  # [s] a mutant whose tests take longer is an endless loop, which counts as caught
+LONGEST = 10.0  # times as long as without a mutant: tests that take longer loop for ever, which counts as caught
 BAR = 0.9
 
 
@@ -44,16 +46,23 @@ class Area:
     tests: tuple[str, ...]
     needs_torch: bool
 
-    @property
-    def command(self) -> str:
-        """The command that runs the tests until the first one fails."""
+    def command(self, module: Path | None = None) -> str:
+        """Return the command that runs the tests until the first one fails, those that import the module first."""
         python = ROOT / (".venv-learn" if self.needs_torch else ".venv") / "bin" / "python"
         marks = (
             "learn and not long"
             if self.needs_torch
             else "not long and not learn and not integration and not damage and not packaging"
         )
-        return f"{python} -m pytest -x -q -p no:cacheprovider -m '{marks}' {' '.join(self.tests)}"
+        run = f"{python} -m pytest -x -q -p no:cacheprovider -m '{marks}'"
+        every = f"{run} {' '.join(self.tests)}"
+        if module is None:
+            return every
+        name = f"from {'.'.join(module.with_suffix('').parts)} import"
+        files = [path for folder in self.tests for path in sorted(Path(folder).rglob("test_*.py"))]
+        near = [str(path) for path in files if name in path.read_text("utf-8")]
+        first = f"{run} {' '.join(near)} || [ $? = 5 ]"  # 5: all of these tests have other marks
+        return shlex.join(["sh", "-c", f"{first} && {every}" if near else every])
 
 
 def read_areas() -> list[Area]:
@@ -191,20 +200,26 @@ def session_for(seed: int, scale: float, areas: list[Area]) -> tuple[WorkDB, dic
     return database, {module: area for area in areas for module in area.modules}
 
 
-def check_unmutated(areas: list[Area]) -> None:
-    """Raise if the tests of an area fail without a mutant; this also compiles the kernels."""
+def check_unmutated(areas: list[Area]) -> dict[str, float]:
+    """Return how long the tests of each area take [s]; raise if some fail. This also compiles the kernels."""
+    seconds = {}
     for area in areas:
-        done = subprocess.run(area.command, shell=True, capture_output=True, text=True, check=False)
+        started = time.monotonic()
+        done = subprocess.run(area.command(), shell=True, capture_output=True, text=True, check=False)
         if done.returncode:
             raise SystemExit(f"{area.name}: the tests fail without a mutant\n{done.stdout[-3000:]}")
+        seconds[area.name] = time.monotonic() - started
+    return seconds
 
 
-def run(database: WorkDB, areas: dict[Path, Area]) -> None:
-    """Run the tests for each mutant in these modules that has no result yet."""
+def run(database: WorkDB, areas: dict[Path, Area], seconds: dict[str, float]) -> None:
+    """Run the tests for each mutant in these modules that has no result yet, in so much time without one by area."""
     pending = [item for item in database.pending_work_items if item.mutations[0].module_path in areas]
     for number, item in enumerate(pending, 1):
         mutation = item.mutations[0]
-        result = mutate_and_test(item.mutations, areas[mutation.module_path].command, LONGEST)
+        area = areas[mutation.module_path]
+        limit = LONGEST * seconds[area.name]
+        result = mutate_and_test(item.mutations, area.command(mutation.module_path), limit)
         database.set_result(item.job_id, result)
         word = "caught" if result.is_killed else "SURVIVED"
         print(f"{number}/{len(pending)} {word} {name_of(mutation)}", flush=True)
@@ -244,8 +259,8 @@ def main() -> None:
     database, area_of = session_for(arguments.seed, arguments.scale, areas)
     if not arguments.report:
         chosen = [area for area in areas if arguments.area in area.name]
-        check_unmutated(chosen)
-        run(database, {path: area for path, area in area_of.items() if area in chosen})
+        seconds = check_unmutated(chosen)
+        run(database, {path: area for path, area in area_of.items() if area in chosen}, seconds)
     sys.exit(report(database, area_of) < BAR)
 
 
