@@ -151,12 +151,10 @@ class BulletSession:
             for body, (_, _, _, x, y, turn) in zip(bodies, motion.tolist(), strict=True):
                 bullet.resetBaseVelocity(body, (x, y, 0.0), (0.0, 0.0, turn), client)
             bullet.stepSimulation(client)
-            motion[:] = [self._motion(body) for body in bodies]
-
-    def _motion(self, body: int) -> tuple[float, ...]:
-        (x, y, _), (_, _, sin, cos) = self._bullet.getBasePositionAndOrientation(body, self._client)
-        (along_x, along_y, _), (_, _, turn) = self._bullet.getBaseVelocity(body, self._client)
-        return x, y, 2.0 * math.atan2(sin, cos), along_x, along_y, turn
+            for row, body in zip(motion, bodies, strict=True):
+                (x, y, _), (_, _, sin, cos) = bullet.getBasePositionAndOrientation(body, client)
+                (along_x, along_y, _), (_, _, turn) = bullet.getBaseVelocity(body, client)
+                row[:] = x, y, 2.0 * math.atan2(sin, cos), along_x, along_y, turn
 
 
 def _import_bullet() -> ModuleType:

@@ -6,7 +6,6 @@ Bodies rotate about the vertical axis only, and are tall, so that they collide a
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from types import ModuleType
 
 from scenarionet_data.arrays.dtypes import Float64
@@ -53,7 +52,14 @@ class WorldBodies:
             size: (N, 3) of every object of the world [m].
         """
         awake = {key: self._wake(key, size[key[0]]) for key in keys}
-        self._put_to_sleep(key for key in self._awake if key not in awake)
+        for key in [key for key in self._awake if key not in awake]:
+            # Half a level up, where nothing collides with it.
+            body, place = self._awake[key], (0.0, 0.0, self.height + 0.5 * _LEVEL_HEIGHT)
+            self._bullet.resetBasePositionAndOrientation(body, place, (0.0, 0.0, 0.0, 1.0), self._client)
+            self._activate(body, self._bullet.ACTIVATION_STATE_SLEEP)
+            self._asleep[key] = body
+        while len(self._asleep) > self._max_asleep:
+            self._bullet.removeBody(self._asleep.pop(next(iter(self._asleep))), self._client)
         self._awake = awake
         return list(awake.values())
 
@@ -71,16 +77,6 @@ class WorldBodies:
         body = self._asleep.pop(key)
         self._activate(body, self._bullet.ACTIVATION_STATE_DISABLE_SLEEPING)
         return body
-
-    def _put_to_sleep(self, keys: Iterable[Key]) -> None:
-        """Move bodies half a level up, where nothing collides with them, and deactivate them."""
-        for key in keys:
-            body, place = self._awake[key], (0.0, 0.0, self.height + 0.5 * _LEVEL_HEIGHT)
-            self._bullet.resetBasePositionAndOrientation(body, place, (0.0, 0.0, 0.0, 1.0), self._client)
-            self._activate(body, self._bullet.ACTIVATION_STATE_SLEEP)
-            self._asleep[key] = body
-        while len(self._asleep) > self._max_asleep:
-            self._bullet.removeBody(self._asleep.pop(next(iter(self._asleep))), self._client)
 
     def _activate(self, body: int, state: int) -> None:
         self._bullet.changeDynamics(body, -1, activationState=state, physicsClientId=self._client)

@@ -46,7 +46,8 @@ class TrainedDriver:
         """Return the driver of the arrays of a checkpoint, of any algorithm."""
         is_squashed = "policy.log_std" not in arrays and not bins  # TD3
         first = "policy.0." if is_squashed else "policy.body."
-        names = sorted((name for name in arrays if name.startswith(first) and name.endswith(".weight")), key=_number)
+        names = [name for name in arrays if name.startswith(first) and name.endswith(".weight")]
+        names.sort(key=lambda name: int(name.split(".")[-2]))
         layers = [(arrays[name], arrays[name.removesuffix("weight") + "bias"]) for name in names]
         return cls(layers, "relu" if is_squashed else "tanh", bins, is_squashed=is_squashed)
 
@@ -147,7 +148,3 @@ def load_driver(files: LakeFiles, policy: str) -> TrainedDriver:
     if checkpoint is None:
         raise BadParameter(f"checkpoint {policy!r} was removed meanwhile; use the newest one, runs/{name}")
     return TrainedDriver.of_arrays(checkpoint.arrays, int(evaluation_runs.describe(files, name)["config"]["bins"]))
-
-
-def _number(name: str) -> int:
-    return int(name.split(".")[-2])

@@ -19,7 +19,6 @@ from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
-from scenarionet_sim.worlds.world import World
 
 Named = dict[str, Any]
 
@@ -84,7 +83,10 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         world = self._episodes.draw(scenario_id=options.get("scenario_id"))
         core = self._episodes.prepare([world])
         core.begin([0], [world], options.get("timestep"))
-        self.possible_agents = self._find_possible(core, world)
+        driver, simulation = core.simulation.driver[0, : world.num_objects], core.simulation
+        numbers = [number for number, policy in enumerate(simulation.policies) if isinstance(policy, External)]
+        appears = world.log_valid[int(simulation.state.timestep[0]) :].any(axis=0)  # now or later
+        self.possible_agents = list(map(str, world.track_ids[np.isin(driver, numbers) & appears]))
         self._coming, self._num_arrived = set(self.possible_agents), 0
         self._named_rows = None
         self._wait(core)
@@ -152,14 +154,6 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
             ResetNeeded: ``reset`` was not called yet.
         """
         return self._episodes.core
-
-    def _find_possible(self, core: BatchedEnvironment, world: World) -> list[str]:
-        """Return the agents that are present at the beginning or appear later."""
-        driver, simulation = core.simulation.driver[0, : world.num_objects], core.simulation
-        numbers = [number for number, policy in enumerate(simulation.policies) if isinstance(policy, External)]
-        start = int(simulation.state.timestep[0])
-        appears = world.log_valid[start:].any(axis=0)
-        return list(map(str, world.track_ids[np.isin(driver, numbers) & appears]))
 
     def _wait(self, core: BatchedEnvironment) -> None:
         """Skip timesteps until an agent is present; without any to come, the episode is over."""

@@ -43,9 +43,11 @@ class Observation:
         parts: dict[str, spaces.Space[Any]] = {
             name: sensor.space() for name, sensor in zip(self.names, self._sensors, strict=True)
         }
-        self.space: spaces.Space[Any] = (
-            _joined([sensor.space() for sensor in self._sensors]) if self._is_flat else spaces.Dict(parts)
-        )
+        self.space: spaces.Space[Any] = spaces.Dict(parts)
+        if self._is_flat:
+            boxes = [sensor.space() for sensor in self._sensors]
+            low, high = (np.concatenate([getattr(box, end).ravel() for box in boxes]) for end in ("low", "high"))
+            self.space = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
     @property
     def is_compiled(self) -> bool:
@@ -67,8 +69,13 @@ class Observation:
     def allocate(self, num_agents: int) -> tuple[Any, Sensing]:
         """Return arrays for the observations of agents, of undefined values, and the compiled sensors' part of them."""
         if self._place_for != num_agents:
-            self._first, self._place, self._place_for = *self._lay_out(num_agents), num_agents
-        sizes, size = self._sizes, sum(self._sizes)
+            sizes, place = np.array(self._sizes), self._compiled.place.copy()
+            first = np.cumsum(sizes) - sizes
+            stride = np.full_like(sizes, sizes.sum()) if self._is_flat else sizes
+            first = first if self._is_flat else first * num_agents
+            place[:, 0], place[:, 1] = first[self._numbers], stride[self._numbers]
+            self._first, self._place, self._place_for = first.tolist(), place, num_agents
+        size = sum(self._sizes)
         values = np.empty(num_agents * size, np.float32)
         if self._is_flat:
             observed: Any = values.reshape(num_agents, size)
@@ -77,22 +84,13 @@ class Observation:
                 name: values[at : at + num_agents * size].reshape(num_agents, *sensor.shape)
                 if sensor.dtype is np.float32
                 else sensor.empty(num_agents)
-                for name, sensor, at, size in zip(self.names, self._sensors, self._first, sizes, strict=True)
+                for name, sensor, at, size in zip(self.names, self._sensors, self._first, self._sizes, strict=True)
             }
         return observed, self.writing(values)
 
     def writing(self, values: Float32) -> Sensing:
         """Return the compiled sensors that write to an array for as many agents as :meth:`allocate` was called for."""
         return self._compiled._replace(place=self._place, out=values)
-
-    def _lay_out(self, num_agents: int) -> tuple[list[int], Int32]:
-        """Return the first value of each sensor, and ``Sensing.place``."""
-        sizes, place = np.array(self._sizes), self._compiled.place.copy()
-        first = np.cumsum(sizes) - sizes
-        stride = np.full_like(sizes, sizes.sum()) if self._is_flat else sizes
-        first = first if self._is_flat else first * num_agents
-        place[:, 0], place[:, 1] = first[self._numbers], stride[self._numbers]
-        return first.tolist(), place
 
     def complete(
         self, observed: Any, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, rows: Array
@@ -139,11 +137,6 @@ class Observation:
             name: observed[..., end - size : end].reshape(*observed.shape[:-1], *sensor.shape)
             for name, sensor, size, end in zip(self.names, self._sensors, self._sizes, ends, strict=True)
         }
-
-
-def _joined(parts: list[spaces.Box]) -> spaces.Box:
-    low, high = (np.concatenate([getattr(box, end).ravel() for box in parts]) for end in ("low", "high"))
-    return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 
 def _names(sensors: Sequence[Sensor]) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -193,8 +192,12 @@ def compare_runs(
         for group in groups
         for metric in METRICS
     ]
-    better, worse = _changed(rows, runs)
-    return RunComparison(tuple(runs), tuple(metrics), judged_by, _notes(lake, runs), better, worse)
+    first, last = (rows.filter(pl.col("run") == run).select("scenario_id", "judged") for run in (runs[0], runs[-1]))
+    pairs = first.join(last, on="scenario_id", suffix="_then").drop_nulls()
+    change = pairs.select("scenario_id", change=pl.col("judged_then") - pl.col("judged"))
+    better = change.filter(pl.col("change") > 0).sort(["change", "scenario_id"], descending=[True, False]).rows()
+    worse = change.filter(pl.col("change") < 0).sort(["change", "scenario_id"]).rows()
+    return RunComparison(tuple(runs), tuple(metrics), judged_by, _notes(lake, runs), tuple(better), tuple(worse))
 
 
 def _notes(lake: Lake, runs: Sequence[str]) -> tuple[str, ...]:
@@ -233,13 +236,3 @@ def _compared(rows: pl.DataFrame, runs: Sequence[str], metric: str, group: str) 
         )
     means = tuple(float(np.mean(each[metric].to_numpy())) if len(each) else None for each in of_runs)
     return ComparedMetric(metric, group, means, tuple(map(len, of_runs)), tuple(changes))
-
-
-def _changed(rows: pl.DataFrame, runs: Sequence[str]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Scenarios that are better, and worse, in the last run than in the first."""
-    first, last = (rows.filter(pl.col("run") == run).select("scenario_id", "judged") for run in (runs[0], runs[-1]))
-    pairs = first.join(last, on="scenario_id", suffix="_then").drop_nulls()
-    change = pairs.select("scenario_id", change=pl.col("judged_then") - pl.col("judged"))
-    better = change.filter(pl.col("change") > 0).sort(["change", "scenario_id"], descending=[True, False])
-    worse = change.filter(pl.col("change") < 0).sort(["change", "scenario_id"])
-    return tuple(better.rows()), tuple(worse.rows())

@@ -178,14 +178,9 @@ class Td3Learner:
             self._policy_adam.zero_grad()
             policy_loss.backward()
             self._policy_adam.step()
-            self._follow()
+            with torch.no_grad():  # the slow copies follow
+                for name in ("policy", "first", "second"):
+                    slow = list(nets[f"slow_{name}"].parameters())
+                    torch._foreach_lerp_(slow, list(nets[name].parameters()), config.tau)
             learned["policy_loss"] = policy_loss.detach()
         return learned
-
-    def _follow(self) -> None:
-        """Move the slow copies towards the networks."""
-        with torch.no_grad():
-            for name in ("policy", "first", "second"):
-                slow = list(self.networks[f"slow_{name}"].parameters())
-                fast = list(self.networks[name].parameters())
-                torch._foreach_lerp_(slow, fast, self.config.tau)

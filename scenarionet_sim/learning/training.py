@@ -28,7 +28,7 @@ from scenarionet_sim.environments.flat import FlatEnv, FlatState
 from scenarionet_sim.evaluation.evaluation import describe_database
 from scenarionet_sim.learning.config import LearnerConfig, describe_config, make_learner_config
 from scenarionet_sim.learning.experts import Experts
-from scenarionet_sim.learning.learners import Algorithm, make_learner
+from scenarionet_sim.learning.learners import make_learner
 from scenarionet_sim.learning.testing import drive_each
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.idm import Idm
@@ -248,12 +248,18 @@ def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRou
             )
         rounds, steps = rounds + 1, steps + done
         report.times = {key: report.times.get(key, 0.0) + spent for key, spent in learner.clock.seconds.items()}
-        rows.append(_row(rounds, steps, learner, env, learned))
+        seconds = {f"{activity}_seconds": spent for activity, spent in learner.clock.seconds.items()}
+        learner.clock.seconds = {}
+        place = {"round": rounds, "steps": steps, "level": env.level, "coverage": env.coverage}
+        rows.append(place | learner.outcomes.take() | seconds | {"learned": json.dumps(dict(learned))})
         if on_round is not None:
             on_round(rows[-1])
         if rounds % config.checkpoint_every == 0 or steps >= config.steps:
             report.last, number = rows[-1], number + 1
-            report.tests = {test: _test_row(training, test, learner, rounds, steps) for test in training.tests}
+            for test in training.tests:  # without exploration
+                environment = training.environment(test, is_test=True)
+                means = drive_each(environment, learner.mode, config.worlds, config.seats).take()
+                report.tests[test] = {"test": test, "round": rounds, "steps": steps} | means
             checkpoints.check_free(files, name, number)
             run.publish(number, {"training": rows + list(report.tests.values())})
             state, arrays = env.state(), {key: value.numpy() for key, value in learner.tensors().items()}
@@ -265,18 +271,3 @@ def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRou
     report.skipped = {scenario_id: reason for scenario_id, (reason, _) in env.skipped.items()}
     report.steps, report.seconds = steps, monotonic() - began
     return report
-
-
-def _row(rounds: int, steps: int, learner: Algorithm, env: FlatEnv, learned: Mapping[str, float]) -> dict[str, Any]:
-    """Return the row of a round in the table training."""
-    seconds = {f"{activity}_seconds": spent for activity, spent in learner.clock.seconds.items()}
-    learner.clock.seconds = {}
-    place = {"round": rounds, "steps": steps, "level": env.level, "coverage": env.coverage}
-    return place | learner.outcomes.take() | seconds | {"learned": json.dumps(dict(learned))}
-
-
-def _test_row(training: Training, test: str, learner: Algorithm, rounds: int, steps: int) -> dict[str, Any]:
-    """Drive through a test database without exploration; return its row."""
-    environment, config = training.environment(test, is_test=True), training.config
-    means = drive_each(environment, learner.mode, config.worlds, config.seats).take()
-    return {"test": test, "round": rounds, "steps": steps} | means

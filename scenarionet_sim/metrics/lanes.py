@@ -57,7 +57,9 @@ class DrivenLanes:
         steps = np.flatnonzero(lane >= 0)
         if len(steps) < 2:
             return progress
-        arcs = self._arcs(position)[steps]
+        every, lanes = np.full(len(position), np.nan), self.graph.roads.lanes
+        _find_arcs(np.ascontiguousarray(position), lane, lanes.values, lanes.offsets, every)
+        arcs = every[steps]
         is_same = lane[steps] == np.append(lane[0], lane[steps[:-1]])
         moved = arcs[1:] - arcs[:-1]
         # The arc where the lane is new counts as unknown, and, as the owner has it, an arc of 0.
@@ -67,28 +69,19 @@ class DrivenLanes:
 
     def speed_limit(self) -> Float64:
         """Limit (T,) of the lane [m/s]: of a connector the highest of the lanes it connects; NaN where unknown."""
-        limits = {lanes: self._limit(lanes) for lanes in set(self.route)}
-        return np.array([limits[lanes] for lanes in self.route])
-
-    def _limit(self, lanes: LaneRows) -> float:
-        if not lanes:
-            return np.nan
         graph, known = self.graph, self.graph.roads.speed_limit
-        if not graph.is_connector[lanes[0]]:
-            return float(known[lanes[0]])
-        edges = [edge for lane in lanes for edge in (*graph.after(lane), *graph.before(lane))]
-        return float(known[edges].max()) if edges and np.isfinite(known[edges]).all() else np.nan
+        limits: dict[LaneRows, float] = {(): np.nan}
+        for lanes in {*self.route} - {()}:
+            limits[lanes] = float(known[lanes[0]])
+            if graph.is_connector[lanes[0]]:
+                edges = [edge for lane in lanes for edge in (*graph.after(lane), *graph.before(lane))]
+                limits[lanes] = float(known[edges].max()) if edges else np.nan  # which is that of any unknown
+        return np.array([limits[lanes] for lanes in self.route])
 
     @cached_property
     def _first(self) -> IntP:
         """(T,) the first lane of each moment; -1 without one."""
         return np.array([lanes[0] if lanes else -1 for lanes in self.route], np.intp)
-
-    def _arcs(self, position: Float64) -> Float64:
-        """Arc length (T,) on the lane of each moment [m]; NaN without one."""
-        arcs, lanes = np.full(len(position), np.nan), self.graph.roads.lanes
-        _find_arcs(np.ascontiguousarray(position), self._first, lanes.values, lanes.offsets, arcs)
-        return arcs
 
 
 @kernel(allocates=False)

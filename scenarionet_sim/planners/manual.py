@@ -10,7 +10,6 @@ import struct
 import time
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.planners.base import Action, Planner
@@ -74,19 +73,15 @@ class GamePad:
     def action(self, speed: float, dt: float) -> Action:
         """Return steering and throttle as the axes are now."""
         del speed, dt
-        for _, value, kind, number in self._events():
+        try:
+            content = os.read(self._file, 256 * _EVENT.size)
+        except BlockingIOError:  # nothing since the last call
+            content = b""
+        for _, value, kind, number in _EVENT.iter_unpack(content[: len(content) // _EVENT.size * _EVENT.size]):
             if kind & ~_INITIAL == _AXIS and number in self._axes:
                 self._axes[number] = value / _FULL
         throttle, brake = (0.5 * (1.0 + self._axes[axis]) for axis in (_THROTTLE_AXIS, _BRAKE_AXIS))
         return [-self._axes[_STEERING_AXIS], throttle - brake]
-
-    def _events(self) -> list[tuple[Any, ...]]:
-        """Events since the last call."""
-        try:
-            content = os.read(self._file, 256 * _EVENT.size)
-        except BlockingIOError:
-            return []
-        return list(_EVENT.iter_unpack(content[: len(content) // _EVENT.size * _EVENT.size]))
 
 
 class KeyboardPlanner(Planner):

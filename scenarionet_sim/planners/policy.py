@@ -109,7 +109,9 @@ class _Drives:
         acting, actions = [], []
         for slot, row in places.tolist():
             if not now.present[slot, row]:
-                self._appear(worlds[slot], now, then, slot, row)
+                log, later = worlds[slot].log, int(now.timestep[slot]) + 1
+                if later < len(log) and log[later, row, VALID] != 0.0:
+                    then.motion[slot, row], then.present[slot, row] = log[later, row, :VALID], True
                 continue
             seat = self._seats.get((slot, row))
             if seat is None:
@@ -132,12 +134,6 @@ class _Drives:
             seat.speed, seat.arc = view.ego.speed, view.known_arc
         if acting:
             self._session.drive(then, np.array(acting, np.int32), checked_actions(np.array(actions, np.float64)), dt)
-
-    def _appear(self, world: World, now: State, then: State, slot: int, row: int) -> None:
-        log, later = world.log, int(now.timestep[slot]) + 1
-        if later < len(log) and log[later, row, VALID] != 0.0:
-            then.motion[slot, row] = log[later, row, :VALID]
-            then.present[slot, row] = True
 
     def _track(self, view: View, answer: Trajectory, seat: _Seat, motion: Float64, dt: float) -> None:
         """Move an object along a trajectory; ``motion`` is its row (7,) of the next state."""

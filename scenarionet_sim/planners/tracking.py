@@ -135,7 +135,11 @@ class Lqr:
     def follow(self, vehicle: TrackedVehicle, trajectory: Trajectory, dt: float) -> None:
         """Advance a vehicle by one step."""
         wheelbase = self.wheelbase(vehicle.length)
-        poses = self._reference(vehicle, trajectory)
+        if trajectory.times[0] > 0.0:  # from where the vehicle is
+            start = np.array([[vehicle.x, vehicle.y, vehicle.heading]])
+            trajectory = Trajectory(np.vstack([start, trajectory.poses]), np.append(0.0, trajectory.times))
+        count = max(int(trajectory.times[-1] / self.step + 1e-6), 1)
+        poses = trajectory.at(self.step * np.arange(count + 1))
         poses[:, :2] -= 0.5 * wheelbase * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
         cos, sin = math.cos(vehicle.heading), math.sin(vehicle.heading)
         rear = np.array([vehicle.x - 0.5 * wheelbase * cos, vehicle.y - 0.5 * wheelbase * sin, vehicle.heading])
@@ -169,15 +173,6 @@ class Lqr:
         coming: Float64 = speed + acceleration * self.step * np.arange(float(self.horizon))
         ahead = curvatures[np.minimum(np.arange(self.horizon), last)]
         return acceleration, self._steering_rate(errors, coming, ahead, wheelbase)
-
-    def _reference(self, vehicle: TrackedVehicle, trajectory: Trajectory) -> Float64:
-        """Poses (K, 3) of the trajectory every ``step``, from where the vehicle is if it begins later."""
-        if trajectory.times[0] > 0.0:
-            here = [vehicle.x, vehicle.y, vehicle.heading]
-            times = np.append(0.0, trajectory.times)
-            trajectory = Trajectory(np.vstack([here, trajectory.poses]), times)
-        count = max(int(trajectory.times[-1] / self.step + 1e-6), 1)
-        return trajectory.at(self.step * np.arange(count + 1))
 
     def _speeds(self, poses: Float64) -> Float64:
         """Speeds (K - 1,) between poses, by least squares with a penalty on their second differences, the jerk."""

@@ -246,7 +246,11 @@ class View:
         first, end = world.paths.path_offsets[row : row + 2].tolist()
         lanes, limits, beyond = _lanes_of(world, row)
         stops = slice(world.stops.stop_offsets[row], world.stops.stop_offsets[row + 1])
-        position, lateral = self._locate(first, end)
+        position = lateral = 0.0
+        if first < end:  # near the last place, as a route may cross itself
+            low, high = (-math.inf, math.inf) if math.isnan(self._arc) else (self._arc - _BACK, self._arc + _AHEAD)
+            position, lateral = locate_point(world.paths.path, first, end, self._own[X], self._own[Y], low, high)
+            self._arc = position
         return RouteView(
             *self.frame.path(world.paths.path, first, end),
             world.paths.path[first:end, ARC],
@@ -295,16 +299,6 @@ class View:
         position, heading = history.position[past].take(rows, axis=1), history.heading[past].take(rows, axis=1)
         present: Bool = history.present[past].take(rows, axis=1)
         return self.frame.points(position), self.frame.angles(heading), present
-
-    def _locate(self, first: int, end: int) -> tuple[float, float]:
-        """Distance along the route and offset to its left of the vehicle's centre [m]."""
-        if first == end:
-            return 0.0, 0.0
-        # a route may cross itself
-        low, high = (-math.inf, math.inf) if math.isnan(self._arc) else (self._arc - _BACK, self._arc + _AHEAD)
-        path = self.world.paths.path
-        self._arc, lateral = locate_point(path, first, end, self._own[X], self._own[Y], low, high)
-        return self._arc, lateral
 
 
 _SCENARIO = ViewFrame()

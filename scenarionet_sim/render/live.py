@@ -73,7 +73,7 @@ class Live:
             _require_display()
             with pyplot.rc_context({"toolbar": "None"}):
                 figure = pyplot.figure("ScenarioNet", figsize=(self._size / 100, self._size / 100), dpi=100)
-            figure.canvas.mpl_connect("close_event", self._note_closing)
+            figure.canvas.mpl_connect("close_event", lambda _: setattr(self, "is_closed", True))
             self._image = Pixels()
             figure.add_artist(self._image)
             if self._keys is not None:
@@ -90,10 +90,6 @@ class Live:
         self._image.set_picture(picture)
         self._image.figure.canvas.draw_idle()
         self._image.figure.canvas.flush_events()
-
-    def _note_closing(self, event: Any) -> None:
-        del event
-        self.is_closed = True
 
     def wait(self, seconds: float) -> None:
         """Handle events of the window for a while [s]."""

@@ -26,15 +26,10 @@ _KINDS = (
 """Lines that sensors look for together, and all others."""
 
 
-def _line_bits() -> UInt8:
-    bits = np.full(256, 1 << len(_KINDS), np.uint8)
-    for number, kinds in enumerate(_KINDS):
-        bits[list(kinds)] = 1 << number
-    return bits
-
-
-LINE_BITS = _line_bits()
+LINE_BITS: UInt8 = np.full(256, 1 << len(_KINDS), np.uint8)
 """(256,) one bit for each ``MapFeatureType``, see ``Lines.cell_types``."""
+for _number, _kinds in enumerate(_KINDS):
+    LINE_BITS[list(_kinds)] = 1 << _number
 
 
 class RayFan(NamedTuple):

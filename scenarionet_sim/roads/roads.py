@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, IntP, Object, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Object, UInt8
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.description import MapFeatures
@@ -80,16 +80,21 @@ class Roads:
         segments, feature = _segments(features)
         lane_rows = np.flatnonzero(is_lane(features.feature_type))
         other_rows = np.flatnonzero(~is_lane(features.feature_type) & (features.polygon.lengths > 0))
-        polygons = _joined(lane_outlines(features, lane_rows), _in_plane(features.polygon.take(other_rows)))
-        segment_type = features.feature_type[feature]
+        outlines = lane_outlines(features, lane_rows), _in_plane(features.polygon.take(other_rows))
+        lengths, points = np.concatenate([each.lengths for each in outlines]), [each.values for each in outlines]
+        polygons = Ragged.from_flat(lengths, np.concatenate(points))
+        row_of = {lane: row for row, lane in enumerate(features.ids[lane_rows])}
+        exits = features.exit_lanes.take(lane_rows)
+        rows = np.array([row_of.get(lane, -1) for lane in exits.values], np.int32)
+        owner = np.repeat(np.arange(len(exits)), exits.lengths)[rows >= 0]
         roads = cls(
             segments=segments,
-            segment_type=segment_type,
+            segment_type=features.feature_type[feature],
             segment_feature=feature,
             lane_ids=features.ids[lane_rows],
             lane_type=features.feature_type[lane_rows],
             lanes=_in_plane(features.polyline.take(lane_rows)),
-            successors=_successors(features, lane_rows),
+            successors=Ragged.from_flat(np.bincount(owner, minlength=len(exits)), rows[rows >= 0]),
             speed_limit=features.speed_limit[lane_rows],
             polygons=polygons,
             polygon_type=features.feature_type[np.concatenate([lane_rows, other_rows])],
@@ -205,19 +210,5 @@ def _between(lines: Ragged, *, is_closed: bool) -> Float32:
     return np.concatenate([start, end], axis=1)
 
 
-def _successors(features: MapFeatures, lane_rows: IntP) -> Ragged:
-    """Return the rows of the lanes that follow each lane, M x int32."""
-    row_of = {lane: row for row, lane in enumerate(features.ids[lane_rows])}
-    named = features.exit_lanes.take(lane_rows)
-    rows = np.array([row_of.get(lane, -1) for lane in named.values], np.int32)
-    owner = np.repeat(np.arange(len(named)), named.lengths)[rows >= 0]
-    return Ragged.from_flat(np.bincount(owner, minlength=len(named)), rows[rows >= 0])
-
-
 def _in_plane(points: Ragged) -> Ragged:
     return Ragged(points.offsets, np.ascontiguousarray(points.values[:, :2]))
-
-
-def _joined(first: Ragged, second: Ragged) -> Ragged:
-    lengths = np.concatenate([first.lengths, second.lengths])
-    return Ragged.from_flat(lengths, np.concatenate([first.values, second.values]))

@@ -94,7 +94,11 @@ class Scenarios:
             selected = pa.table({"scenario_id": ids})
         share = selected.take(np.arange(self.worker, len(selected), self.num_workers))
         if not len(share):
-            raise BadParameter(f"no scenario to play: {self._why_empty(len(ids), len(selected))}")
+            source = f"database {self.database}" if isinstance(self.database, str) else str(self.lake)
+            why = f"{len(selected)} scenarios are too few for worker {self.worker}; use at most {len(selected)} workers"
+            if not len(selected):
+                why = f"none of {len(ids)} in {source} satisfies {self.where!r}" if len(ids) else f"{source} is empty"
+            raise BadParameter(f"no scenario to play: {why}")
         sampler: Sampler
         if self.curriculum is not None:
             sampler = CurriculumSampler(len(share), self.curriculum)
@@ -124,14 +128,6 @@ class Scenarios:
             WHERE selected.is_selected ORDER BY selected.difficulty NULLS FIRST, listed.rank""",
             tables={"listed": listed},
         )
-
-    def _why_empty(self, num_members: int, num_selected: int) -> str:
-        source = f"database {self.database}" if isinstance(self.database, str) else str(self.lake)
-        if not num_members:
-            return f"{source} is empty"
-        if not num_selected:
-            return f"none of {num_members} in {source} satisfies {self.where!r}"
-        return f"{num_selected} scenarios are too few for worker {self.worker}; use at most {num_selected} workers"
 
 
 def database_reference(database: Database | str | Sequence[str] | None) -> str | tuple[str, ...] | None:

@@ -282,18 +282,15 @@ class Simulation:
     def _prepare_beginning(self, slots: Sequence[int] | IntP) -> None:
         """Prepare for episodes that begin in slots, whose worlds and first timesteps are set."""
         self._agents.forget_list()
-        if not self._begins_in_step:
-            self._begin_now(list(slots))
-
-    def _begin_now(self, slots: list[int]) -> None:
-        """Begin episodes before the next step, for what is outside of it."""
-        self._run(0)
-        for slot in slots:
+        if self._begins_in_step:
+            return
+        self._run(0)  # before the step, for what is outside of it
+        for slot in list(slots):
             self._session.reset(slot, self.state)
             if not self._policies.are_compiled:
                 self._policies.begin_uncompiled(self.batch, self.state, slot)
         if self.state.history is not None:
-            self.state.history.present[:, slots] = False
+            self.state.history.present[:, list(slots)] = False
 
     def _step(self) -> None:
         """Advance every world by one timestep, in which the agents act as they are set to."""

@@ -128,7 +128,10 @@ def _finish(
                 drive_bicycle(action[0], action[1], dt, settings.substeps, vehicle, then.size[w, n, 0], row)
     if phases & LOCATE and not has_begun:
         admit_agents(w, recorded, arrays.now, then, arrays.traffic.driver, agents)
-    if phases & (LOCATE | OBSERVE) and _has_agents(w, agents):
+    has_agents = False
+    for k in range(num_places):
+        has_agents |= agents.rows[w, k] >= 0
+    if phases & (LOCATE | OBSERVE) and has_agents:
         count = recorded.place[w, NUM_OBJECTS]
         write_boxes(count, then.motion[w], then.size[w], then.present[w], scratch.boxes)
     if phases & LOCATE:
@@ -141,7 +144,10 @@ def _finish(
                     _remember_contacts(first + k, agents)
     if phases & SCORE:
         if has_begun:
-            _clear_totals(w, not is_own, arrays)
+            for n in range(recorded.place[w, NUM_OBJECTS]):
+                if is_agent_of(w, n, not is_own, recorded, arrays.traffic.driver, agents):
+                    for column in range(arrays.totals.shape[2]):
+                        arrays.totals[w, n, column] = 0.0
         for k in range(num_places):
             n, result.timestep[first + k] = agents.rows[w, k], then.timestep[w]
             if n >= 0 and has_begun:
@@ -209,15 +215,6 @@ def _begin_agents(w: int, are_egos: bool, arrays: StepArrays) -> None:
                 agents.route[w, n, 0], agents.route[w, n, 1] = np.nan, np.nan
 
 
-@device_function
-def _has_agents(w: int, agents: DrivenArrays) -> bool:
-    """Return whether a world has an agent."""
-    has_agents = False
-    for k in range(agents.rows.shape[1]):
-        has_agents |= agents.rows[w, k] >= 0
-    return has_agents
-
-
 @device_function(forceinline=True)
 def _locate(
     w: int,
@@ -245,15 +242,6 @@ def _find_contacts(a: int, w: int, n: int, then: StateArrays, agents: DrivenArra
     if then.present[w, n]:
         motion, size, object_type = then.motion[w], then.size[w], then.object_type[w]
         agents.hits[a] = touch(n, motion, size, object_type, scratch.boxes, contacts)
-
-
-@device_function(forceinline=True)
-def _clear_totals(w: int, are_egos: bool, arrays: StepArrays) -> None:
-    """Clear the sums over the episodes of the agents of a world."""
-    for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
-        if is_agent_of(w, n, are_egos, arrays.recorded, arrays.traffic.driver, arrays.agents):
-            for column in range(arrays.totals.shape[2]):
-                arrays.totals[w, n, column] = 0.0
 
 
 @device_function(forceinline=True)

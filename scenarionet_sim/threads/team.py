@@ -110,14 +110,10 @@ class Threads:
         if is_trial and place % _TRIAL >= _TRIAL // 2:
             self._trial[is_helped].append(time.perf_counter() - started)
         if place == 2 * _TRIAL - 1:
-            self._judge_trial()
-
-    def _judge_trial(self) -> None:
-        """Add the medians of a trial to the pace of both ways."""
-        for is_helped, times in enumerate(self._trial):
-            weight = _LAST_TRIAL if self._pace[is_helped] else 1.0
-            self._pace[is_helped] += weight * (statistics.median(times) - self._pace[is_helped])
-            times.clear()
+            for way, times in enumerate(self._trial):
+                weight = _LAST_TRIAL if self._pace[way] else 1.0
+                self._pace[way] += weight * (statistics.median(times) - self._pace[way])
+                times.clear()
 
     def dismiss(self) -> None:
         """Let helpers drop what they were called with last; the next turn calls them again."""
@@ -149,7 +145,7 @@ class Threads:
     def _wait(self) -> None:
         """Wait until helpers have ended the last turn, which takes them as long as an item at most."""
         while self._team.is_helped:
-            _let_others_run()
+            os.sched_yield() if hasattr(os, "sched_yield") else time.sleep(0)  # give the core to a thread that waits
         self._lent = None
 
     def _submit(self, call: Callable[[], Returned]) -> Future[Returned]:
@@ -173,14 +169,6 @@ def _help(function: Callable[[int, Team], object], own: int, team: Team) -> None
     function(own, team)
     while team.awaits_helpers and team.turn - first < STAY:
         function(own, team)
-
-
-def _let_others_run() -> None:
-    """Give the core to another thread, if one waits for it."""
-    if hasattr(os, "sched_yield"):
-        os.sched_yield()
-    else:
-        time.sleep(0)
 
 
 def all_cores() -> int:

@@ -155,7 +155,11 @@ def _drawn(lines: list[Float64], way: list[int], roads: Roads, here: Float64, th
     if end <= 0.0:
         return None
     pieces[-1] = _cut(pieces[-1], 0.0, end)
-    points = _sampled(np.concatenate(pieces))
+    line = np.concatenate(pieces)
+    line = line[np.append(True, np.hypot(*np.diff(line, axis=0).T) > 1e-6)]
+    arcs = _arcs(line)
+    places = np.append(np.arange(0.0, arcs[-1] - 0.5 * _SPACING, _SPACING), arcs[-1])
+    points = np.column_stack([np.interp(places, arcs, line[:, axis]) for axis in range(2)])
     ahead = _SPACING * np.arange(len(points))
     share = np.maximum(1.0 - ahead / _BACK_TO_THE_MIDDLE, 0.0)
     return np.asarray(points + (here - points[0]) * share[:, None])
@@ -200,14 +204,6 @@ def _cut(line: Float64, first: float, end: float) -> Float64:
     first, end = min(first, float(arcs[-1])), min(end, float(arcs[-1]))
     kept = np.concatenate([[first], arcs[(arcs > first) & (arcs < end)], [end] if end > first else []])
     return np.column_stack([np.interp(kept, arcs, line[:, axis]) for axis in range(2)])
-
-
-def _sampled(line: Float64) -> Float64:
-    """Points every ``_SPACING`` along a line, and its end."""
-    line = line[np.append(True, np.hypot(*np.diff(line, axis=0).T) > 1e-6)]
-    arcs = _arcs(line)
-    places = np.append(np.arange(0.0, arcs[-1] - 0.5 * _SPACING, _SPACING), arcs[-1])
-    return np.column_stack([np.interp(places, arcs, line[:, axis]) for axis in range(2)])
 
 
 def _with_routes(paths: Paths, routes: dict[int, tuple[Float64, npt.NDArray[np.float32]]]) -> Paths:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, IntP
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, IntP
 from scenarionet_sim.arrays.log import ARC, thin
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.path_kernels import find_stops
@@ -56,7 +56,13 @@ class Paths:
         """Return the paths of a log (T, N, 8)."""
         is_kept = np.empty((log.shape[1], log.shape[0]), np.bool_)
         thin(log, SPACING, is_kept)
-        _drop_cusps(log, is_kept)
+        track, step = np.nonzero(is_kept)
+        moved, starts = np.diff(log[step, track, :2].astype(np.float64), axis=0), track[:-2]
+        turns_back = (moved[1:] * moved[:-1]).sum(axis=1) < 0.0
+        for n in np.unique(starts[turns_back & (starts == track[2:])]).tolist():
+            steps = np.flatnonzero(is_kept[n])
+            is_kept[n] = False
+            is_kept[n, steps[without_cusps(log[steps, n, :2].astype(np.float64))]] = True
         track, step = np.nonzero(is_kept)
         states = log[step, track]
         offsets = np.concatenate([[0], np.cumsum(is_kept.sum(axis=1))]).astype(np.int32)
@@ -64,17 +70,6 @@ class Paths:
         total = np.cumsum(hops)
         arc = total - np.repeat(total[np.minimum(offsets[:-1], max(len(total) - 1, 0))], np.diff(offsets))
         return cls(np.column_stack([states[:, :4], arc[: len(states)].astype(np.float32)]), offsets)
-
-
-def _drop_cusps(log: Float32, is_kept: Bool) -> None:
-    """Keep fewer points (N, T) of a log (T, N, 8), where the path of an object has cusps."""
-    track, step = np.nonzero(is_kept)
-    hops, starts = np.diff(log[step, track, :2].astype(np.float64), axis=0), track[:-2]
-    turns_back = (hops[1:] * hops[:-1]).sum(axis=1) < 0.0
-    for n in np.unique(starts[turns_back & (starts == track[2:])]).tolist():
-        steps = np.flatnonzero(is_kept[n])
-        is_kept[n] = False
-        is_kept[n, steps[without_cusps(log[steps, n, :2].astype(np.float64))]] = True
 
 
 def without_cusps(points: Float64) -> IntP:

@@ -123,17 +123,14 @@ class WorldPool:
             unused = np.flatnonzero(usage[:, USERS] == 0)
             longest = np.argsort(usage[unused, USED], kind="stable")
             for number in unused[longest[: num_unused - self._keep]].tolist():
-                self._remove(number)
-
-    def _remove(self, number: int) -> None:
-        removed = self.worlds.pop(number)
-        for world in (removed.key[0], removed.world):
-            world.restore_log()
-        del self._numbers[removed.name]
-        for kind, block in removed.blocks.items():
-            self.kinds[kind].remove(*block)
-        self.stored.usage[number, USERS], self.stored.usage[number, SERIAL] = FREE, 0
-        self._free.append(number)
+                removed = self.worlds.pop(number)
+                for world in (removed.key[0], removed.world):
+                    world.restore_log()
+                del self._numbers[removed.name]
+                for kind, block in removed.blocks.items():
+                    self.kinds[kind].remove(*block)
+                usage[number, USERS], usage[number, SERIAL] = FREE, 0
+                self._free.append(number)
 
     def _store(self, original: World, policies: Hashable) -> int:
         world, driver, are_agents = self._prepare(original, policies)
@@ -162,7 +159,12 @@ class WorldPool:
         }  # fmt: skip
         self.arrays = {name: array for kind in self.kinds.values() for name, array in kind.arrays.items()}
         self.max_objects, self.max_agents = max(self.max_objects, count), max(self.max_agents, int(are_agents.sum()))
-        number = self._free.pop() if self._free else self._new_number()
+        number, room = self._free.pop() if self._free else len(self.worlds), len(self.stored.usage)
+        if number == room:
+            more = max(room, _FEWEST)
+            self.stored = StoredWorlds(
+                *(np.concatenate([old, np.full((more, *old.shape[1:]), FREE, old.dtype)]) for old in self.stored)
+            )
         self.worlds[number] = pooled = PooledWorld((original, policies), world, blocks)
         self._numbers[pooled.name] = number
         self.stored.frame[number], place = grid.frame, self.stored.place[number]
@@ -178,16 +180,6 @@ class WorldPool:
         read_log = partial(_log_in, self.kinds["log"], blocks["log"], world.log.shape)
         for same in [each for each in (original, world) if each.log is world.log]:  # policies may change the log
             same.store_log(read_log)
-        return number
-
-    def _new_number(self) -> int:
-        """Return a number that was never used, with room for it."""
-        number, room = len(self.worlds), len(self.stored.usage)
-        if number == room:
-            more = max(room, _FEWEST)
-            self.stored = StoredWorlds(
-                *(np.concatenate([old, np.full((more, *old.shape[1:]), FREE, old.dtype)]) for old in self.stored)
-            )
         return number
 
 

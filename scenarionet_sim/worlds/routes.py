@@ -53,21 +53,15 @@ def ways_beyond(roads: Roads, paths: Paths, owners: IntP, beyond: float) -> tupl
     found = roads.lanes_along(last, paths.path[ends, HEADING], _BESIDE)
     ahead = np.arange(0.0, beyond + 1e-6, _STEP)
     way, count = np.zeros((len(ends), len(ahead), 2)), np.zeros(len(ends), np.int32)
+    points, turns, bent = lanes.values.astype(np.float64), np.zeros(roads.num_lanes), np.flatnonzero(lanes.lengths > 2)
+    first, end = lanes.offsets[:-1][bent], lanes.offsets[1:][bent]
+    start, stop = points[first + 1] - points[first], points[end - 1] - points[end - 2]
+    turns[bent] = wrap_angle(np.arctan2(stop[:, 1], stop[:, 0]) - np.arctan2(start[:, 1], start[:, 0]))
     successors = roads.successors
-    graph = Lanes(lanes.values, lanes.offsets, successors.values, successors.offsets, _turns(roads))
+    graph = Lanes(lanes.values, lanes.offsets, successors.values, successors.offsets, turns)
     follow_lanes(found, graph, _STEP, way, count)
     way += (last - way[:, 0])[:, None] * np.maximum(1.0 - ahead / _BACK_TO_THE_MIDDLE, 0.0)[:, None]
     return way[:, 1:], np.maximum(count - 1, 0)  # without the first, the end of the path
-
-
-def _turns(roads: Roads) -> Float64:
-    """Return the change of direction (M,) from each lane's start to its end [rad]."""
-    points, turns = roads.lanes.values.astype(np.float64), np.zeros(roads.num_lanes)
-    bent = np.flatnonzero(roads.lanes.lengths > 2)
-    first, end = roads.lanes.offsets[:-1][bent], roads.lanes.offsets[1:][bent]
-    start, stop = points[first + 1] - points[first], points[end - 1] - points[end - 2]
-    turns[bent] = wrap_angle(np.arctan2(stop[:, 1], stop[:, 0]) - np.arctan2(start[:, 1], start[:, 0]))
-    return turns
 
 
 def _extend(paths: Paths, owners: IntP, way: Float64, count: Int32) -> Paths:

@@ -17,7 +17,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float32, Int32, Object, UInt8
 from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.building import resample
-from scenarionet_data.scenario.description import ScenarioDescription, Tracks
+from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.stop_points import light_places
 from scenarionet_sim.arrays.log import HEADING, VALID, VX, YAW_RATE, Z, write_log
 from scenarionet_sim.roads.heights import Heights
@@ -154,13 +154,17 @@ class World:
         write_log(tracks.position, tracks.heading, tracks.velocity, tracks.valid, scenario.timestamps, log, extents)
         roads, paths = Roads.from_map(scenario.map), Paths.from_log(log)
         lane, stop = light_places(scenario.lights, roads.lane_ids, roads.lanes)
+        size, heights = median_sizes(tracks.size, tracks.valid), None
+        if scenario.has_z:
+            bottoms = (log[..., Z] - size[:, 2] / 2)[log[..., VALID] != 0]
+            heights = Heights.from_map(scenario.map, float(np.median(bottoms)))
         return cls(
             scenario_id=scenario.id,
             dt=dt,
             ego=scenario.ego_index,
             track_ids=tracks.ids,
             object_type=tracks.object_type.copy(),
-            size=median_sizes(tracks.size, tracks.valid),
+            size=size,
             log=log,
             top_speed=np.hypot(log[..., VX], log[..., VX + 1]).max(axis=0),
             paths=paths,
@@ -170,11 +174,5 @@ class World:
             light_state=scenario.lights.state.copy(),
             roads=roads,
             extents=extents,
-            heights=Heights.from_map(scenario.map, _ground_level(log, tracks)) if scenario.has_z else None,
+            heights=heights,
         )
-
-
-def _ground_level(log: Float32, tracks: Tracks) -> float:
-    """Return the median height of the bottoms of the boxes [m]."""
-    heights = median_sizes(tracks.size, tracks.valid)[:, 2]
-    return float(np.median((log[..., Z] - heights / 2)[log[..., VALID] != 0]))

@@ -104,7 +104,10 @@ class WorldBatch:
         pool.play(slots, numbers, self._slots)
         self._worlds = None
         if pool.arrays is not self._arrays:
-            self._collect()
+            self._arrays = pool.arrays
+            arrays = self._arrays | {"place": self.place, "frame": self._slots.frame}
+            self.recorded = Recorded(**{name: arrays[name] for name in Recorded._fields})
+            self.lines = Lines(**{name: arrays[name] for name in Lines._fields})
 
     def begin_known(self, slots: IntP, coming: IntP, series: Series, begins: Int32) -> int:
         """Let episodes of scenarios begin in slots, if the pool has all of their worlds; see ``play_scenarios``."""
@@ -123,9 +126,3 @@ class WorldBatch:
         number, serial = series.known[scenario].tolist()
         is_stored = serial and self.pool.stored.usage[number, SERIAL] == serial
         return self.pool.worlds[number].key[0] if is_stored else None
-
-    def _collect(self) -> None:
-        self._arrays = self.pool.arrays
-        arrays = self._arrays | {"place": self.place, "frame": self._slots.frame}
-        self.recorded = Recorded(**{name: arrays[name] for name in Recorded._fields})
-        self.lines = Lines(**{name: arrays[name] for name in Lines._fields})

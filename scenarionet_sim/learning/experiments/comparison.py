@@ -217,20 +217,16 @@ def judge(found: ComparisonResult, claim: Claim, claims: int = 1) -> tuple[Verdi
     better, worse = (_by_seed(rows, arm, claim.metric) for arm in (claim.better, claim.worse))
     tested = found.curves.filter(pl.col("test") == claim.test)
     moving = [arm for arm in (claim.better, claim.worse) if not has_flattened(curve(tested, arm, claim.metric))]
-    moving += [f"{arm}'s discriminator" for arm in (claim.better, claim.worse) if _is_judging_anew(found, arm)]
+    loss = pl.col("learned").str.json_path_match("$.discriminator_loss").cast(pl.Float64).alias("loss")
+    judged = found.curves.filter(pl.col("test").is_null()).with_columns(loss).drop_nulls("loss")
+    for arm in (claim.better, claim.worse):  # while the loss of its discriminator changes, so do its rewards
+        if (judged["arm"] == arm).any() and not has_flattened(curve(judged, arm, "loss")):
+            moving.append(f"{arm}'s discriminator")
     said, interval = verdict(better - worse, are_flat=not moving, claims=claims)
     if claim.metric == "success" and min(better.mean(), worse.mean()) >= CEILING:
         return "inconclusive", interval, f"both succeed in {CEILING:.0%} or more: the test cannot tell"
     why = f"the curve of {' and of '.join(moving)} has not flattened" if moving else "all curves have flattened"
     return said, interval, why
-
-
-def _is_judging_anew(found: ComparisonResult, arm: str) -> bool:
-    """Return whether an arm has a discriminator whose loss has not flattened: its rewards still change."""
-    loss = pl.col("learned").str.json_path_match("$.discriminator_loss").cast(pl.Float64).alias("loss")
-    trained = found.curves.filter((pl.col("arm") == arm) & pl.col("test").is_null()).with_columns(loss)
-    trained = trained.drop_nulls("loss")
-    return bool(len(trained)) and not has_flattened(curve(trained, arm, "loss"))
 
 
 def curve(tested: pl.DataFrame, arm: str, metric: str) -> np.ndarray:

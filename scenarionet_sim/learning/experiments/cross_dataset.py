@@ -12,7 +12,7 @@ from pathlib import Path
 
 from scenarionet_data import Lake
 from scenarionet_data.conversion import convert
-from scenarionet_sim.learning.config import LearnerConfig, make_learner_config
+from scenarionet_sim.learning.config import make_learner_config
 from scenarionet_sim.learning.experiments.comparison import Claim, Comparison, PublishedFigure, TrainingArm
 
 STAND_IN = {
@@ -100,30 +100,24 @@ def cross_dataset(size: str = "small", recorded: str | None = None, recorded_tra
     for name, prefix in (("generated", "generated"), (title, real), ("both", "both")):
         for levels in (0, SMALL_LEVELS if is_small else PAPER_LEVELS):
             label = f"{name}, curriculum" if levels else name
-            arms.append(TrainingArm(label, "ppo", _settings(size, levels, prefix), f"{prefix}_train", f"{prefix}_val"))
+            settings = (SMALL if is_small else PAPER) | {"levels": levels}
+            config = make_learner_config("ppo", "small" if is_small else "paper", settings)
+            if prefix == "both" and not is_small:
+                config = replace(config, steps=PAPER_STEPS_OF_BOTH)
+            arms.append(TrainingArm(label, "ppo", config, f"{prefix}_train", f"{prefix}_val"))
     tests = {f"{real}_test": f"{title} test", "generated_test": "generated test"}
     tests |= {recorded: "recorded test"} if recorded else {}
+    place = "Figure 5, success on nuPlan, about"
+    published = (
+        PublishedFigure(f"{title}, curriculum", f"{real}_test", "success", 0.75, place),
+        PublishedFigure("both, curriculum", f"{real}_test", "success", 0.80, place),
+    )
     return Comparison(
         "cross-dataset", size, tuple(arms), tuple(range(5)), tests, _claims(title, f"{real}_test"),
         sources={"generated": "generated_train", title: f"{real}_train"} | ({"recorded": recorded} if recorded else {}),
         paper=THE_PAPER,
-        published=_published(title, f"{real}_test"), published_sources=PUBLISHED_SOURCES,
+        published=published, published_sources=PUBLISHED_SOURCES,
     )  # fmt: skip
-
-
-def _settings(size: str, levels: int, prefix: str) -> LearnerConfig:
-    if size == "small":
-        return make_learner_config("ppo", "small", SMALL | {"levels": levels})
-    config = make_learner_config("ppo", "paper", PAPER | {"levels": levels})
-    return replace(config, steps=PAPER_STEPS_OF_BOTH) if prefix == "both" else config
-
-
-def _published(real: str, test: str) -> tuple[PublishedFigure, ...]:
-    place = "Figure 5, success on nuPlan, about"
-    return (
-        PublishedFigure(f"{real}, curriculum", test, "success", 0.75, place),
-        PublishedFigure("both, curriculum", test, "success", 0.80, place),
-    )
 
 
 def _claims(real: str, test: str) -> tuple[Claim, ...]:

@@ -53,25 +53,20 @@ def multi_agent(size: str = "small", prefix: str = "standin") -> Comparison:
         experts = EXPERTS if config.needs_experts else None
         arms.append(TrainingArm(algorithm, algorithm, config, f"{prefix}_train", f"{prefix}_val", experts))
     test = f"{prefix}_test"
-    return Comparison(
-        "multi-agent", size, tuple(arms), (0, 1, 2), {test: "test"}, _claims(test),
-        ("success", "out_of_road", "timeout", "route_completion", "cost", "distance_to_log"),
-        {"train": f"{prefix}_train", "test": test}, THE_PAPER, _published(test),
-        {"Waymo": PUBLISHED_SOURCES["Waymo"]},
-    )  # fmt: skip
-
-
-def _published(test: str) -> tuple[PublishedFigure, ...]:
-    results = {"success": 0.579, "route_completion": 0.740}
-    return tuple(PublishedFigure("ippo", test, name, value, "Table 3, PPO on Waymo") for name, value in results.items())
-
-
-def _claims(test: str) -> tuple[Claim, ...]:
-    names = {name: name.upper() for name in ALGORITHMS} | {"copo": "CoPO"}
     above = [("copo", "ippo"), ("ippo", "gail"), ("ippo", "airl"), ("copo", "gail"), ("copo", "airl")]
-    why = {"ippo": "Displacement rewards beat adversarial ones", "copo": "Coordination helps"}
-    return tuple(
-        Claim(f"{why['copo' if worse == 'ippo' else 'ippo']}: {names[better]} succeeds more often than {names[worse]}",
-              better, worse, test)
-        for better, worse in above if {better, worse} <= {*ALGORITHMS}
+    names = {name: name.upper() for name in ALGORITHMS} | {"copo": "CoPO"}
+    claims = []
+    for better, worse in above:
+        if {better, worse} <= {*ALGORITHMS}:
+            why = "Coordination helps" if worse == "ippo" else "Displacement rewards beat adversarial ones"
+            claims.append(Claim(f"{why}: {names[better]} succeeds more often than {names[worse]}", better, worse, test))
+    results = {"success": 0.579, "route_completion": 0.740}
+    published = tuple(
+        PublishedFigure("ippo", test, name, value, "Table 3, PPO on Waymo") for name, value in results.items()
+    )
+    return Comparison(
+        "multi-agent", size, tuple(arms), (0, 1, 2), {test: "test"}, tuple(claims),
+        ("success", "out_of_road", "timeout", "route_completion", "cost", "distance_to_log"),
+        {"train": f"{prefix}_train", "test": test}, THE_PAPER, published,
+        {"Waymo": PUBLISHED_SOURCES["Waymo"]},
     )  # fmt: skip

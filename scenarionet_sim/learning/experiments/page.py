@@ -44,17 +44,30 @@ def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: s
     folder.mkdir(parents=True, exist_ok=True)
     found.curves.write_parquet(folder / "curves.parquet")
     found.chosen.write_parquet(folder / "chosen.parquet")
+    sources = source_statistics(lake, comparison.sources)
+    for source, known in comparison.published_sources.items():
+        sources.append({name: known.get(name, "") for name in sources[0]} | {"source": f"the paper: {source}"})
+    published = [
+        {"driver": each.arm, "figure": each.metric, "in": each.place, "the paper": f"{each.value:.3f}",
+         f"here, on the {comparison.tests[each.test]}": str(table(found, comparison, each.test)[each.arm][each.metric])}
+        for each in comparison.published
+    ]  # fmt: skip
     sections = [
         f"# {comparison.name} ({comparison.size})",
         *_settings(comparison, commit),
-        *_sources(lake, comparison),
+        *(["## Scenarios", _markdown(sources)] if sources else []),
         *_verdicts(found, comparison),
-        *_published(found, comparison),
+        *(["## Beside the paper's results", _markdown(published)] if published else []),
     ]
     for test, title in comparison.tests.items():
         picture = f"{test}.svg"
         _draw(found, comparison, test, title, folder / picture)
-        sections += [f"## {title}", f"![Learning curves on the {title}]({picture})", _table(found, comparison, test)]
+        of_arm = "trained on" if comparison.name == "cross-dataset" else "algorithm"
+        rows = _markdown(
+            {of_arm: arm} | {name: str(interval) for name, interval in metrics.items()}
+            for arm, metrics in table(found, comparison, test).items()
+        )
+        sections += [f"## {title}", f"![Learning curves on the {title}]({picture})", rows]
     page = folder / "page.md"
     page.write_text("\n\n".join(sections) + "\n", "utf-8")
     return page
@@ -78,14 +91,6 @@ def _settings(comparison: Comparison, commit: str) -> list[str]:
     return [rule, settings, *([f"The paper: {comparison.paper}"] if comparison.paper else [])]
 
 
-def _sources(lake: Lake, comparison: Comparison) -> list[str]:
-    """Return what the scenarios are like, beside those of the paper."""
-    rows = source_statistics(lake, comparison.sources)
-    for source, known in comparison.published_sources.items():
-        rows.append({name: known.get(name, "") for name in rows[0]} | {"source": f"the paper: {source}"})
-    return ["## Scenarios", _markdown(rows)] if rows else []
-
-
 def _verdicts(found: ComparisonResult, comparison: Comparison) -> list[str]:
     """Return the claims with their verdicts."""
     rows = []
@@ -100,23 +105,6 @@ def _verdicts(found: ComparisonResult, comparison: Comparison) -> list[str]:
         f"mean over the last quarter of the checkpoints differs from the quarter before by more than {FLAT}."
     )
     return ["## Claims of the paper", how, _markdown(rows)]
-
-
-def _published(found: ComparisonResult, comparison: Comparison) -> list[str]:
-    """Return results of the paper beside ours."""
-    rows = [
-        {"driver": each.arm, "figure": each.metric, "in": each.place, "the paper": f"{each.value:.3f}",
-         f"here, on the {comparison.tests[each.test]}": str(table(found, comparison, each.test)[each.arm][each.metric])}
-        for each in comparison.published
-    ]  # fmt: skip
-    return ["## Beside the paper's results", _markdown(rows)] if rows else []
-
-
-def _table(found: ComparisonResult, comparison: Comparison, test: str) -> str:
-    cells = table(found, comparison, test)
-    return _markdown({"trained on" if comparison.name == "cross-dataset" else "algorithm": arm}
-                     | {name: str(interval) for name, interval in metrics.items()}
-                     for arm, metrics in cells.items())  # fmt: skip
 
 
 def _markdown(rows: Iterable[dict[str, Any]]) -> str:

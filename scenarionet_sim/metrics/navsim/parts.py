@@ -105,7 +105,12 @@ def time_to_collision(plan: EgoDrive, others: SurroundingBoxes, areas: PlanAreas
     count, forgotten = len(plan.time), set()
     sees_beside = areas.is_between_lanes | areas.is_off_road | areas.rear_is_crossing
     moved = {ahead: plan.corners + 0.1 * ahead * velocity[:, None] for ahead in LOOK_AHEAD}
-    touching = {ahead: _touching_later(moved[ahead], others, ahead) for ahead in LOOK_AHEAD}
+    touching = {}
+    for ahead in LOOK_AHEAD:
+        later = np.minimum(np.arange(count) + ahead, count - 1)
+        present = others.present[later] & (np.arange(count) + ahead < count)[:, None]
+        states = others.position[later], others.heading[later], others.speed[later]
+        touching[ahead] = _touching(moved[ahead], SurroundingBoxes(*states, others.size, others.object_type, present))
     for step in range(count - LOOK_AHEAD[-1]):
         if plan.speed[step] < _STANDING:
             continue
@@ -167,18 +172,3 @@ def _touching(corners: Float64, others: SurroundingBoxes) -> Bool:
     for step, track in np.argwhere(near).tolist():
         touching[step, track] = shapely.Polygon(corners[step]).intersects(_outline(others, step, track))
     return touching
-
-
-def _touching_later(corners: Float64, others: SurroundingBoxes, ahead: int) -> Bool:
-    """Objects (T, N) that the boxes touch ``ahead`` moments later; False beyond the end."""
-    count = len(corners)
-    later = np.minimum(np.arange(count) + ahead, count - 1)
-    at = SurroundingBoxes(
-        others.position[later],
-        others.heading[later],
-        others.speed[later],
-        others.size,
-        others.object_type,
-        others.present[later] & (np.arange(count) + ahead < count)[:, None],
-    )
-    return _touching(corners, at)

@@ -108,7 +108,10 @@ def find_collisions(ego: EgoDrive, others: SurroundingBoxes, is_in_lane: Bool) -
             kind is CollisionKind.ACTIVE_LATERAL and not is_in_lane[step]
         )
         group = _GROUPS.get(ObjectType(others.object_type[track]), CollisionGroup.OBJECT)
-        found.append(EgoCollision(step, track, kind, group, is_at_fault, _energy(ego, others, step, track)))
+        own, other = ego.speed[step], others.speed[step, track]
+        turn = ego.heading[step] - others.heading[step, track]
+        energy = 0.5 * math.sqrt(max(own**2 + other**2 - 2.0 * own * other * math.cos(turn), 0.0))
+        found.append(EgoCollision(step, track, kind, group, is_at_fault, energy))
     return found
 
 
@@ -159,9 +162,3 @@ def _kind(ego: EgoDrive, others: SurroundingBoxes, step: int, track: int, touche
     if along < BEHIND:
         return CollisionKind.ACTIVE_REAR
     return CollisionKind.ACTIVE_FRONT if touches_front else CollisionKind.ACTIVE_LATERAL
-
-
-def _energy(ego: EgoDrive, others: SurroundingBoxes, step: int, track: int) -> float:
-    own, other = ego.speed[step], others.speed[step, track]
-    turn = ego.heading[step] - others.heading[step, track]
-    return 0.5 * math.sqrt(max(own**2 + other**2 - 2.0 * own * other * math.cos(turn), 0.0))

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.comfort import measure_comfort
 from scenarionet_sim.metrics.drive import DrivenEpisode, EgoDrive, SurroundingBoxes
 from scenarionet_sim.metrics.lanes import DrivenLanes
-from scenarionet_sim.metrics.nuplan.collisions import CollisionKind, EgoCollision, collision_score, find_collisions
+from scenarionet_sim.metrics.nuplan.collisions import CollisionKind, collision_score, find_collisions
 from scenarionet_sim.metrics.nuplan.scoring import (
     MIN_PROGRESS_RATIO,
     closed_loop_score,
@@ -40,11 +40,19 @@ def measure(episode: DrivenEpisode) -> dict[str, Any]:
     lanes = DrivenLanes.of(drive, roads) if roads.num_lanes else None
     is_in_lane = np.ones(len(drive.time), np.bool_) if lanes is None else lanes.is_in_lane
     collisions = find_collisions(drive, others, is_in_lane)
+    knows_lanes, kinds = lanes is not None, Counter(each.kind for each in collisions)
+    crossing = roads.is_in(drive.rear_axle, roads.polygon_type == MapFeatureType.INTERSECTION)
+    soonest = float(time_to_collision(drive, others, collisions, is_in_lane, crossing).min())
+    comfort = measure_comfort(drive.acceleration, drive.heading, drive.dt)
     row = {
         "progress_ratio": progress_ratio(float(rollout.progress[-1]), _recorded_progress(rollout, recorded, world)),
-        **_collisions(collisions, knows_lanes=lanes is not None),
-        **_time_to_collision(drive, others, collisions, is_in_lane, roads),
-        **_comfort(drive),
+        **{f"{kind}_collisions": kinds[kind] for kind in CollisionKind},
+        "at_fault_collisions": sum(each.is_at_fault for each in collisions) if knows_lanes else None,
+        "no_ego_at_fault_collisions": collision_score(collisions) if knows_lanes else None,
+        "min_time_to_collision": 0.0 if collisions else soonest,
+        "is_time_to_collision_in_bound": soonest > BOUND,
+        **asdict(comfort),
+        "is_comfortable": None if math.isnan(comfort.max_jerk) else comfort.is_comfortable,
         "off_road_time": _off_road_time(drive, recorded, roads),
         **_along_lanes(drive, lanes),
     }
@@ -73,34 +81,6 @@ def _recorded_progress(rollout: Rollout, recorded: EgoDrive, world: World) -> fl
         return float(arc[np.flatnonzero(apart <= apart.min() + SPACING)[-1]])
 
     return arc_at(recorded.position[-1]) - arc_at(recorded.position[0])
-
-
-def _collisions(collisions: list[EgoCollision], *, knows_lanes: bool) -> dict[str, Any]:
-    """Number of collisions by kind; fault and score depend on the lanes."""
-    kinds = Counter(each.kind for each in collisions)
-    at_fault = sum(each.is_at_fault for each in collisions)
-    return {
-        **{f"{kind}_collisions": kinds[kind] for kind in CollisionKind},
-        "at_fault_collisions": at_fault if knows_lanes else None,
-        "no_ego_at_fault_collisions": collision_score(collisions) if knows_lanes else None,
-    }
-
-
-def _time_to_collision(
-    drive: EgoDrive, others: SurroundingBoxes, collisions: list[EgoCollision], is_in_lane: Bool, roads: Roads
-) -> dict[str, Any]:
-    crossing = roads.is_in(drive.rear_axle, roads.polygon_type == MapFeatureType.INTERSECTION)
-    soonest = float(time_to_collision(drive, others, collisions, is_in_lane, crossing).min())
-    return {
-        "min_time_to_collision": 0.0 if collisions else soonest,
-        "is_time_to_collision_in_bound": soonest > BOUND,
-    }
-
-
-def _comfort(drive: EgoDrive) -> dict[str, Any]:
-    comfort = measure_comfort(drive.acceleration, drive.heading, drive.dt)
-    is_known = not math.isnan(comfort.max_jerk)
-    return asdict(comfort) | {"is_comfortable": comfort.is_comfortable if is_known else None}
 
 
 def _along_lanes(drive: EgoDrive, lanes: DrivenLanes | None) -> dict[str, Any]:

@@ -26,19 +26,8 @@ def nearest_rows(places: Float64, points: Float64) -> Int32:
 
 def _boxes(lower: Float64, upper: Float64) -> Float64:
     """Return lower and upper corner (B, 2, 2) of the box around each 16 of some boxes, given by corners (P, 2)."""
-    boxes = np.empty((-(-len(lower) // _IN_BOX), 2, 2))
-    _write_boxes(lower, upper, boxes)
-    return boxes
-
-
-@kernel(allocates=False)
-def _write_boxes(lower: Float64, upper: Float64, boxes: Float64) -> None:
-    for b in range(len(boxes)):
-        for axis in range(2):
-            low, high = np.inf, -np.inf
-            for p in range(_IN_BOX * b, min(_IN_BOX * (b + 1), len(lower))):
-                low, high = min(low, lower[p, axis]), max(high, upper[p, axis])
-            boxes[b, 0, axis], boxes[b, 1, axis] = low, high
+    starts = np.arange(0, len(lower), _IN_BOX)
+    return np.stack([np.minimum.reduceat(lower, starts), np.maximum.reduceat(upper, starts)], axis=1)
 
 
 @kernel(allocates=False)

@@ -185,35 +185,22 @@ def _wrapped(half: Float64) -> Float64:
 def _runs_red_light(xy: Float64, valid: Bool, surroundings: Surroundings, official: bool) -> Bool:
     """Steps (R, E, T) at which an object crosses the stop point of the lane it is in while its light is red."""
     runs = np.zeros(valid.shape, np.bool_)
+    points, offsets = surroundings.lane_points, surroundings.lane_offsets
+    nearest, segment = np.empty((2, 1), np.int64)
     for lane, stop, is_red in zip(
         surroundings.light_lane, surroundings.light_stop, surroundings.is_red[:, : valid.shape[2]], strict=True
     ):
-        ahead = (xy - stop) @ _stop_segment(surroundings, lane, stop, official)
+        kernels.nearest_lane(stop[None], points, offsets, lane, lane + 1, official, nearest, segment)
+        start = offsets[lane] + segment[0]
+        end = points[start + 1] if start + 1 < offsets[lane + 1] else np.zeros(2)
+        ahead = (xy - stop) @ (end - points[start])
         crosses = (ahead[:, :, :-1] < 0.0) & (ahead[:, :, 1:] > 0.0) & valid[:, :, 1:] & is_red[1:]
         rollout, row, step = np.nonzero(crosses)
-        is_in_lane = _nearest_lane(xy[rollout, row, step + 1], surroundings, official) == lane
-        runs[rollout, row, step + 1] |= is_in_lane
+        of_crossing, unused = np.empty((2, len(rollout)), np.int64)
+        where = np.ascontiguousarray(xy[rollout, row, step + 1])
+        kernels.nearest_lane(where, points, offsets, 0, len(offsets) - 1, official, of_crossing, unused)
+        runs[rollout, row, step + 1] |= of_crossing == lane
     return runs
-
-
-def _nearest_lane(xy: Float64, surroundings: Surroundings, official: bool) -> Int64:
-    """Lane (Q,) nearest to each point (Q, 2)."""
-    lane, segment = np.empty((2, len(xy)), np.int64)
-    count = len(surroundings.lane_offsets) - 1
-    points, offsets = surroundings.lane_points, surroundings.lane_offsets
-    kernels.nearest_lane(np.ascontiguousarray(xy), points, offsets, 0, count, official, lane, segment)
-    return lane
-
-
-def _stop_segment(surroundings: Surroundings, lane: int, stop: Float64, official: bool) -> Float64:
-    """Direction (2,) of the segment of a lane that is nearest to its stop point."""
-    points, offsets = surroundings.lane_points, surroundings.lane_offsets
-    row, segment = np.empty((2, 1), np.int64)
-    kernels.nearest_lane(stop[None], points, offsets, lane, lane + 1, official, row, segment)
-    start = offsets[lane] + segment[0]
-    end = points[start + 1] if start + 1 < offsets[lane + 1] else np.zeros(2)
-    along: Float64 = end - points[start]
-    return along
 
 
 def _joined(lines: list[Array], width: int) -> tuple[Float64, Int64]:

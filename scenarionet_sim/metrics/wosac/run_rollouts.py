@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 import polars as pl
 
-from scenarionet_data.arrays.dtypes import Float64, Int64
 from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.lake.lake import Lake
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -65,12 +64,16 @@ def _rollouts(scenario: ScenarioDescription, rows: pl.DataFrame) -> ScenarioRoll
     observed, ids = observed[np.argsort(ids)], np.sort(ids)
     row_of = {name: row for row, name in enumerate(tracks.ids[observed].tolist())}
     numbers = sorted(rows["rollout"].unique().to_list())
-    states = _held(scenario, observed, len(numbers), expected + 1)
+    # (R, N, T, 3) x, y, heading: an object that was not driven stays where the history ends.
+    last = np.column_stack((tracks.position[observed, now, :2], tracks.heading[observed, now])).astype(np.float64)
+    states = np.tile(last[None, :, None], (len(numbers), 1, expected + 1, 1))
     for number, name, x, y, heading, valid in rows.select(
         "rollout", "track_id", "x", "y", "heading", "valid"
     ).iter_rows():
         if name in row_of:
-            _write(states[numbers.index(number), row_of[name]], np.array([x, y, heading]).T, valid)
+            present = np.ones(len(x), np.bool_) if valid is None else np.array(valid)
+            seen = np.maximum.accumulate(np.where(present, np.arange(len(x)), -1))  # held while it is absent
+            states[numbers.index(number), row_of[name], seen >= 0] = np.array([x, y, heading]).T[seen[seen >= 0]]
     height = tracks.position[observed, now, 2] + scenario.origin[2]
     shape = (*states.shape[:2], expected)
     position = np.stack(
@@ -83,20 +86,3 @@ def _rollouts(scenario: ScenarioDescription, rows: pl.DataFrame) -> ScenarioRoll
     )
     heading = states[:, :, 1:, 2].astype(np.float32)
     return ScenarioRollouts(scenario.source.scenario_id, ids, position.astype(np.float32), heading)
-
-
-def _held(scenario: ScenarioDescription, observed: Int64, count: int, moments: int) -> Float64:
-    """States (R, N, T, 3) x, y, heading: every object stays where the history ends."""
-    tracks, now = scenario.tracks, scenario.current_timestep
-    last = np.column_stack((tracks.position[observed, now, :2], tracks.heading[observed, now])).astype(np.float64)
-    return np.tile(last[None, :, None], (count, 1, moments, 1))
-
-
-def _write(states: Float64, driven: Float64, valid: list[bool] | None) -> None:
-    """Write the driven states (T, 3) of an object, held while it is absent."""
-    if valid is None:
-        states[:] = driven
-        return
-    present = np.array(valid)
-    seen = np.maximum.accumulate(np.where(present, np.arange(len(present)), -1))
-    states[seen >= 0] = driven[seen[seen >= 0]]

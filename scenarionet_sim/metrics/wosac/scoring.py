@@ -117,7 +117,9 @@ def score(
         reason = f"expected {scenario.num_timesteps - start} steps, found {rollouts.position.shape[2]}"
         raise InvalidScenario(scenario.id, "rollouts", reason)
     recorded, simulated = _motions(scenario, rollouts, rows, start)
-    evaluated = np.arange(len(rows)) if generated else _evaluated(scenario, rows)
+    chosen = [scenario.ego_id, *(name for name, _ in scenario.tracks_to_predict)]
+    ids = scenario.tracks.ids[rows].tolist()
+    evaluated = np.arange(len(rows)) if generated else np.flatnonzero(np.isin(ids, chosen))
     around = Surroundings.of(scenario)
     valid = scenario.tracks.valid[rows[evaluated]]
     log = compute_features(recorded, evaluated, around, scenario.dt, official=official).since(start)
@@ -126,7 +128,13 @@ def score(
     likelihoods, rates = _likelihoods(configuration, log, sim, valid[:, start:], is_vehicle)
     away = np.linalg.norm(simulated.position - recorded.position, axis=-1)[:, evaluated]
     ade = np.zeros(away.shape[:2]) if generated else np.where(valid, away, 0.0).sum(axis=2) / valid.sum(axis=1)
-    return _summary(configuration, likelihoods, float(ade.mean()), float(ade.mean(axis=1).min()), rates)
+    weights = {name: feature.weight for name, feature in configuration.items()}
+
+    def total(names: Iterable[str]) -> float:
+        return sum(weights[name] * likelihoods[name] for name in names)
+
+    groups = {group: total(names) / sum(weights[name] for name in names) for group, names in _GROUPS.items()}
+    return Score(total(configuration), likelihoods, groups, float(ade.mean()), float(ade.mean(axis=1).min()), rates)
 
 
 def log_rollouts(scenario: ScenarioDescription, count: int = 32, *, generated: bool = False) -> ScenarioRollouts:
@@ -195,12 +203,6 @@ def _simulated_rows(scenario: ScenarioDescription, rollouts: ScenarioRollouts) -
     return np.array([row_of[name] for name in rollouts.object_ids.tolist()], np.int64)
 
 
-def _evaluated(scenario: ScenarioDescription, rows: Int64) -> Int64:
-    """(E,) positions in ``rows`` of the ego and the tracks to predict."""
-    ids = scenario.tracks.ids[rows].tolist()
-    return np.flatnonzero(np.isin(ids, [scenario.ego_id, *(name for name, _ in scenario.tracks_to_predict)]))
-
-
 def _motions(
     scenario: ScenarioDescription, rollouts: ScenarioRollouts, rows: Int64, start: int
 ) -> tuple[RolloutMotion, RolloutMotion]:
@@ -266,23 +268,6 @@ def _likelihoods(
         # As the owner's code: no mean where nothing is observed.
         found[name] = float(np.exp(logs[mask].mean())) if mask.any() else float("nan")
     return found, rates
-
-
-def _summary(
-    configuration: Configuration,
-    likelihoods: Mapping[str, float],
-    ade: float,
-    min_ade: float,
-    rates: Mapping[str, float],
-) -> Score:
-    """The score with its weighted sums."""
-    weights = {name: feature.weight for name, feature in configuration.items()}
-
-    def total(names: Iterable[str]) -> float:
-        return sum(weights[name] * likelihoods[name] for name in names)
-
-    groups = {group: total(names) / sum(weights[name] for name in names) for group, names in _GROUPS.items()}
-    return Score(total(configuration), likelihoods, groups, ade, min_ade, rates)
 
 
 def _repeated(

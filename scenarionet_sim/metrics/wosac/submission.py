@@ -74,7 +74,11 @@ def write_submission(path: str | Path, scenarios: Iterable[ScenarioRollouts]) ->
     """Write rollouts as a submission for the challenge on simulated agents."""
     with Path(path).open("wb") as file:
         for scenario in scenarios:
-            file.write(_field(_SCENARIOS, _rollouts_message(scenario)))
+            parts = [_field(_SCENARIO_ID, scenario.scenario_id.encode())]
+            for rollout in range(len(scenario.position)):
+                objects = (_trajectory_of(scenario, rollout, row) for row in range(len(scenario.object_ids)))
+                parts.append(_field(_SCENES, b"".join(_field(_TRAJECTORIES, each) for each in objects)))
+            file.write(_field(_SCENARIOS, b"".join(parts)))
         file.write(_varint(_SUBMISSION_TYPE << 3) + _varint(_SIM_AGENTS))
 
 
@@ -155,15 +159,8 @@ def _series(fields: Fields, number: int, count: int, scenario_id: str) -> Float3
 # --- writing ----------------------------------------------------------------------------------------------
 
 
-def _rollouts_message(scenario: ScenarioRollouts) -> bytes:
-    parts = [_field(_SCENARIO_ID, scenario.scenario_id.encode())]
-    for rollout in range(len(scenario.position)):
-        objects = (_trajectory_message(scenario, rollout, row) for row in range(len(scenario.object_ids)))
-        parts.append(_field(_SCENES, b"".join(_field(_TRAJECTORIES, each) for each in objects)))
-    return b"".join(parts)
-
-
-def _trajectory_message(scenario: ScenarioRollouts, rollout: int, row: int) -> bytes:
+def _trajectory_of(scenario: ScenarioRollouts, rollout: int, row: int) -> bytes:
+    """Message of one object in one rollout."""
     states = [*scenario.position[rollout, row].T, scenario.heading[rollout, row]]
     fields = [_floats(number, values) for number, values in zip(_STATES, states, strict=True)]
     fields.append(_varint(_OBJECT_ID << 3) + _varint(int(scenario.object_ids[row])))
