@@ -158,11 +158,18 @@ def draw(area: Area, items: list[WorkItem], seed: int) -> list[WorkItem]:
     drawn = []
     for place in order:
         item = generator.choice(places[place])
-        if name_of(item.mutations[0]) not in proofs and is_python(item.mutations[0]):
+        mutation = item.mutations[0]
+        if name_of(mutation) not in proofs and not is_strictness(mutation) and is_python(mutation):
             drawn.append(item)
         if len(drawn) == area.number:
             break
     return drawn
+
+
+def is_strictness(mutation: MutationSpec) -> bool:
+    """Whether the mutant is that of ``strict=True``, which only raises where a caller is wrong already."""
+    row, column = mutation.start_pos
+    return mutation.module_path.read_text("utf-8").splitlines()[row - 1][:column].endswith("strict=")
 
 
 def is_python(mutation: MutationSpec) -> bool:
@@ -187,16 +194,17 @@ def prepare_checkout() -> None:
 
 
 def session_for(seed: int, scale: float, areas: list[Area]) -> tuple[WorkDB, dict[Path, Area]]:
-    """Open the session, drawing the mutants if it is new; also return the area of each module."""
-    path, drawn = FOLDER / "session.sqlite", list[WorkItem]()
-    is_new = not path.exists()
-    if is_new:
-        with use_db(FOLDER / "all.sqlite") as scratch:
-            for area in areas:
-                drawn += draw(area, candidates(area, scratch), seed)[: round(scale * area.number)]
-    database = WorkDB(path, WorkDB.Mode.create)
-    if is_new:
-        database.add_work_items(drawn)
+    """Open the session, and add the mutants that it lacks: all of a new one, or those instead of equivalent ones.
+
+    Also return the area of each module.
+    """
+    drawn: list[WorkItem] = []
+    with use_db(FOLDER / "all.sqlite") as scratch:
+        for area in areas:
+            drawn += draw(area, candidates(area, scratch), seed)[: round(scale * area.number)]
+    database = WorkDB(FOLDER / "session.sqlite", WorkDB.Mode.create)
+    known = {place_of(item) for item in database.work_items}
+    database.add_work_items([item for item in drawn if place_of(item) not in known])
     return database, {module: area for area in areas for module in area.modules}
 
 
@@ -229,14 +237,17 @@ def report(database: WorkDB, areas: dict[Path, Area]) -> float:
     """Print the share of caught mutants by area, and each survivor; return the share of all."""
     items = {item.job_id: item.mutations[0] for item in database.work_items}
     caught: dict[str, list[bool]] = {}
+    proofs = equivalent_mutants()
     for job, result in database.results:
+        if name_of(items[job]) in proofs or is_strictness(items[job]):
+            continue
         caught.setdefault(areas[items[job].module_path].name, []).append(result.test_outcome != TestOutcome.SURVIVED)
         if result.test_outcome == TestOutcome.SURVIVED:
             print(f"\nsurvived: {name_of(items[job])}\n{result.diff}")
     for name, outcomes in caught.items():
         print(f"{sum(outcomes):4} of {len(outcomes):3} caught: {name}")
     every = [outcome for outcomes in caught.values() for outcome in outcomes]
-    print(f"{sum(every):4} of {len(every):3} caught in all, {len(equivalent_mutants())} equivalent ones replaced")
+    print(f"{sum(every):4} of {len(every):3} caught in all, {len(proofs)} equivalent ones replaced")
     return sum(every) / len(every) if every else 1.0
 
 
