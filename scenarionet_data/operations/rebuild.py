@@ -52,7 +52,7 @@ def rebuild(view: LakeView, database: DatabaseRecord | str) -> RebuildResult:
     return RebuildResult(found.reference, Diff(found.reference, found.reference, counts, rows), is_same)
 
 
-def rebase(view: LakeView, database: DatabaseRecord | str, *, keep_members: bool = False) -> list[Diff]:
+def rebase(view: LakeView, database: DatabaseRecord | str, *, keep_members: bool) -> list[Diff]:
     """Move a database to the newest snapshot; see :meth:`Lake.rebase <scenarionet_data.Lake.rebase>`."""
     reference = database if isinstance(database, str) else database.reference
     if not isinstance(database, str) and not database.is_saved:

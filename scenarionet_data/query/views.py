@@ -159,7 +159,7 @@ class Views:
         return f"(SELECT * FROM {scan} SEMI JOIN chosen USING ({_KEYS[table]}))"
 
 
-def scan_files(table: str, files: str, *, is_current: bool = False) -> str:
+def scan_files(table: str, files: str, *, is_current: bool) -> str:
     """Return SQL for the rows of files of any readable schema version: columns that older files lack are null.
 
     Args:

@@ -116,3 +116,8 @@ def test_database_with_missing_snapshot_names_missing_members(changed):
     )
     with pytest.raises(NoSuchSnapshot, match=remedy):
         ScenarioLoader(changed, "old")
+
+
+def test_databases_are_equal_through_different_handles(own):
+    saved = own.filter("num_objects > 3", name="busy")
+    assert Lake(own.root).database("busy") == own.database("busy") == saved

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import polars as pl
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from scenarionet_data import Lake
@@ -279,3 +280,14 @@ def test_user_columns_survive_metadata_rewrites(lake):
     assert column(lake, "score") == before
     more = [make_scenario(99, num_objects=2, num_steps=4)]
     assert column(write_lake(lake.root, more, name="b"), "score") == before | {more[0].id: None}
+
+
+def test_other_readers_notice_damage_by_checksums(lake):
+    lake.tag("score", {name: 0.1 * k for k, name in enumerate(IDS)})
+    (path,) = (Path(lake.root) / "layers").rglob("*.parquet")
+    content = bytearray(path.read_bytes())
+    start = pq.read_metadata(path).row_group(0).column(1).data_page_offset
+    content[start - 2] ^= 1  # in the page before, of the dictionary
+    path.write_bytes(content)
+    with pytest.raises(OSError, match="CRC checksum"):
+        pq.ParquetFile(path, page_checksum_verification=True).read()

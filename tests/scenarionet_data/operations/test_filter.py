@@ -111,3 +111,9 @@ def test_missing_parameter_is_named(logs):
         logs.filter("ego_distance > $far", name="x")
     with pytest.raises(BadParameter, match="a parameter is a number, a text"):
         logs.filter("ego_distance > $far", name="x", parameters={"far": object()})
+
+
+def test_selections_may_be_empty(logs):
+    none, some = logs.select("false"), logs.select("scenario_id < 'made/v1/s002'")
+    assert len(none) == 0 and none.members.schema == some.members.schema
+    assert none.scenario_ids == [] and some.scenario_ids == ids(0, 1)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import duckdb
 import polars as pl
 import pytest
 
 from scenarionet_data import Lake
+from scenarionet_data.query.statements import shows_every_column
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from tests.fixtures.lakes import write_shard
@@ -58,3 +60,36 @@ def test_dask(lake):
     together = tracks.merge(metadata, on="scenario_id")
     counted = together.groupby("object_type").scenario_id.count().compute()
     assert sorted(counted.items()) == [(kind, n) for kind, n, _ in wanted(lake).rows()]
+
+
+def test_progress_bars_are_turned_off(lake, monkeypatch):
+    """As in notebooks, where DuckDB turns them on."""
+    connect = duckdb.connect
+
+    def in_notebook(**options):
+        connection = connect(**options)
+        connection.execute("SET enable_progress_bar = true")
+        return connection
+
+    monkeypatch.setattr(duckdb, "connect", in_notebook)
+    rows = Lake(lake.root).sql("SELECT current_setting('enable_progress_bar') AS shown FROM metadata LIMIT 1")
+    assert rows["shown"].to_list() == [False]
+
+
+@pytest.mark.parametrize(
+    ("sql", "shows"),
+    [
+        ("SELECT * FROM metadata", True),
+        ("SELECT COLUMNS('map') FROM metadata", True),
+        ("SELECT metadata FROM metadata", True),
+        ("SELECT M FROM metadata AS m", True),
+        ("SELECT scenario_id FROM (SELECT * FROM metadata)", True),
+        ("SELECT scenario_id FROM metadata", False),
+        ("SELECT m.scenario_id FROM metadata AS m", False),
+        ("SELECT count(*) FROM metadata", False),
+        ("SUMMARIZE metadata", True),
+    ],
+)
+def test_queries_that_show_every_column_are_known(sql, shows):
+    with duckdb.connect() as connection:
+        assert bool(shows_every_column(connection, sql)) is shows

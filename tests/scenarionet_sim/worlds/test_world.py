@@ -14,6 +14,7 @@ from scenarionet_data.converters.argoverse1 import Argoverse1
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
+from scenarionet_sim.worlds.path_kernels import find_stops
 from scenarionet_sim.worlds.paths import SPACING
 from scenarionet_sim.worlds.world import World
 from tests.fixtures import argoverse1
@@ -141,3 +142,29 @@ def test_recorded_scenarios_become_worlds(recordings):
     np.testing.assert_array_equal(world.log_valid, scenario.tracks.valid.T)
     assert np.isfinite(world.log).all()
     assert (np.diff(world.paths.path_arc) > 0).sum() == np.maximum(np.diff(world.paths.path_offsets) - 1, 0).sum()
+
+
+def stop_on(way, path):
+    """Arc length at which a path meets the stop point (10, 0) of a light over a lane along ``way``; NaN for none."""
+
+    def rows(points):
+        points = np.asarray(points, np.float32)
+        found = np.zeros((len(points), 5), np.float32)
+        found[:, :2] = points
+        found[1:, 4] = np.cumsum(np.hypot(*np.diff(points, axis=0).T))
+        return found, np.array([0, len(points)], np.int32)
+
+    stops = np.full((1, 1), np.nan, np.float32)
+    find_stops(*rows(path), np.zeros(1, np.int32), np.array([[10.0, 0.0]], np.float32), *rows(way), stops)
+    return stops[0, 0]
+
+
+def test_a_light_governs_paths_that_stay_on_its_lane():
+    lane = [[10, 0], [20, 0], [40, 0]]
+    assert stop_on(lane, [[0, 0], [15, 0], [50, 0]]) == pytest.approx(10.0)
+    assert stop_on(lane, [[0, 1], [15, 1], [50, 1]]) == pytest.approx(10.0), "beside the middle"
+    assert np.isnan(stop_on(lane, [[0, 2], [15, 2], [50, 2]])), "on the next lane"
+    assert np.isnan(stop_on(lane, [[0, 0], [10, 0], [20, 8], [30, 16]])), "turns off"
+    assert np.isnan(stop_on(lane, [[50, 0], [10, 0], [0, 0]])), "comes from the other side"
+    assert np.isnan(stop_on(lane, [[0, 0], [10.5, 0]])), "ends at the light"
+    assert stop_on([[10, 0], [14, 0]], [[0, 0], [15, 0], [50, 0]]) == pytest.approx(10.0), "goes on after the lane"

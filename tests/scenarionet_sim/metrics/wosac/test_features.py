@@ -247,3 +247,13 @@ def test_nearest_lane_and_the_owners_choice():
     assert find(official=False) == 0
     sums = [np.linalg.norm(query[0] - start + 0.9 * np.array([10, 0])) for start in ([0, 0], [0, 5])]
     assert find(official=True) == int(np.argmin(sums))
+
+
+def test_all_objects_are_looked_at():
+    """The evaluated object, one that is not valid, and far ones come before the nearest."""
+    row = [0, 0, 0, 1, 1, 1, 0]
+    boxes = np.array([[row], [[4, 0, 0, 1, 1, 1, 0]], [[30, 0, 0, 1, 1, 1, 0]], [[60, 0, 0, 1, 1, 1, 0]],
+                      [[7, 0, 0, 1, 1, 1, 0]], [[90, 0, 0, 1, 1, 1, 0]], [[6, 0, 0, 1, 1, 1, 0]]], float)  # fmt: skip
+    valid = np.ones((7, 1), np.bool_)
+    valid[1] = False
+    assert nearest(boxes, valid) == pytest.approx([5])

@@ -131,3 +131,13 @@ def test_columns_that_repeat_levels_are_read_as_if_alone(levels, shapes, num_row
 
     alone = read([0])
     assert read([0, 1]) == (alone + read([1]) if alone else [])
+
+
+def test_indices_are_runs_and_packed_bits():
+    """Five times the word 3, the words 0 to 3 twice in two bits each from the right, and twice the word 1."""
+    content = b"\2" + bytes([5 << 1, 3]) + bytes([1 << 1 | 1, 0b11100100, 0b11100100]) + bytes([2 << 1, 1])
+    data, found = np.frombuffer(content + bytes(pages.SPARE), np.uint8), np.zeros((1, pages.NUM_PAGE_FIELDS), np.int64)
+    found[0, pages.END], found[0, pages.LEVELS], found[0, pages.NUM_WORDS] = len(content), 15, 4
+    out, _ = memory([(0, INDICES)], 15, 15, 0)
+    assert decoded(data.copy(), found, 15, out) == 1
+    assert integers(out, out.columns[0, FIRST], 15).tolist() == [3] * 5 + [0, 1, 2, 3] * 2 + [1] * 2
