@@ -62,3 +62,12 @@ def test_required_header_fields_are_read(numbers, checksum, is_dictionary):
 def test_sizes_of_64_bits_are_bounded_by_file_size(first, rest):
     data = np.frombuffer(first + rest + b"\x00", np.uint8)
     assert read_header(data, 0)[0] == kernels.UNKNOWN
+
+
+@pytest.mark.parametrize("field", range(5))
+def test_fields_of_other_types_are_rejected(field):
+    header = bytearray(header_of(kernels.DATA_PAGE, (40, 30, 10, 2)))
+    places = [place for place, byte in enumerate(header) if byte == 0x15]
+    assert len(places) == 6 and read_header(np.frombuffer(header, np.uint8), 0) == (0, 40, 30, 10, 2)
+    header[places[field]] = 0x16  # a number of 64 bits
+    assert read_header(np.frombuffer(header, np.uint8), 0)[0] == kernels.UNKNOWN

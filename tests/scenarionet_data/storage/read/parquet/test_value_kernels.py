@@ -141,3 +141,41 @@ def test_indices_are_runs_and_packed_bits():
     out, _ = memory([(0, INDICES)], 15, 15, 0)
     assert decoded(data.copy(), found, 15, out) == 1
     assert integers(out, out.columns[0, FIRST], 15).tolist() == [3] * 5 + [0, 1, 2, 3] * 2 + [1] * 2
+
+
+def test_indices_beyond_the_words_are_damage():
+    content = b"\2" + bytes([5 << 1, 3])
+    data, found = np.frombuffer(content + bytes(pages.SPARE), np.uint8), np.zeros((1, pages.NUM_PAGE_FIELDS), np.int64)
+    found[0, pages.END], found[0, pages.LEVELS] = len(content), 5
+    for num_words, done in ((4, 1), (3, 0)):
+        found[0, pages.NUM_WORDS] = num_words
+        assert decoded(data.copy(), found.copy(), 5, memory([(0, INDICES)], 5, 5, 0)[0]) == done
+
+
+def text_page(text, room):
+    """Decode a page of one text, with room for so many bytes; returns whether it is UTF-8, and the guards' values."""
+    content = len(text).to_bytes(4, "little") + text
+    data = np.frombuffer(content + bytes(pages.SPARE + 32), np.uint8).copy()
+    found = np.zeros((1, pages.NUM_PAGE_FIELDS), np.int64)
+    found[0, pages.END], found[0, pages.LEVELS] = len(content), 1
+    out, is_guard = memory([(0, TEXTS)], 1, 1, room)
+    return decoded(data, found, 1, out) == 1, out.memory[is_guard]
+
+
+def test_texts_are_those_that_python_decodes():
+    for lead in range(256):
+        for second in (0x41, 0x7F, 0x80, 0x8F, 0x90, 0x9F, 0xA0, 0xBF, 0xC0):
+            for length in range(1, 5):
+                text = bytes([lead, second, 0x80, 0xBF])[:length]
+                try:
+                    is_text = bool(text.decode())
+                except UnicodeDecodeError:
+                    is_text = False
+                assert text_page(text, 64)[0] == is_text, text
+
+
+def test_no_byte_is_written_behind_the_room_of_texts():
+    for length in range(20):
+        for room in range(length + 4, 40):  # for the whole page
+            is_text, guards = text_page(b"x" * length, room)
+            assert is_text and (guards == GUARD).all(), (room, length)
