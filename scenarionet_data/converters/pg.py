@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -15,10 +17,13 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
 from scenarionet_data.converters.base import Budgets, Converter
+from scenarionet_data.converters.cities import CityMap
+from scenarionet_data.converters.formats.map_files import read_map
 from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.ingest.options import Options
-from scenarionet_data.ingest.shard import RawItem, Shard
+from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.procedural.construction import boxes
+from scenarionet_data.procedural.drawn_map import DrawnMap
 from scenarionet_data.procedural.generate import Episode, generate
 from scenarionet_data.procedural.options import GeneratorOptions
 from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
@@ -36,6 +41,8 @@ from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType, Obj
 
 BLOCK = 64  # seeds per shard
 HISTORY = 10  # timesteps before the current one, as in Waymo
+_MARGIN = 200.0
+"""Margin of a given map around the ego's path [m]."""
 _RANGE = re.compile(r"(?:(\d+):)?(\d+)")
 _MAX_SEED = 10**10
 _LIGHT_STATES = {
@@ -48,6 +55,14 @@ _LIGHT_STATES = {
 @dataclass(frozen=True)
 class ProceduralOptions(GeneratorOptions, Options):
     """Parameters of maps and traffic."""
+
+    map: str = field(
+        default="",
+        metadata={
+            "doc": "Map to drive on instead of generated ones: *.xodr, *.geojson, *.osm (Lanelet2).",
+            "is_path": True,
+        },
+    )
 
 
 class Procedural(Converter[int]):
@@ -64,27 +79,63 @@ class Procedural(Converter[int]):
     def shards(self, raw: str, split: str, version: str, options: ProceduralOptions) -> Iterator[Shard]:
         """List aligned blocks of 64 seeds, so that a longer range only changes the last shard and adds new ones."""
         options.check()
-        seeds = parse_seeds(raw)
+        seeds, place, mark = parse_seeds(raw), "", "seed"
+        if options.map:
+            path = Path(options.map)
+            if not path.is_file():
+                raise SourceNotFound(f"{path}: no such map")
+            place, mark = f"{path.stem}-", fingerprint([path])
         for first in range(seeds.start // BLOCK * BLOCK, seeds.stop, BLOCK):
             block = range(max(first, seeds.start), min(first + BLOCK, seeds.stop))
             yield Shard(
                 dataset=self.name,
                 version=version,
                 split=split,
-                name=f"seeds-{first:010d}-{first + BLOCK - 1:010d}",
+                name=re.sub(r"[^A-Za-z0-9._-]", "-", place) + f"seeds-{first:010d}-{first + BLOCK - 1:010d}",
                 root="",
-                items=tuple(RawItem(str(seed), "seed") for seed in block),
+                items=tuple(RawItem(f"{place}{seed}", mark) for seed in block),
                 options=options,
             )
 
     def records(self, shard: Shard) -> Iterator[int]:
         """Yield the seeds."""
-        return (int(item.name) for item in shard.items)
+        return (int(item.name.rpartition("-")[2]) for item in shard.items)
+
+    def files(self, shard: Shard) -> Iterator[list[str]]:  # noqa: ARG002
+        """Nothing: seeds are no files."""
+        yield []
+
+    def maps(self, raw: str, version: str, options: ProceduralOptions) -> Iterator[Shard]:  # noqa: ARG002
+        """The map, if traffic drives on a given one."""
+        if options.map:
+            path = Path(options.map)
+            item = RawItem(path.name, fingerprint([path]))
+            yield Shard(self.name, version, "", path.stem, str(path.parent), (item,), options)
+
+    def map_features(self, shard: Shard) -> MapBuilder:
+        """Read the map."""
+        return _read_place(shard.options_as(ProceduralOptions).map, shard.items[0].fingerprint)[0].features
 
     def scenario(self, shard: Shard, record: int) -> ScenarioDescription:
         """Generate the scenario of a seed."""
         options = shard.options_as(ProceduralOptions)
-        return describe(generate(record, options), record, shard, options.dt)
+        if not options.map:
+            return describe(generate(record, options), record, shard, options.dt)
+        city, drawn = _read_place(options.map, fingerprint([Path(options.map)]))
+        episode, name = generate(record, options, drawn), Path(options.map).stem
+        scenario = describe(episode, record, shard, options.dt)
+        path = episode.motion[0, episode.valid[0], :2]
+        roads, crop = city.around(path, _MARGIN, scenario.origin)
+        source = Source(f"{name}-{record}", name, "that of the map", city=name, crs=f"map {name}")
+        scenario_id = make_scenario_id(shard.dataset, shard.version, f"{name}-{record}")
+        return replace(scenario, id=scenario_id, source=source, map=roads, map_id=name, map_crop=crop)
+
+
+@lru_cache(maxsize=2)
+def _read_place(path: str, mark: str) -> tuple[CityMap, DrawnMap]:  # noqa: ARG001  # a changed file is read again
+    city = CityMap(read_map(Path(path)))
+    origin = np.append(np.nanmean(city.bounds.reshape(-1, 2, 2), axis=(0, 1)), 0.0)
+    return city, DrawnMap.of(city.features.build(origin), origin)
 
 
 def parse_seeds(raw: str) -> range:

@@ -9,6 +9,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 from scenarionet_data.procedural.assemble import make_map
 from scenarionet_data.procedural.construction import Obstacle, place_construction
+from scenarionet_data.procedural.drawn_map import DrawnMap
 from scenarionet_data.procedural.drive import drive
 from scenarionet_data.procedural.graph import LaneGraph, make_graph, signal_rows
 from scenarionet_data.procedural.options import GeneratorOptions
@@ -40,10 +41,10 @@ class Episode:
     obstacles: list[Obstacle]
 
 
-def generate(seed: int, options: GeneratorOptions) -> Episode:
-    """Generate the episode of a seed; deterministic to the bit."""
+def generate(seed: int, options: GeneratorOptions, drawn: DrawnMap | None = None) -> Episode:
+    """Generate the episode of a seed, on a map of its own or a given one; deterministic to the bit."""
     rng = np.random.Generator(np.random.PCG64(seed))
-    road_map = make_map(options, rng)
+    road_map = make_map(options, rng) if drawn is None else drawn.with_ends(rng)
     graph = make_graph(road_map)
     graph, obstacles = place_construction(road_map, graph, options.construction, rng)
     population = populate(road_map, graph, options, rng)

@@ -91,7 +91,8 @@ def make_graph(road_map: RoadMap) -> LaneGraph:
     lanes.step = lanes.length / (lanes.points_end - lanes.points_begin - 1)
     curvature = np.array([lane.path.max_curvature for lane in own])
     bend_speed = np.sqrt(LATERAL_ACCELERATION / np.maximum(curvature, 1e-6))
-    lanes.speed = np.minimum(road_map.road.speed_limit, bend_speed)
+    limits = [road_map.road.speed_limit if lane.speed_limit is None else lane.speed_limit for lane in own]
+    lanes.speed = np.minimum(limits, bend_speed)
     lanes.closed_from = lanes.closed_until = np.inf
     lanes.left = [NONE if lane.left is None else number[lane.left] for lane in own]
     lanes.right = [NONE if lane.right is None else number[lane.right] for lane in own]
@@ -135,9 +136,9 @@ def _ranges(lengths: list[int]) -> tuple[Int64, Int64]:
 
 def _destinations(road_map: RoadMap, is_last: Bool) -> Int64:
     """The destination each lane ends at: lanes that leave the map side by side share one; -1 elsewhere."""
-    roads: dict[str, int] = {road_map.goal[0].rstrip("0123456789"): 0}
+    roads = {lane.end_name: 0 for lane in road_map.lanes if lane.id == road_map.goal[0]}
     destination = np.full(len(is_last), NONE, dtype=np.int64)
     for row, lane in enumerate(road_map.lanes):
         if is_last[row]:
-            destination[row] = roads.setdefault(lane.id.rstrip("0123456789"), len(roads))
+            destination[row] = roads.setdefault(lane.end_name, len(roads))
     return destination

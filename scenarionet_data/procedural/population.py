@@ -71,6 +71,7 @@ def _lane_shares(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions)
     is_open = np.array([lane.junction == NO_JUNCTION for lane in road_map.lanes])
     is_open &= graph.lanes.conflicts_begin == graph.lanes.conflicts_end
     is_open &= graph.lanes.length > 3.0 * END_ROOM
+    is_open &= np.isfinite(graph.routes.cost).any(axis=0)
     with_ego = np.isfinite(graph.routes.cost[0])
     density = options.density / 100.0 * np.where(with_ego, 1.0, options.oncoming)
     shares: Float64 = density * graph.lanes.length * is_open

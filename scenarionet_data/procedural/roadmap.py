@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from shapely import Polygon
@@ -29,6 +30,28 @@ class Road:
     speed_limit: float
 
 
+class LanePath(Protocol):
+    """What lanes need of their centreline; see :class:`~scenarionet_data.procedural.path.RoadPath`."""
+
+    @property
+    def length(self) -> float:
+        """Arc length [m]."""
+
+    @property
+    def start(self) -> Pose:
+        """Pose at the start."""
+
+    @property
+    def max_curvature(self) -> float:
+        """Largest absolute curvature [1/m]."""
+
+    def pose_at(self, s: float) -> Pose:
+        """Return the pose after ``s`` metres."""
+
+    def sample(self, spacing: float) -> tuple[Float64, Float64]:
+        """Return points (n, 2) [m] and headings (n,) [rad], equally spaced."""
+
+
 @dataclass(eq=False)
 class Lane:
     """One lane.
@@ -42,10 +65,12 @@ class Lane:
         is_intersection: Whether it is in an intersection or roundabout.
         left, right: Ids of the adjacent lanes in the same direction.
         left_boundaries, right_boundaries: Ids of the lines that bound it.
+        speed_limit: [m/s]; None for that of the map.
+        end: Name of the end of the map to which it leads, if it leads out; None for its id without its number.
     """
 
     id: str
-    path: RoadPath
+    path: LanePath
     junction: int = NO_JUNCTION
     rank: int = 0
     axis: int = -1
@@ -54,6 +79,13 @@ class Lane:
     right: str | None = None
     left_boundaries: tuple[str, ...] = ()
     right_boundaries: tuple[str, ...] = ()
+    speed_limit: float | None = None
+    end: str | None = None
+
+    @property
+    def end_name(self) -> str:
+        """Name of the end of the map to which it leads."""
+        return self.id.rstrip("0123456789") if self.end is None else self.end
 
     @cached_property
     def samples(self) -> tuple[Float64, Float64]:

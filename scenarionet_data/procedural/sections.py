@@ -59,9 +59,10 @@ def add_widening(block: Block, tag: str, socket: Socket, length: float) -> Socke
     count = len(socket.forward)
     edge = RoadPath(socket.pose.moved(0.0, -count * width), shift(length, -width))
     end = add_road(block, tag, socket, ((length, 0.0),), edge=edge)
-    branch = block.add_lane(f"{tag}branch", edge.offset(width / 2.0), right_boundaries=(f"{block.index}.{tag}fedge",))
+    path = edge.offset(width / 2.0)
+    branch = block.add_lane(f"{tag}branch", path, right_boundaries=(f"{block.index}.{tag}fedge",))
     block.link(socket.forward[-1], (branch.id,))
-    block.footprint.append(strip(branch.path, width / 2.0, width / 2.0))
+    block.footprint.append(strip(path, width / 2.0, width / 2.0))
     return Socket(end.pose, (*end.forward, (branch.id,)), end.backward)
 
 
@@ -75,9 +76,10 @@ def add_narrowing(block: Block, tag: str, socket: Socket, length: float, junctio
     through = next(lane for lane in block.lanes if lane.id == end.forward[-1][0])
     through.junction, through.rank = junction, 1
     right = (f"{block.index}.{tag}fedge",)
-    joining = block.add_lane(f"{tag}join", edge.offset(width / 2.0), junction=junction, right_boundaries=right)
+    path = edge.offset(width / 2.0)
+    joining = block.add_lane(f"{tag}join", path, junction=junction, right_boundaries=right)
     block.link(socket.forward[-1], (joining.id,))
-    block.footprint.append(strip(joining.path, width / 2.0, width / 2.0))
+    block.footprint.append(strip(path, width / 2.0, width / 2.0))
     return Socket(end.pose, (*end.forward[:-1], (*end.forward[-1], joining.id)), end.backward)
 
 

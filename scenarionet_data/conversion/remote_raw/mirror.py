@@ -81,7 +81,7 @@ def relocated(shard: Shard, old: str, new: str) -> Shard:
     def move(paths: str) -> str:
         return f"{paths}/".replace(f"{old}/", f"{new}/")[:-1]
 
-    paths: dict[str, Any] = {name: move(value) for name, value in shard.options.paths.items()}
+    paths: dict[str, Any] = {name: move(value) if value else value for name, value in shard.options.paths.items()}
     return replace(shard, root=move(shard.root), options=replace(shard.options, **paths) if paths else shard.options)
 
 

@@ -197,11 +197,10 @@ class _RoadFeatures:
                 for lane in section.lanes.values():
                     if lane.key in self.driven:
                         self.add_lane(road, section, lane, marks, limit)
-            for signal in road.element.findall("signals/signal"):
-                self.add_signal(road, signal)
-            for item in road.element.findall("objects/object"):
-                if item.get("type") == "crosswalk":
-                    self.add_crosswalk(road, item)
+            for place, signal in enumerate(road.element.findall("signals/signal")):
+                self.add_signal(road, signal, f"signal-{road.id}-{place}")
+            for place, item in enumerate(road.element.findall("objects/object[@type='crosswalk']")):
+                self.add_crosswalk(road, item, f"crosswalk-{road.id}-{place}")
         return self.builder
 
     def add(self, name: str, kind: Type, points: Float64, **more: object) -> bool:
@@ -268,13 +267,12 @@ class _RoadFeatures:
                 if self.add(key, kind, line, polyline=line):
                     yield key
 
-    def add_signal(self, road: MapRoad, signal: Element) -> None:
+    def add_signal(self, road: MapRoad, signal: Element, name: str) -> None:
         """Add a traffic light, stop sign or stop line with the lanes that it controls."""
         is_light = signal.get("dynamic") == "yes"
         kind = Type.TRAFFIC_LIGHT if is_light else _SIGNALS.get(signal.get("type", ""))
         if kind is None:
             return
-        name = f"signal-{signal.get('id', '')}"
         try:
             station, aside = number(signal, "s"), number(signal, "t")
         except ValueError as error:
@@ -299,9 +297,8 @@ class _RoadFeatures:
         points = np.array([[*road.reference.locate(station, end), height] for end in ends]) + self.origin
         self.add(name, kind, points, polyline=points, controlled_lanes=[lane.id for lane in lanes])
 
-    def add_crosswalk(self, road: MapRoad, item: Element) -> None:
+    def add_crosswalk(self, road: MapRoad, item: Element, name: str) -> None:
         """Add the outline of a crosswalk."""
-        name = f"crosswalk-{road.id}-{item.get('id', '')}"
         try:
             station, heading = number(item, "s"), number(item, "hdg", 0.0)
             middle, ahead = road.reference.locate(station, number(item, "t")), road.reference.locate(station + 0.5, 0.0)

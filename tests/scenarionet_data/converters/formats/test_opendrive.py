@@ -178,13 +178,13 @@ def test_marks_signals_limits_and_crosswalks(tmp_path):
     ]  # fmt: skip
     np.testing.assert_allclose(built.polyline[row[lines[1]]][[0, -1], 0], [40, 100], atol=1e-3)
     for name, kind, lanes in (
-        ("signal-5", MapFeatureType.TRAFFIC_LIGHT, ["1_0_-1"]),
-        ("signal-6", MapFeatureType.STOP_LINE, ["1_0_-1"]),
-        ("signal-7", MapFeatureType.STOP_SIGN, ["1_0_1"]),
+        ("signal-1-0", MapFeatureType.TRAFFIC_LIGHT, ["1_0_-1"]),
+        ("signal-1-1", MapFeatureType.STOP_LINE, ["1_0_-1"]),
+        ("signal-1-2", MapFeatureType.STOP_SIGN, ["1_0_1"]),
     ):
         assert built.feature_type[row[name]] == kind and list(built.controlled_lanes[row[name]]) == lanes
-    np.testing.assert_allclose(built.polyline[row["signal-6"]][:, 1], [-4, 0], atol=1e-3)
-    np.testing.assert_allclose(built.polygon[row["crosswalk-1-8"]][:, :2], [[48, -4], [52, -4], [52, 4]], atol=1e-3)
+    np.testing.assert_allclose(built.polyline[row["signal-1-1"]][:, 1], [-4, 0], atol=1e-3)
+    np.testing.assert_allclose(built.polygon[row["crosswalk-1-0"]][:, :2], [[48, -4], [52, -4], [52, 4]], atol=1e-3)
 
 
 def test_maps_that_are_exported_come_back(tmp_path):
