@@ -21,7 +21,7 @@ RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nupla
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-locked lock test-plain test-unchecked install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
-	clean convert docs docs-site notebooks mutants test-cuda test-devkits test-interop test-learn test-metadrive
+	clean convert docs docs-site notebooks pictures mutants test-cuda test-devkits test-interop test-learn test-metadrive
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-16s %s\n", $$1, $$2}'
@@ -201,6 +201,10 @@ docs-site: install .venv/.installed-docs  ## Build the documentation site into s
 .venv/.installed-docs: pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 	@touch $@
+
+pictures: install  ## Make the pictures of cameras, and the films, of the documentation again, from generated scenarios.
+	$(BIN)/python docs/make_camera_pictures.py
+	$(BIN)/python docs/make_films.py
 
 notebooks: install .venv-learn/.installed  ## Run the notebooks on generated scenarios and write their pages to docs/notebooks; one needs torch.
 	.venv-learn/bin/python -m scenarionet_pipelines.notebooks $(ARGS)
