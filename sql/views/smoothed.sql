@@ -1,8 +1,8 @@
--- needs: tracks, metadata_rows, median_of_seven, central_rates
+-- needs: tracks, metadata_rows, median_of_seven, central_rates, central_turn_rates
 -- One row per object and timestep at which it was observed, with its motion from positions: `x`, `y`, `vx`, `vy`,
 -- `accel_x` and `accel_y` [m/s^2] are medians of seven observations (0.6 s at 10 Hz); the derivatives are differences
--- of the neighbouring observations. `extent` [m] is the diagonal of the box around all its positions. The box of the
--- object is as recorded: `box_x`, `box_y`, heading, length, width.
+-- of the neighbouring observations. `yaw_rate` [rad/s] is such a difference, not smoothed. `extent` [m] is the diagonal
+-- of the box around all its positions. The box of the object is as recorded: `box_x`, `box_y`, heading, length, width.
 CREATE VIEW smoothed AS
 WITH observed AS (
     -- Unobserved steps inside the span hold 0: omit them before measuring.
@@ -17,15 +17,19 @@ WITH observed AS (
 ),
 positions AS (
     SELECT
-        * EXCLUDE (valid, xs, ys, zs, timestamps),
+        * EXCLUDE (valid, xs, ys, zs, headings, timestamps),
         list_transform(seen, lambda i: coalesce(timestamps[start + i], (start + i - 1) * dt)) AS seconds,
         list_transform(seen, lambda i: xs[i]::DOUBLE) AS xs,
         list_transform(seen, lambda i: ys[i]::DOUBLE) AS ys,
-        list_transform(seen, lambda i: coalesce(zs[i], 0)::DOUBLE) AS zs
+        list_transform(seen, lambda i: coalesce(zs[i], 0)::DOUBLE) AS zs,
+        list_transform(seen, lambda i: headings[i]::DOUBLE) AS headings
     FROM observed
 ),
 velocities AS (
-    SELECT *, central_rates(xs, seconds) AS vxs, central_rates(ys, seconds) AS vys FROM positions
+    SELECT
+        *, central_rates(xs, seconds) AS vxs, central_rates(ys, seconds) AS vys,
+        central_turn_rates(headings, seconds) AS yaw_rates
+    FROM positions
 ),
 accelerations AS (
     SELECT
@@ -58,10 +62,11 @@ SELECT
     median_of_seven(vys, k) AS vy,
     median_of_seven(axs, k) AS accel_x,
     median_of_seven(ays, k) AS accel_y,
+    yaw_rates[k] AS yaw_rate,
     extent,
     xs[k] AS box_x,
     ys[k] AS box_y,
-    headings[seen[k]] AS heading,
+    headings[k] AS heading,
     lengths[least(seen[k], len(lengths))] AS length,
     widths[least(seen[k], len(widths))] AS width
 FROM steps;

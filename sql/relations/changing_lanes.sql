@@ -1,0 +1,50 @@
+-- An object changes to the lane on its left or right (direction "either": one of them) while it moves across at 0.1 m/s or
+-- more and within 60 degrees of the lane's direction: from where it began to drift to that side until it stops. Steps at
+-- which it is turning are left out.
+-- direction = "either"
+WITH lanes AS (
+    SELECT
+        p.scenario_id, p.track_id, p.timestep, px, py, p.dataset, p.version, p.map_id, lane_id,
+        row_number() OVER track AS i, lag(lane_id) OVER track AS previous
+    FROM source_places AS p LEFT JOIN object_lanes USING (scenario_id, track_id, timestep)
+    WINDOW track AS (PARTITION BY p.scenario_id, p.track_id ORDER BY p.timestep)
+),
+crossings AS (
+    SELECT scenario_id, track_id, i, CASE WHEN is_left THEN 1 ELSE -1 END AS side
+    FROM (
+        SELECT l.*, line_xs, line_ys, list_contains(left_neighbors, l.lane_id) AS is_left
+        FROM lanes AS l JOIN lane_outlines AS p ON
+            p.dataset = l.dataset AND p.version = l.version AND p.map_id = l.map_id AND p.lane_id = previous
+        WHERE is_left OR list_contains(right_neighbors, l.lane_id)
+    )
+    JOIN smoothed USING (scenario_id, track_id, timestep)
+    WHERE
+        abs(vy * cos(heading) - vx * sin(heading)) >= 0.1
+        AND abs(cos(atan2(vy, vx) - nearest_segment(px, py, line_xs, line_ys).heading)) >= 0.5
+        AND CASE $direction
+            WHEN 'either' THEN true
+            WHEN 'left' THEN is_left
+            WHEN 'right' THEN NOT is_left
+            ELSE error('direction: wanted left, right or either, found ' || $direction)
+        END
+),
+drifts AS (
+    SELECT
+        scenario_id, track_id, timestep, i, side,
+        c.i IS NOT NULL AS is_crossing,
+        nearest_segment(px, py, line_xs, line_ys).aside AS aside,
+        is_crossing OR side * (aside - lag(aside) OVER track) > 0 AS drifts
+    FROM lanes AS l
+    JOIN (SELECT DISTINCT scenario_id, track_id, side FROM crossings) AS changed USING (scenario_id, track_id)
+    LEFT JOIN crossings AS c USING (scenario_id, track_id, side, i)
+    LEFT JOIN lane_outlines USING (dataset, version, map_id, lane_id)
+    WINDOW track AS (PARTITION BY scenario_id, track_id, side ORDER BY i)
+),
+runs AS (
+    SELECT *, sum((NOT coalesce(drifts, false))::INTEGER) OVER (PARTITION BY scenario_id, track_id, side ORDER BY i) AS run
+    FROM drifts
+)
+SELECT DISTINCT scenario_id, track_id, timestep
+FROM (SELECT *, bool_or(is_crossing) OVER (PARTITION BY scenario_id, track_id, side, run) AS is_change FROM runs)
+ANTI JOIN turning_steps USING (scenario_id, track_id, timestep)
+WHERE is_change
