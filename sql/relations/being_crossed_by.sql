@@ -38,8 +38,7 @@ runs AS (
         i - row_number() OVER (PARTITION BY scenario_id, track_id, other_id, side, crosses ORDER BY timestep) AS run,
         side * (across - before) > 0 AND abs(rate) > 0.2 AND away BETWEEN length / 2 AND length / 2 + $forward_thresh
             AND (
-                before < -width / 2 AND across > -width / 2 OR before > -width / 2 AND across < -width / 2
-                OR before < width / 2 AND across > width / 2 OR before > width / 2 AND across < width / 2
+                (before < -width / 2) <> (across < -width / 2) OR (before > width / 2) <> (across > width / 2)
             ) AS is_here
     FROM sides
 )

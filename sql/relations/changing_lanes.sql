@@ -12,15 +12,17 @@ WITH lanes AS (
 crossings AS (
     SELECT scenario_id, track_id, i, CASE WHEN is_left THEN 1 ELSE -1 END AS side
     FROM (
-        SELECT l.*, line_xs, line_ys, list_contains(left_neighbors, l.lane_id) AS is_left
+        SELECT
+            l.*, list_contains(left_neighbors, l.lane_id) AS is_left,
+            nearest_segment(px, py, line_xs, line_ys).heading AS lane_course
         FROM lanes AS l JOIN lane_outlines AS p ON
             p.dataset = l.dataset AND p.version = l.version AND p.map_id = l.map_id AND p.lane_id = previous
         WHERE is_left OR list_contains(right_neighbors, l.lane_id)
     )
     JOIN smoothed USING (scenario_id, track_id, timestep)
     WHERE
-        abs(vy * cos(heading) - vx * sin(heading)) >= 0.1
-        AND abs(cos(atan2(vy, vx) - nearest_segment(px, py, line_xs, line_ys).heading)) >= 0.5
+        abs(vy * cos(lane_course) - vx * sin(lane_course)) >= 0.1
+        AND abs(cos(atan2(vy, vx) - lane_course)) >= 0.5
         AND CASE $direction
             WHEN 'either' THEN true
             WHEN 'left' THEN is_left

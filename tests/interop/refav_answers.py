@@ -36,15 +36,13 @@ CORRECTIONS = {
         ("start_idx = min(0, closest_waypoint_idx - 1)", "start_idx = max(0, closest_waypoint_idx - 1)"),
         # The rule for turns at the ends of a track is inside the branch for right turns, where it changes nothing.
         ("            #elif (unwrap_func(near_intersection)(track_uuid, log_dir) \n", "            else:\n"),
-        # The sideways velocity is the one to the north of the city.
+        # The velocity across the lane is meant, the one to the north of the city is taken.
+        ("and abs(velocities[i,1]) >= SIDEWAYS_VEL_THRESH", ""),
         (
-            "positions, timestamps = get_nth_pos_deriv(track_uuid, 0, log_dir)\n"
-            "    velocities, timestamps = get_nth_pos_deriv(track_uuid, 1, log_dir)\n    #Each",
-            "positions, timestamps = get_nth_pos_deriv(track_uuid, 0, log_dir)\n"
-            "    velocities, timestamps = get_nth_pos_deriv(track_uuid, 1, log_dir)\n"
-            "    sideways, _ = get_nth_pos_deriv(track_uuid, 1, log_dir, coordinate_frame=track_uuid)\n    #Each",
+            "if lane_change_cos_similarity >= COS_SIMILARITY_THRESH:",
+            "if lane_change_cos_similarity >= COS_SIMILARITY_THRESH and np.linalg.norm(velocities[i,:2])"
+            " * np.sqrt(max(0, 1 - lane_change_cos_similarity ** 2)) >= SIDEWAYS_VEL_THRESH:",
         ),
-        ("abs(velocities[i,1]) >= SIDEWAYS_VEL_THRESH", "abs(sideways[i,1]) >= SIDEWAYS_VEL_THRESH"),
         # The speed of approach is in metres per timestep of 0.1 s.
         ("-track_radial_vel[i] >= minimum_speed", "-track_radial_vel[i] >= minimum_speed / 10"),
         # Outlines that are widened by moving their corners reach further than the distance at acute corners.

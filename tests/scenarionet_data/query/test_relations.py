@@ -10,7 +10,8 @@ from scenarionet_data.errors import BadParameter, UnknownRelation
 from scenarionet_data.operations.moments import event, relation
 from scenarionet_data.query.named_sql import RELATIONS
 from tests.fixtures.lakes import write_lake
-from tests.fixtures.moments import along, going, moment, walking
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
+from tests.fixtures.moments import along, crosswalk, going, lane, moment, shifting, walking
 
 # Boxes: cars 4 m by 2 m, pedestrians 0.5 m by 0.5 m, the box around the ego included; 101 steps of 0.1 s.
 STANDING = along(0, 0)
@@ -19,6 +20,28 @@ PULLING_UP = moment("pulling-up", STANDING, car=going(0, 30, lambda t: 2 * np.cl
 BENDING = moment("bending", STANDING, car=going(0, 30, 10, 0.2))
 ONCOMING = moment("oncoming", along(0, 0, 10), car=along(100, 3.5, -10), who=walking(50, 20, 0, -2))
 SHORT = moment("short", STANDING, car=along(20, 0, -5, seen=slice(10, 31)), gone=along(30, 9, -5, seen=slice(4, 5)))
+
+# A road along x: two lanes beside each other, the right one in two pieces with an intersection (from x = 89.5) after
+# them, a lane that leads back, and a bicycle lane. Outlines are 1.75 m beside the centrelines, 0.75 m for bicycles.
+ROAD = [
+    lane("first", (-20, 0), (50, 0), exit_lanes=["second"], left_neighbors=["left"], right_neighbors=["bicycles"]),
+    lane("second", (50, 0), (89.5, 0), entry_lanes=["first"], exit_lanes=["across"], left_neighbors=["left"]),
+    lane("across", (89.5, 0), (140, 0), entry_lanes=["second"], is_intersection=True),
+    lane("left", (-20, 3.5), (140, 3.5), left_neighbors=["back"], right_neighbors=["first", "second"]),
+    lane("back", (140, 7), (-20, 7), left_neighbors=["left"]),
+    ("bicycles", MapFeatureType.LANE_BIKE_LANE, {"polyline": [(-20, -3), (30, -3)], "left_neighbors": ["first"]}),
+    crosswalk("crossing", 60, -4, 63, 10),
+    ("yard", MapFeatureType.DRIVABLE_AREA, {"polygon": [(-10, -9), (30.5, -9), (30.5, -5), (30.5, 9), (-10, 9)]}),
+    ("sign", MapFeatureType.STOP_SIGN, {"polyline": [(88, -3)], "controlled_lanes": ["second"]}),
+]
+DRIVING = moment(
+    "driving", along(0, 0, 10), ROAD, lead=along(15, 0, 10), oncoming=along(110, 7, -10), cyclist=along(0, -3, 2, kind=ObjectType.CYCLIST),
+)
+CHANGING = moment("changing", along(300, 300), ROAD, car=shifting(20, 0, 10, 3.6, 2, 3))
+CROSSING = moment("crossing", STANDING, who=walking(8, -5.05, 0, 1))
+SIGNED = moment(
+    "signed", along(0, 0, 5), ROAD, post=along(48.2, -3, heading=np.pi, kind=ObjectType.OTHER, source_type="STOP_SIGN"),
+)
 
 # Relation, parameters, scenario, and for each object and other the first and last step of the only span at which it
 # holds.
@@ -70,12 +93,48 @@ CASES = [
         ("ego", "who"): (0, 100), ("who", "ego"): (0, 100), ("car", "who"): (0, 100), ("who", "car"): (0, 100),
     }),
     ("heading_in_relative_direction_to", {"direction": "same"}, ONCOMING, {}),
+    ("turning", {"direction": "left"}, BENDING, {("car", None): (0, 100)}),  # 0.2 rad/s for 10 s
+    ("turning", {"direction": "right"}, BENDING, {}),
+    ("turning", {}, CHANGING, {}),
+    # from y = -5.05 at 1 m/s across the line at the ego's right side, y = -1
+    ("being_crossed_by", {}, CROSSING, {("ego", "who"): (0, 100)}),
+    ("being_crossed_by", {"lateral_thresh": 2.0}, CROSSING, {("ego", "who"): (0, 70)}),
+    ("being_crossed_by", {"in_direction": "counterclockwise"}, CROSSING, {("ego", "who"): (0, 100)}),
+    ("being_crossed_by", {"in_direction": "clockwise"}, CROSSING, {}),
+    ("being_crossed_by", {"forward_thresh": 5.0}, CROSSING, {}),  # it is 6 m from the box
+    ("being_crossed_by", {"direction": "left"}, PASSING, {("ego", "who"): (0, 74)}),
+    ("on_road", {}, SIGNED, {("ego", None): (0, 100)}),
+    ("on_lane_type", {"lane_type": "BIKE"}, DRIVING, {("cyclist", None): (0, 100)}),
+    ("on_lane_type", {"lane_type": "BUS"}, DRIVING, {}),
+    ("on_intersection", {}, DRIVING, {("ego", None): (90, 100), ("lead", None): (75, 100)}),
+    ("near_intersection", {}, DRIVING, {("ego", None): (85, 100), ("lead", None): (70, 100)}),
+    ("in_drivable_area", {}, DRIVING, {
+        ("ego", None): (0, 30), ("lead", None): (0, 15), ("oncoming", None): (80, 100), ("cyclist", None): (0, 100),
+    }),
+    # boxes reach 2 m ahead and behind, so from x = 56.95 to 66.05
+    ("at_pedestrian_crossing", {"within_distance": 1.05}, DRIVING, {
+        ("ego", None): (57, 66), ("lead", None): (42, 51), ("oncoming", None): (44, 53),
+    }),
+    ("following", {}, DRIVING, {("ego", "lead"): (0, 100)}),
+    ("in_same_lane", {}, DRIVING, {("ego", "lead"): (0, 100), ("lead", "ego"): (0, 100)}),
+    ("on_relative_side_of_road", {"side": "opposite"}, DRIVING, {
+        ("ego", "oncoming"): (0, 100), ("lead", "oncoming"): (0, 100), ("cyclist", "oncoming"): (0, 100),
+        # the lane across the intersection is beside no other
+        ("oncoming", "ego"): (0, 89), ("oncoming", "lead"): (0, 74), ("oncoming", "cyclist"): (0, 100),
+    }),
+    ("on_relative_side_of_road", {}, CHANGING, {}),
+    # it moves to the left from 2 s to 5 s
+    ("changing_lanes", {}, CHANGING, {("car", None): (20, 50)}),
+    ("changing_lanes", {"direction": "right"}, CHANGING, {}),
+    # the sign of the map at (88, -3), on lane "second": 10 m from x = 78.46
+    ("at_stop_sign", {}, DRIVING, {("ego", None): (79, 89), ("lead", None): (64, 74)}),
+    ("at_stop_sign", {}, SIGNED, {("ego", None): (77, 98)}),  # between x = 38.2 and 49.2, the sign at 48.2 looks at it
 ]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory) -> Lake:
-    scenarios = [PASSING, PULLING_UP, BENDING, ONCOMING, SHORT]
+    scenarios = [PASSING, PULLING_UP, BENDING, ONCOMING, SHORT, DRIVING, CHANGING, CROSSING, SIGNED]
     return write_lake(tmp_path_factory.mktemp("relations"), scenarios)
 
 
@@ -95,7 +154,7 @@ def test_every_relation_has_a_case():
 
 def test_types_of_the_source_are_columns(lake):
     for view in ("objects", "states"):
-        assert lake.sql(f"SELECT DISTINCT source_type FROM {view}").rows() == [(None,)]
+        assert lake.sql(f"SELECT DISTINCT source_type FROM {view} ORDER BY 1").rows() == [("STOP_SIGN",), (None,)]
 
 
 def test_steps_compose(lake):
