@@ -1,6 +1,6 @@
 -- needs: wrap_angle
--- Rates of change [rad/s] of a list of angles at times [s]: from the observation before to the one after, one-sided at
--- the ends, 0 for a single observation.
+-- Rates of change [rad/s] of a list of angles at times [s]: from the observation before to the one after, one-sided
+-- at the ends, 0 for a single observation.
 CREATE MACRO central_turn_rates(angles, seconds) AS list_transform(
     range(1, len(angles) + 1),
     lambda i: coalesce(

@@ -1,4 +1,5 @@
--- Whether a point (px, py) lies inside a polygon, by the even-odd rule; `xs` and `ys` are its corners, implicitly closed.
+-- Whether a point (px, py) lies inside a polygon, by the even-odd rule; `xs` and `ys` are its corners, implicitly
+-- closed.
 CREATE MACRO in_outline(px, py, xs, ys) AS
 len(list_filter(
     range(1, len(xs) + 1),

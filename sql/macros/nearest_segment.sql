@@ -1,6 +1,6 @@
 -- needs: segment_gap
--- The segment of a line that is nearest to a point (px, py): its distance `gap` [m], how far the point is to its left
--- (`aside` [m]), and its direction (`heading` [rad]). `xs` and `ys` are the line's points.
+-- The segment of a line that is nearest to a point (px, py): its distance `gap` [m], how far the point is to its
+-- left (`aside` [m]), and its direction (`heading` [rad]). `xs` and `ys` are the line's points.
 CREATE MACRO nearest_segment(px, py, xs, ys) AS list_min(list_transform(
     range(1, len(xs)),
     lambda i: {

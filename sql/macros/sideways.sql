@@ -1,5 +1,5 @@
--- The points of a line as [x, y], moved to its left (`side` 1) or right (-1) by a distance [m] each: across the line from
--- the point before to the point after. `offsets` has one element for all points, or one for each.
+-- The points of a line as [x, y], moved to its left (`side` 1) or right (-1) by a distance [m] each: across the line
+-- from the point before to the point after. `offsets` has one element for all points, or one for each.
 CREATE MACRO sideways(xs, ys, offsets, side) AS list_transform(
     list_transform(
         range(1, len(xs) + 1),

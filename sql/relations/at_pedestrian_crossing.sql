@@ -4,8 +4,12 @@ WITH near AS (
     SELECT
         scenario_id, track_id, timestep, length, width,
         -- the crossing in the frame of the box
-        list_transform(range(1, len(xs) + 1), lambda i: (xs[i] - box_px) * cos(heading) + (ys[i] - box_py) * sin(heading)) AS aheads,
-        list_transform(range(1, len(xs) + 1), lambda i: (ys[i] - box_py) * cos(heading) - (xs[i] - box_px) * sin(heading)) AS lefts
+        list_transform(
+            range(1, len(xs) + 1), lambda i: (xs[i] - box_px) * cos(heading) + (ys[i] - box_py) * sin(heading)
+        ) AS aheads,
+        list_transform(
+            range(1, len(xs) + 1), lambda i: (ys[i] - box_py) * cos(heading) - (xs[i] - box_px) * sin(heading)
+        ) AS lefts
     FROM source_places JOIN map_areas USING (dataset, version, map_id)
     WHERE
         feature_type = 'CROSSWALK'

@@ -1,7 +1,7 @@
--- An object is on the lane of a stop sign and approaches it, at most $forward_thresh metres before it. Where the sign is an
--- object itself (Argoverse 2), its lane is the one outside of intersections whose end is nearest, within 10 m; the object
--- is at most 7 m to the left of the sign as drivers see it, and looks at its front. Where it belongs to the map, it names
--- its lanes.
+-- An object is on the lane of a stop sign and approaches it, at most $forward_thresh metres before it. Where the
+-- sign is an object itself (Argoverse 2), its lane is the one outside of intersections whose end is nearest, within
+-- 10 m; the object is at most 7 m to the left of the sign as drivers see it, and looks at its front. Where it
+-- belongs to the map, it names its lanes.
 -- forward_thresh = 10.0
 WITH signs AS (
     SELECT DISTINCT ON (s.scenario_id, s.track_id)
@@ -24,7 +24,9 @@ facing AS (
         AND abs(wrap_angle(p.heading - s.heading)) >= pi() / 2
 ),
 marked AS (
-    SELECT dataset, version, map_id, x[1] + origin_x AS sign_x, y[1] + origin_y AS sign_y, unnest(controlled_lanes) AS lane_id
+    SELECT
+        dataset, version, map_id, x[1] + origin_x AS sign_x, y[1] + origin_y AS sign_y,
+        unnest(controlled_lanes) AS lane_id
     FROM maps
     WHERE feature_type = 'STOP_SIGN' AND len(x) > 0
 )

@@ -1,7 +1,7 @@
--- The other crosses the line that runs from the middle of an object's side ($direction forward, backward, left, right)
--- outwards, at most $forward_thresh metres from its box: as long as it moves across at more than 0.2 m/s and is less than
--- $lateral_thresh metres beyond the line. `in_direction` is the other's, seen from above around the object: clockwise,
--- counterclockwise or either.
+-- The other crosses the line that runs from the middle of an object's side ($direction forward, backward, left,
+-- right) outwards, at most $forward_thresh metres from its box: as long as it moves across at more than 0.2 m/s and
+-- is less than $lateral_thresh metres beyond the line. `in_direction` is the other's, seen from above around the
+-- object: clockwise, counterclockwise or either.
 -- direction = "forward"
 -- in_direction = "either"
 -- forward_thresh = 10.0
@@ -12,17 +12,22 @@ WITH axes AS (
         ELSE error('direction: wanted forward, backward, left or right, found ' || $direction)
     END
 ),
-aside AS (
+aside AS MATERIALIZED (
     SELECT
         scenario_id, track_id, other_id, timestep, length, width,
         ahead * c + "left" * s AS away, "left" * c - ahead * s AS across,
-        (other_vy * cos(heading) - other_vx * sin(heading)) * c - (other_vx * cos(heading) + other_vy * sin(heading)) * s AS rate
+        (other_vy * cos(heading) - other_vx * sin(heading)) * c
+            - (other_vx * cos(heading) + other_vy * sin(heading)) * s AS rate
     FROM pairs, axes
-    WHERE distance < $forward_thresh + $lateral_thresh + length + width + 20
 ),
 sides AS (
     SELECT *, lag(across) OVER track AS before, row_number() OVER track AS i
-    FROM aside, (SELECT unnest([1, -1]) AS side)
+    FROM aside
+    SEMI JOIN (  -- pairs that come near the line at all
+        FROM aside
+        WHERE away BETWEEN length / 2 AND length / 2 + $forward_thresh AND abs(across) < width / 2 + 10
+    ) AS near USING (scenario_id, track_id, other_id)
+    CROSS JOIN (SELECT unnest([1, -1]) AS side)
     WHERE CASE $in_direction
         WHEN 'either' THEN true
         WHEN 'counterclockwise' THEN side = 1
@@ -45,7 +50,14 @@ runs AS (
 SELECT DISTINCT scenario_id, track_id, other_id, timestep
 FROM (
     SELECT *, bool_or(is_here OR is_next) OVER (PARTITION BY scenario_id, track_id, other_id, side, run) AS is_crossing
-    FROM (SELECT *, coalesce(lead(is_here) OVER (PARTITION BY scenario_id, track_id, other_id, side ORDER BY timestep), false) AS is_next FROM runs)
+    FROM (
+        SELECT
+            *,
+            coalesce(
+                lead(is_here) OVER (PARTITION BY scenario_id, track_id, other_id, side ORDER BY timestep), false
+            ) AS is_next
+        FROM runs
+    )
     WHERE crosses
 )
 WHERE is_crossing

@@ -1,6 +1,6 @@
--- An object changes to the lane on its left or right (direction "either": one of them) while it moves across at 0.1 m/s or
--- more and within 60 degrees of the lane's direction: from where it began to drift to that side until it stops. Steps at
--- which it is turning are left out.
+-- An object changes to the lane on its left or right (direction "either": one of them) while it moves across at 0.1
+-- m/s or more and within 60 degrees of the lane's direction: from where it began to drift to that side until it
+-- stops. Steps at which it is turning are left out.
 -- direction = "either"
 WITH lanes AS (
     SELECT
@@ -43,7 +43,9 @@ drifts AS (
     WINDOW track AS (PARTITION BY scenario_id, track_id, side ORDER BY i)
 ),
 runs AS (
-    SELECT *, sum((NOT coalesce(drifts, false))::INTEGER) OVER (PARTITION BY scenario_id, track_id, side ORDER BY i) AS run
+    SELECT
+        *,
+        sum((NOT coalesce(drifts, false))::INTEGER) OVER (PARTITION BY scenario_id, track_id, side ORDER BY i) AS run
     FROM drifts
 )
 SELECT DISTINCT scenario_id, track_id, timestep

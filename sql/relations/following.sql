@@ -1,11 +1,14 @@
--- An object follows the other: they move in about the same direction (60 degrees), the other is in front of it by at most
--- 25 m from its box, on the same lane or the next one and within 5 m aside, or on the lane beside and partly in front of
--- its box.
+-- An object follows the other: they move in about the same direction (60 degrees), the other is in front of it by at
+-- most 25 m from its box, on the same lane or the next one and within 5 m aside, or on the lane beside and partly in
+-- front of its box.
 WITH courses AS (
     SELECT
         *,
         CASE WHEN sqrt(vx ** 2 + vy ** 2) > 0.5 THEN atan2(vy, vx) ELSE heading END AS course,
-        CASE WHEN sqrt(other_vx ** 2 + other_vy ** 2) > 0.5 THEN atan2(other_vy, other_vx) ELSE other_heading END AS other_course
+        CASE
+            WHEN sqrt(other_vx ** 2 + other_vy ** 2) > 0.5 THEN atan2(other_vy, other_vx)
+            ELSE other_heading
+        END AS other_course
     FROM pairs
     WHERE distance < 60 AND ahead > length / 2 AND ahead < 25 + length / 2 AND abs("left") < 15
 )

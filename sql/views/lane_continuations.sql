@@ -1,10 +1,12 @@
 -- needs: lane_outlines
--- One row per lane and lane that drivers would call the same one: itself, and the lanes before and after it that lead
--- straight on. From each lane it is the straightest of those that are outside of intersections, or cross one without
--- turning; a lane that turns in an intersection has no others.
+-- One row per lane and lane that drivers would call the same one: itself, and the lanes before and after it that
+-- lead straight on. From each lane it is the straightest of those that are outside of intersections, or cross one
+-- without turning; a lane that turns in an intersection has no others.
 CREATE VIEW lane_continuations AS
 WITH RECURSIVE lanes AS MATERIALIZED (
-    SELECT dataset, version, map_id, lane_id, lane_heading, coalesce(is_intersection, false) AND turns <> 0 AS is_turn, entry_lanes, exit_lanes
+    SELECT
+        dataset, version, map_id, lane_id, lane_heading, entry_lanes, exit_lanes,
+        coalesce(is_intersection, false) AND turns <> 0 AS is_turn
     FROM lane_outlines
 ),
 links AS (
@@ -23,7 +25,9 @@ straightest AS (
     ) = 1
 ),
 chains AS (
-    SELECT dataset, version, map_id, lane_id, lane_id AS other_lane_id, unnest([1, -1]) AS way FROM lanes WHERE NOT is_turn
+    SELECT dataset, version, map_id, lane_id, lane_id AS other_lane_id, unnest([1, -1]) AS way
+    FROM lanes
+    WHERE NOT is_turn
     UNION
     SELECT c.dataset, c.version, c.map_id, c.lane_id, s.other_lane_id, c.way
     FROM chains AS c JOIN straightest AS s ON

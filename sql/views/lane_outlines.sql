@@ -1,15 +1,16 @@
 -- needs: maps, sideways, wrap_angle
--- One row per lane of a map: its outline `xs`, `ys` and its centreline `line_xs`, `line_ys` in the source's frame [m].
--- Where the source has no outline, it runs beside the centreline, at its widths or at 1.75 m to each side (bicycle lanes:
--- 0.75 m), through a point about every 2 m.
--- `lane_heading` [rad] is the direction from the first to the last point of the centreline; `turns` is 1 for a lane that
--- turns left by more than 30 degrees, -1 to the right, 0 otherwise. `lane_type` is VEHICLE, BIKE, or the source's own word,
--- such as BUS.
+-- One row per lane of a map: its outline `xs`, `ys` and its centreline `line_xs`, `line_ys` in the source's frame
+-- [m]. Where the source has no outline, it runs beside the centreline, at its widths or at 1.75 m to each side
+-- (bicycle lanes: 0.75 m), through a point about every 2 m. `lane_heading` [rad] is the direction from the first to
+-- the last point of the centreline; `turns` is 1 for a lane that turns left by more than 30 degrees, -1 to the
+-- right, 0 otherwise. `lane_type` is VEHICLE, BIKE, or the source's own word, such as BUS.
 CREATE VIEW lane_outlines AS
 WITH lanes AS (
     SELECT
         *,
-        greatest(1, (2 * len(x) / greatest(1, sqrt((max_x - min_x) ** 2 + (max_y - min_y) ** 2)))::INTEGER) AS every,
+        greatest(
+            1, (2 * len(x) / greatest(1, sqrt((max_x - min_x) ** 2 + (max_y - min_y) ** 2)))::INTEGER
+        ) AS every,
         list_filter(range(1, len(x) + 1), lambda i: i % every = 0 OR i = 1 OR i = len(x)) AS kept,
         CASE feature_type WHEN 'LANE_BIKE_LANE' THEN 0.75 ELSE 1.75 END AS half
     FROM maps

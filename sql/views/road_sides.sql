@@ -1,10 +1,12 @@
 -- needs: lane_outlines, lane_continuations
--- One row per lane and lane of the same road: on the same side, that is on lanes that continue it or lie beside these and
--- lead the same way; or on the opposite side (`is_opposite`), beside one of these but leading the other way.
+-- One row per lane and lane of the same road: on the same side, that is on lanes that continue it or lie beside
+-- these and lead the same way; or on the opposite side (`is_opposite`), beside one of these but leading the other
+-- way.
 CREATE VIEW road_sides AS
 WITH RECURSIVE beside AS MATERIALIZED (
     SELECT DISTINCT
-        l.dataset, l.version, l.map_id, l.lane_id, other_lane_id, cos(l.lane_heading - o.lane_heading) < 0 AS is_opposite
+        l.dataset, l.version, l.map_id, l.lane_id, other_lane_id,
+        cos(l.lane_heading - o.lane_heading) < 0 AS is_opposite
     FROM (
         SELECT *, unnest(list_concat(left_neighbors, right_neighbors)) AS other_lane_id FROM lane_outlines
     ) AS l

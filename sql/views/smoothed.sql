@@ -1,8 +1,9 @@
 -- needs: tracks, metadata_rows, median_of_seven, central_rates, central_turn_rates
 -- One row per object and timestep at which it was observed, with its motion from positions: `x`, `y`, `vx`, `vy`,
--- `accel_x` and `accel_y` [m/s^2] are medians of seven observations (0.6 s at 10 Hz); the derivatives are differences
--- of the neighbouring observations. `yaw_rate` [rad/s] is such a difference, not smoothed. `extent` [m] is the diagonal
--- of the box around all its positions. The box of the object is as recorded: `box_x`, `box_y`, heading, length, width.
+-- `accel_x` and `accel_y` [m/s^2] are medians of seven observations (0.6 s at 10 Hz); the derivatives are
+-- differences of the neighbouring observations. `yaw_rate` [rad/s] is such a difference, not smoothed. `extent` [m]
+-- is the diagonal of the box around all its positions. The box of the object is as recorded: `box_x`, `box_y`,
+-- heading, length, width.
 CREATE VIEW smoothed AS
 WITH observed AS (
     -- Unobserved steps inside the span hold 0: omit them before measuring.

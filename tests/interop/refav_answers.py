@@ -1,8 +1,8 @@
 """Run RefAV's own relations (https://github.com/CainanD/RefAV, commit 5c5be64) on one Argoverse 2 sensor log.
 
-``python tests/interop/refav_answers.py CHECKOUT LOG ANSWERS.json`` in an environment with av2, pathos, scipy, pandas and
-tqdm, without anything of this project, writes the timesteps at which each relation holds and the processor time that it
-took. Errors of its code that decide an answer are corrected first, one entry of CORRECTIONS each.
+``python tests/interop/refav_answers.py CHECKOUT LOG ANSWERS.json`` writes the timesteps at which each relation holds,
+and the processor time that it took, in an environment with av2, pathos, scipy, pandas, shapely and tqdm, and without
+anything of this project. Errors of its code that decide an answer are corrected first, one entry of CORRECTIONS each.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ CORRECTIONS = {
         # The rotation of the second and later candidates is lost: the loop writes its sign into `direction`.
         ("direction = (y1-y0)/abs(y1-y0)", "way = (y1-y0)/abs(y1-y0)"),
         ("if (direction == 1 and in_direction == 'clockwise'", "if (way == 1 and in_direction == 'clockwise'"),
-        ("or direction == -1 and in_direction == 'counterclockwise'", "or way == -1 and in_direction == 'counterclockwise'"),
+        (
+            "or direction == -1 and in_direction == 'counterclockwise'",
+            "or way == -1 and in_direction == 'counterclockwise'",
+        ),
         ("direction*candidate_pos[start_index, 1]", "way*candidate_pos[start_index, 1]"),
         ("direction*candidate_vel[start_index,1]", "way*candidate_vel[start_index,1]"),
         ("direction*candidate_pos[end_index, 1]", "way*candidate_pos[end_index, 1]"),
@@ -34,7 +37,7 @@ CORRECTIONS = {
         # The first step of a track is never part of a change.
         ("while lane_change_start > 0:", "while lane_change_start >= 0:"),
         ("start_idx = min(0, closest_waypoint_idx - 1)", "start_idx = max(0, closest_waypoint_idx - 1)"),
-        # The rule for turns at the ends of a track is inside the branch for right turns, where it changes nothing.
+        # The rule for turns at the ends of a track is in the branch for right turns, where it changes nothing.
         ("            #elif (unwrap_func(near_intersection)(track_uuid, log_dir) \n", "            else:\n"),
         # The velocity across the lane is meant, the one to the north of the city is taken.
         ("and abs(velocities[i,1]) >= SIDEWAYS_VEL_THRESH", ""),
@@ -66,7 +69,7 @@ CORRECTIONS = {
     ],
 }
 EGO = "ego"
-"""Id of the recording vehicle, whose box (4.877 m by 2 m, centred 1.422 m ahead of the rear axle) is added to the log."""
+"""Id of the recording vehicle; its box (4.877 m by 2 m, centred 1.422 m ahead of the rear axle) is added to the log."""
 
 SINGLE = [
     *(("turning", {"direction": side}) for side in ("left", "right", None)),
@@ -150,9 +153,9 @@ def load(folder: Path, log: Path):
         module.get_scenario_lanes = lambda track, log_dir, avm=None: lanes_of(track)
     city = ArgoverseStaticMap.from_map_dir(log / "map", build_raster=False)
     lanes = city.vector_lane_segments
-    for lane, following in [(lane, other) for lane in lanes.values() for other in lane.successors if other in lanes]:
-        if lane.id not in lanes[following].predecessors:  # the map names many successors, but few predecessors
-            lanes[following].predecessors.append(lane.id)
+    for name, other in [(lane.id, other) for lane in lanes.values() for other in lane.successors if other in lanes]:
+        if name not in lanes[other].predecessors:  # the map names many successors, but few predecessors
+            lanes[other].predecessors.append(name)
     outlines = [(lane, lane.polygon_boundary[:, :2]) for lane in city.get_scenario_lane_segments()]
     outlines = [(lane, points, points.min(axis=0), points.max(axis=0)) for lane, points in outlines]
     helpers.get_lane_segments = lambda _, at: [

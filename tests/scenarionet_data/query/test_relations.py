@@ -9,8 +9,8 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, UnknownRelation
 from scenarionet_data.operations.moments import event, relation
 from scenarionet_data.query.named_sql import RELATIONS
-from tests.fixtures.lakes import write_lake
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
+from tests.fixtures.lakes import write_lake
 from tests.fixtures.moments import along, crosswalk, going, lane, moment, shifting, walking
 
 # Boxes: cars 4 m by 2 m, pedestrians 0.5 m by 0.5 m, the box around the ego included; 101 steps of 0.1 s.
@@ -35,12 +35,20 @@ ROAD = [
     ("sign", MapFeatureType.STOP_SIGN, {"polyline": [(88, -3)], "controlled_lanes": ["second"]}),
 ]
 DRIVING = moment(
-    "driving", along(0, 0, 10), ROAD, lead=along(15, 0, 10), oncoming=along(110, 7, -10), cyclist=along(0, -3, 2, kind=ObjectType.CYCLIST),
+    "driving",
+    along(0, 0, 10),
+    ROAD,
+    lead=along(15, 0, 10),
+    oncoming=along(110, 7, -10),
+    cyclist=along(0, -3, 2, kind=ObjectType.CYCLIST),
 )
 CHANGING = moment("changing", along(300, 300), ROAD, car=shifting(20, 0, 10, 3.6, 2, 3))
 CROSSING = moment("crossing", STANDING, who=walking(8, -5.05, 0, 1))
 SIGNED = moment(
-    "signed", along(0, 0, 5), ROAD, post=along(48.2, -3, heading=np.pi, kind=ObjectType.OTHER, source_type="STOP_SIGN"),
+    "signed",
+    along(0, 0, 5),
+    ROAD,
+    post=along(48.2, -3, heading=np.pi, kind=ObjectType.OTHER, source_type="STOP_SIGN"),
 )
 
 # Relation, parameters, scenario, and for each object and other the first and last step of the only span at which it
