@@ -54,6 +54,11 @@ class Lineage:
     created_with: str = field(default="")
     user_columns: list[str] = field(default_factory=list)
 
+    @property
+    def origin(self) -> str:
+        """How it was made, in words."""
+        return f"{self.operation} of {', '.join(self.parents) or 'the lake'} at snapshot {self.snapshot}"
+
     def to_dict(self) -> dict[str, Any]:
         """Return the lineage with the keys of its JSON form; user columns are stored as ``layers``."""
         content = asdict(self)

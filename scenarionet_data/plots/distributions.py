@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,7 +21,7 @@ from scenarionet_data.schema import tables
 MEASURES = ("ego_distance", "ego_mean_speed", "ego_cumulative_curvature", "num_objects", "num_map_features", "duration")
 """Columns that are drawn by default."""
 
-_MOST_GROUPS = len(SERIES)
+_LINES = [(color, style) for style, color in product(("-", "--"), SERIES)]
 
 _LIMITS = """
 SELECT quantile_cont(value, 0.005) AS lower, quantile_cont(value, 0.995) AS upper, count(*) AS known
@@ -149,11 +150,13 @@ def draw_distributions(
             panel.set_visible(False)
         for panel, column in zip(panels, columns, strict=False):
             groups = distributions(view, column, by, databases, bins)
-            if len(groups) > _MOST_GROUPS:
-                raise BadParameter(f"{by} has {len(groups)} values, more than lines can be told apart: {_MOST_GROUPS}")
-            for group, color in zip(groups, SERIES, strict=False):
+            if len(groups) > len(_LINES):
+                raise BadParameter(f"{by} has {len(groups)} values, more than lines can be told apart: {len(_LINES)}")
+            for group, (color, style) in zip(groups, _LINES, strict=False):
                 share = group.counts / max(group.counts.sum(), 1.0) * 100
-                panel.stairs(share, group.edges, color=color, linewidth=1.5, label=plain(group.name, 24))
+                panel.stairs(
+                    share, group.edges, color=color, linestyle=style, linewidth=1.5, label=plain(group.name, 24)
+                )
                 panel.stairs(share, group.edges, color=color, fill=True, alpha=0.10)
             missing = sum(group.missing for group in groups)
             panel.set_title(f"{missing:,} missing" if missing else "", fontsize=8, fontweight="normal", loc="right")

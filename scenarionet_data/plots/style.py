@@ -50,9 +50,14 @@ class NotebookFigure(Figure):
     """A figure that notebooks display without matplotlib integration."""
 
     def _repr_png_(self) -> bytes:
-        file = io.BytesIO()
-        self.savefig(file, format="png")
-        return file.getvalue()
+        return as_png(self)
+
+
+def as_png(figure: Figure, dpi: float | Literal["figure"] = "figure") -> bytes:
+    """Return a figure as a PNG file, with its own or other pixels per inch."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=dpi)
+    return file.getvalue()
 
 
 def new_figure(

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.operations.comparison import DatabaseStatistics
-from scenarionet_data.plots import thumbnail
+from scenarionet_data.plots import draw_distributions, thumbnail
+from scenarionet_data.plots.style import as_png
 from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.quality.scorecard import Scorecard, make_scorecard
 from scenarionet_data.schema import tables
-from scenarionet_pipelines.report.measures import (
-    MeasureDistribution,
-    measure_distributions,
-    read_measures,
-    select_examples,
-)
+from scenarionet_pipelines.report.measures import COLUMNS, read_measures, select_examples
 
 PICTURE_SIZE = (400, 260)
 """Width and height of the picture of a scenario [pixel]; shown at half this size or larger."""
@@ -78,7 +76,9 @@ class ReportContents:
         quarantined: Number of scenarios in quarantine.
         cities: Number of different cities.
         sections: Databases in the requested order, or the whole lake.
-        distributions: Distribution of each measure over the databases, or over the datasets of the lake.
+        distributions: Picture of the distribution of each measure that differs, by title; a PNG file with a line for
+            each database, or each dataset of the lake.
+        constants: Value of each measure that is the same in all scenarios, by title.
     """
 
     name: str
@@ -88,7 +88,8 @@ class ReportContents:
     quarantined: int
     cities: int
     sections: tuple[DatabaseSection, ...]
-    distributions: tuple[MeasureDistribution, ...]
+    distributions: Mapping[str, bytes]
+    constants: Mapping[str, float]
 
 
 def gather(
@@ -111,13 +112,17 @@ def gather(
     """
     percent = _PercentProgress(on_progress, max(1, len(databases)))
     names: Sequence[str | None] = databases or [None]
-    sections = []
+    sections, measured = [], []
     for name, statistics in zip(names, lake.compare(*databases), strict=True):
         view = lake if name is None else lake.restrict_to(name)
         card = make_scorecard(run_checks(lake, name, on_progress=percent.checked)) if is_checked else None
-        pictures = _pictures(view, select_examples(read_measures(view)), percent)
-        sections.append(DatabaseSection(statistics, _origin(lake, name), _missing(view), card, pictures))
+        measured.append(read_measures(view))
+        pictures = _pictures(view, select_examples(measured[-1]), percent)
+        origin = "" if name is None else lake.database(name).lineage.origin
+        sections.append(DatabaseSection(statistics, origin, _missing(view), card, pictures))
         percent.end_section()
+    values = {title: np.concatenate([each.values[name] for each in measured]) for name, title in COLUMNS.items()}
+    known = {title: np.unique(found[np.isfinite(found)]) for title, found in values.items()}
     counts = lake.sql(
         "SELECT (SELECT count(*) FROM quarantine) AS quarantined, (SELECT count(DISTINCT city) FROM metadata) AS cities"
     )
@@ -129,7 +134,12 @@ def gather(
         quarantined=counts["quarantined"].item(),
         cities=counts["cities"].item(),
         sections=tuple(sections),
-        distributions=tuple(measure_distributions(lake, databases)),
+        distributions={
+            title: as_png(draw_distributions(lake, [name], databases=databases), dpi=200)
+            for name, title in COLUMNS.items()
+            if len(known[title]) > 1
+        },
+        constants={title: float(found[0]) for title, found in known.items() if len(found) == 1},
     )
 
 
@@ -156,14 +166,6 @@ class _PercentProgress:
     def _report(self, share: float) -> None:
         if self._on_progress is not None:
             self._on_progress(round(100 * (self._section + share) / self._num_sections), 100, 0)
-
-
-def _origin(lake: Lake, name: str | None) -> str:
-    if name is None:
-        return ""
-    lineage = lake.database(name).lineage
-    source = ", ".join(lineage.parents) or "the lake"
-    return f"{lineage.operation} of {source} at snapshot {lineage.snapshot}"
 
 
 def _missing(view: Lake) -> dict[str, int]:

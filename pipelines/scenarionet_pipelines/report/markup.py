@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from html import escape
 
 
@@ -35,6 +36,12 @@ def tag(name: str, /, *children: str | None, **attributes: str | int | float | N
 def joined(*children: str | None) -> Markup:
     """Concatenate texts and elements."""
     return Markup("".join(child if isinstance(child, Markup) else escape(child) for child in children if child))
+
+
+def picture(png: bytes, text: str, size: tuple[int | None, int | None] = (None, None)) -> Markup:
+    """Build an image of a PNG file, with a text for those who cannot see it, and its width and height [pixel]."""
+    source = f"data:image/png;base64,{b64encode(png).decode()}"
+    return tag("img", src=source, alt=text, width=size[0], height=size[1])
 
 
 _EMPTY = ("img", "meta", "link", "br", "hr")

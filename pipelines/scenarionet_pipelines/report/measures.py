@@ -1,16 +1,13 @@
-"""Measures of scenarios: their distributions, and the selection of typical and extreme scenarios."""
+"""Measures of scenarios, and the selection of typical and extreme scenarios."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from scenarionet_data import Lake
 from scenarionet_data.arrays.dtypes import Float64, Object
-from scenarionet_data.plots.distributions import Distribution, distributions
-from scenarionet_data.schema import tables
 
 COLUMNS = {
     "ego_distance": "Distance driven by the ego",
@@ -38,7 +35,6 @@ EXTREMES = {
 }
 """Extremes to show: a column, and 1 for its largest or -1 for its smallest value."""
 
-_NUM_BINS = 24
 _NUM_EXAMPLES = 8
 _SEED = 0
 """Seed of the random scenarios, so that reports are reproducible."""
@@ -55,57 +51,6 @@ class ScenarioMeasures:
 
     ids: Object
     values: dict[str, Float64]
-
-
-@dataclass(frozen=True)
-class MeasureDistribution:
-    """Histogram of one measure for G groups with common bins.
-
-    Attributes:
-        title, unit: Title and unit of the measure.
-        groups: Histograms of databases, or of the datasets of a lake.
-    """
-
-    title: str
-    unit: str
-    groups: tuple[Distribution, ...]
-
-    @property
-    def shares(self) -> Float64:
-        """(G, B) float64, share of each group's scenarios with a value in each bin."""
-        counts = np.array([group.counts for group in self.groups])
-        shares: Float64 = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
-        return shares
-
-    @property
-    def edges(self) -> Float64:
-        """(B + 1,) float64, edges of the bins; the outer bins include outliers."""
-        return self.groups[0].edges
-
-    @property
-    def is_known(self) -> bool:
-        """Whether any scenario has a value."""
-        return bool(self.groups) and any(group.counts.any() for group in self.groups)
-
-    @property
-    def is_flat(self) -> bool:
-        """Whether all values are in one bin, so that a chart would show nothing."""
-        return int(self.shares.any(axis=0).sum()) < 2
-
-    @property
-    def missing(self) -> int:
-        """Number of scenarios without a value."""
-        return sum(group.missing for group in self.groups)
-
-
-def measure_distributions(lake: Lake, databases: Sequence[str] = ()) -> list[MeasureDistribution]:
-    """Return the distribution of every measure by database, or by dataset if no database is given."""
-    metadata = tables.load("metadata")
-    units = {column.name: column.unit for column in (*metadata.columns, *metadata.derived)}
-    return [
-        MeasureDistribution(title, units[name], tuple(distributions(lake, name, databases=databases, bins=_NUM_BINS)))
-        for name, title in COLUMNS.items()
-    ]
 
 
 def read_measures(lake: Lake) -> ScenarioMeasures:

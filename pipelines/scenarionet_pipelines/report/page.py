@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from itertools import starmap
 from pathlib import Path
 
@@ -10,10 +9,8 @@ import scenarionet_pipelines.web
 from scenarionet_data import version
 from scenarionet_data.plots.palette import EGO, NAMES, OBJECTS, OTHER
 from scenarionet_data.storage.files.places import local_path
-from scenarionet_pipelines.report.charts import histogram, likeliest
 from scenarionet_pipelines.report.contents import PICTURE_SIZE, DatabaseSection, ReportContents, ScenarioPicture
-from scenarionet_pipelines.report.markup import Markup, joined, tag
-from scenarionet_pipelines.report.measures import MeasureDistribution
+from scenarionet_pipelines.report.markup import Markup, joined, picture, tag
 from scenarionet_pipelines.report.tables import comparison, missing, number, plural, scorecard, summary
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -56,14 +53,23 @@ def render(contents: ReportContents) -> str:
     }
     shown = {name: section for name, section in sections.items() if section}
     links = (tag("a", name.capitalize(), href=f"#{name}") for name in shown)
+    lead = f"Snapshot {contents.snapshot}, committed {contents.created_at[:16].replace('T', ' ')} UTC."
+    databases = [section.name for section in contents.sections if section.origin]
+    lead += f" Databases: {', '.join(databases)}." if databases else ""
     body = tag(
-        "body", _header(contents), tag("nav", *links, aria_label="Sections"), tag("main", *shown.values()), _footer()
+        "body",
+        tag("header", tag("h1", contents.name), tag("p", lead, class_="lead")),
+        tag("nav", *links, aria_label="Sections"),
+        tag("main", *shown.values()),
+        tag("footer", f"Made by {version.name_and_version()}, `scenarionet report`. This page needs no network."),
     )
     return f"<!doctype html>\n{tag('html', page_head(title), body, lang='en')}\n"
 
 
 def page_head(title: str) -> Markup:
     """Head of a page with the style of reports."""
+    base = Path(scenarionet_pipelines.web.__file__).with_name("static") / "base.css"
+    style = base.read_text("utf-8") + Path(__file__).with_name("report.css").read_text("utf-8")
     return tag(
         "head",
         tag("meta", charset="utf-8"),
@@ -71,26 +77,8 @@ def page_head(title: str) -> Markup:
         tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
         tag("meta", name="color-scheme", content="light dark"),
         tag("title", title),
-        tag("style", Markup(_style())),
+        tag("style", Markup(style)),
     )
-
-
-def _style() -> str:
-    base = Path(scenarionet_pipelines.web.__file__).with_name("static") / "base.css"
-    return base.read_text("utf-8") + Path(__file__).with_name("report.css").read_text("utf-8")
-
-
-def _header(contents: ReportContents) -> Markup:
-    when = contents.created_at[:16].replace("T", " ")
-    lead = f"Snapshot {contents.snapshot}, committed {when} UTC."
-    databases = [section.name for section in contents.sections if section.origin]
-    if databases:
-        lead += f" Databases: {', '.join(databases)}."
-    return tag("header", tag("h1", contents.name), tag("p", lead, class_="lead"))
-
-
-def _footer() -> Markup:
-    return tag("footer", f"Made by {version.name_and_version()}, `scenarionet report`. This page needs no network.")
 
 
 def _section(name: str, title: str, *children: str | None) -> Markup:
@@ -135,29 +123,17 @@ def _comparison(contents: ReportContents) -> Markup | None:
 
 
 def _distributions(contents: ReportContents) -> Markup | None:
-    known = [spread for spread in contents.distributions if spread.is_known]
-    drawn = [spread for spread in known if not spread.is_flat]
-    if not known:
+    if not contents.distributions and not contents.constants:
         return None
-    same = ", ".join(f"{spread.title.lower()} {likeliest(spread)}" for spread in known if spread.is_flat)
-    note = "Share of scenarios in each bin; the outer bins include outliers."
-    note += f" Constant: {same}." if same else ""
-    names = [group.name for group in known[0].groups]
-    legend = tag("ul", *starmap(_swatch, enumerate(names)), class_="legend") if len(names) > 1 else None
+    same = ", ".join(f"{title.lower()} {number(value)}" for title, value in contents.constants.items())
+    note = "Share of scenarios in each bin; the outer bins include outliers." + (f" Constant: {same}." if same else "")
+    charts = (
+        tag("figure", tag("figcaption", title), picture(png, f"{title}: shares of scenarios"), class_="chart")
+        for title, png in contents.distributions.items()
+    )
     return _section(
-        "distributions", "Distributions", tag("p", note, class_="note"),
-        legend, tag("div", *map(_chart, drawn), class_="charts"),
-    )  # fmt: skip
-
-
-def _swatch(place: int, name: str) -> Markup:
-    return tag("li", tag("span", class_=f"swatch series-{place % 8 + 1}"), name)
-
-
-def _chart(spread: MeasureDistribution) -> Markup:
-    unit = tag("span", f" [{spread.unit}]", class_="unit") if spread.unit else None
-    lacking = tag("small", f"{plural(spread.missing, 'scenario')} without") if spread.missing else None
-    return tag("figure", tag("figcaption", spread.title, unit), histogram(spread), lacking, class_="chart")
+        "distributions", "Distributions", tag("p", note, class_="note"), tag("div", *charts, class_="charts")
+    )
 
 
 def _quality(contents: ReportContents) -> Markup | None:
@@ -171,21 +147,8 @@ def _quality(contents: ReportContents) -> Markup | None:
 
 
 def _scenarios(contents: ReportContents) -> Markup | None:
-    shown = [section for section in contents.sections if section.pictures]
-    galleries = [
-        joined(_section_title(contents, section), *starmap(_gallery, section.pictures.items())) for section in shown
-    ]
-    return _section("scenarios", "Scenarios", _key(), *galleries) if galleries else None
-
-
-def _section_title(contents: ReportContents, section: DatabaseSection) -> Markup | None:
-    return tag("h3", section.name) if len(contents.sections) > 1 else None
-
-
-def _key() -> Markup:
-    """Legend of the colours in pictures."""
     colors = {"ego": EGO, **{name: OBJECTS[kind] for kind, name in NAMES.items()}, "other": OTHER}
-    items = (
+    key = (
         tag(
             "li",
             tag("svg", tag("rect", width=12, height=12, rx=2, fill=color), viewBox="0 0 12 12", aria_hidden="true"),
@@ -193,25 +156,28 @@ def _key() -> Markup:
         )
         for name, color in colors.items()
     )
-    return tag("ul", *items, class_="key")
+    galleries = [
+        joined(_section_title(contents, section), *starmap(_gallery, section.pictures.items()))
+        for section in contents.sections
+        if section.pictures
+    ]
+    return _section("scenarios", "Scenarios", tag("ul", *key, class_="key"), *galleries) if galleries else None
+
+
+def _section_title(contents: ReportContents, section: DatabaseSection) -> Markup | None:
+    return tag("h3", section.name) if len(contents.sections) > 1 else None
 
 
 def _gallery(group: str, pictures: list[ScenarioPicture]) -> Markup | None:
     if not pictures:
         return None
+    figures = []
+    for shown in pictures:
+        facts = shown.facts
+        distance, duration = number(facts["ego_distance"]), number(facts["duration"])
+        words = f"{distance} m in {duration} s, {plural(facts['num_objects'], 'object')}"
+        image = picture(shown.png, f"Scenario {shown.scenario_id} from above", PICTURE_SIZE)
+        why = tag("span", shown.reason, class_="why") if shown.reason else None
+        figures.append(tag("figure", image, tag("figcaption", why, shown.scenario_id, tag("span", words))))
     title = joined(tag("h3", group.capitalize()), tag("p", _GROUPS[group], class_="note"))
-    return joined(title, tag("div", *map(_figure, pictures), class_="pictures"))
-
-
-def _figure(picture: ScenarioPicture) -> Markup:
-    data = base64.b64encode(picture.png).decode()
-    facts = picture.facts
-    words = (
-        f"{number(facts['ego_distance'])} m in {number(facts['duration'])} s, {plural(facts['num_objects'], 'object')}"
-    )
-    image = tag(
-        "img", src=f"data:image/png;base64,{data}", alt=f"Scenario {picture.scenario_id} from above",
-        width=PICTURE_SIZE[0], height=PICTURE_SIZE[1],
-    )  # fmt: skip
-    why = tag("span", picture.reason, class_="why") if picture.reason else None
-    return tag("figure", image, tag("figcaption", why, picture.scenario_id, tag("span", words)))
+    return joined(title, tag("div", *figures, class_="pictures"))

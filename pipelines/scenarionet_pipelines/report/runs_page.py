@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import base64
-import io
-from collections.abc import Iterable
 from pathlib import Path
 
 from scenarionet_data import Lake
 from scenarionet_data.plots import Scene, draw_scenario, new_figure
+from scenarionet_data.plots.style import as_png
 from scenarionet_data.storage.files.places import local_path
 from scenarionet_pipelines.report.changes import change_text, mean_text
-from scenarionet_pipelines.report.markup import Markup, joined, tag
+from scenarionet_pipelines.report.markup import Markup, joined, picture, tag
 from scenarionet_pipelines.report.page import page_head
-from scenarionet_sim.evaluation.comparison import ComparedMetric, RunComparison
+from scenarionet_sim.evaluation.comparison import RunComparison
 from scenarionet_sim.render.rollouts import rollout_moments
 
 _MAX_PICTURES = 12
@@ -39,50 +37,35 @@ def render(comparison: RunComparison, lake: Lake) -> str:
     counts = f"{len(comparison.better)} scenarios got better and {len(comparison.worse)} worse, by "
     judged = tag("p", counts, tag("code", comparison.judged_by), ".")
     notes = joined(*(tag("p", f"Note: {note}.") for note in comparison.notes))
+    groups = dict.fromkeys(each.group for each in comparison.metrics)
     body = tag(
         "body",
         tag("header", tag("h1", title), judged, notes),
-        tag("main", _tables(comparison), _worst(comparison, lake)),
+        tag("main", *(_table(comparison, group) for group in groups), _worst(comparison, lake)),
     )
     return f"<!doctype html>\n{tag('html', page_head(title), body, lang='en')}\n"
 
 
-def _tables(comparison: RunComparison) -> Markup:
-    groups = list(dict.fromkeys(each.group for each in comparison.metrics))
-    return joined(*(_table(comparison, group) for group in groups))
-
-
 def _table(comparison: RunComparison, group: str) -> Markup:
-    heads = [tag("th", "metric", scope="col"), *(tag("th", run, scope="col") for run in comparison.runs)]
-    heads += [tag("th", f"change to {run}", scope="col") for run in comparison.runs[1:]]
-    rows = (tag("tr", *_cells(each)) for each in comparison.metrics if each.group == group)
-    table = tag("table", tag("thead", tag("tr", *heads)), tag("tbody", *rows))
+    heads = ["metric", *comparison.runs, *(f"change to {run}" for run in comparison.runs[1:])]
+    rows = []
+    for metric in (each for each in comparison.metrics if each.group == group):
+        means = map(mean_text, metric.means, metric.scenarios)
+        cells = (tag("td", text) for text in (*means, *map(change_text, metric.changes[1:])))
+        rows.append(tag("tr", tag("th", metric.metric, scope="row"), *cells))
+    head = tag("thead", tag("tr", *(tag("th", name, scope="col") for name in heads)))
     title = "All scenarios" if group == "all" else group
+    table = tag("table", head, tag("tbody", *rows))
     return tag("section", tag("h2", title), tag("div", table, class_="scroll"))
 
 
-def _cells(metric: ComparedMetric) -> Iterable[Markup]:
-    yield tag("th", metric.metric, scope="row")
-    for mean, scenarios in zip(metric.means, metric.scenarios, strict=True):
-        yield tag("td", mean_text(mean, scenarios))
-    for change in metric.changes[1:]:
-        yield tag("td", change_text(change))
-
-
 def _worst(comparison: RunComparison, lake: Lake) -> Markup | None:
-    worst = comparison.worse[:_MAX_PICTURES]
-    if not worst:
-        return None
-    drawn = (_figure(lake, comparison, scenario_id, change) for scenario_id, change in worst)
-    return tag("section", tag("h2", "Got worst"), tag("div", *drawn, class_="pictures pairs"))
-
-
-def _figure(lake: Lake, comparison: RunComparison, scenario_id: str, change: float) -> Markup:
-    runs = comparison.runs[0], comparison.runs[-1]
-    data = base64.b64encode(_picture(lake, runs, scenario_id)).decode()
-    words = f"Scenario {scenario_id}: {runs[0]} on the left, {runs[1]} on the right"
-    image = tag("img", src=f"data:image/png;base64,{data}", alt=words)
-    return tag("figure", image, tag("figcaption", scenario_id, tag("span", f"{change:+.4g}")))
+    runs, figures = (comparison.runs[0], comparison.runs[-1]), []
+    for scenario_id, change in comparison.worse[:_MAX_PICTURES]:
+        words = f"Scenario {scenario_id}: {runs[0]} on the left, {runs[1]} on the right"
+        image = picture(_picture(lake, runs, scenario_id), words)
+        figures.append(tag("figure", image, tag("figcaption", scenario_id, tag("span", f"{change:+.4g}"))))
+    return tag("section", tag("h2", "Got worst"), tag("div", *figures, class_="pictures pairs")) if figures else None
 
 
 def _picture(lake: Lake, runs: tuple[str, str], scenario_id: str) -> bytes:
@@ -99,9 +82,7 @@ def _picture(lake: Lake, runs: tuple[str, str], scenario_id: str) -> bytes:
             moments = moments[: round(crash / scene.dt) + 1]
         draw_scenario(axes, scene, moments=moments, view=view, ratio=_PANEL[0] / _PANEL[1], has_legend=False)
         axes.set_title(run if moments is not None else f"{run}: the recording, without trajectories", fontsize=8)
-    file = io.BytesIO()
-    figure.savefig(file, format="png")
-    return file.getvalue()
+    return as_png(figure)
 
 
 _FACTS = """

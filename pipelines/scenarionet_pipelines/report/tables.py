@@ -128,16 +128,12 @@ def missing(sections: Sequence[DatabaseSection]) -> Markup | None:
     names = dict.fromkeys(name for section in sections for name in section.missing)
     if not names:
         return None
-    rows = (
-        (_row_head(name), *(_share(section.missing.get(name, 0), section.statistics.count) for section in sections))
-        for name in names
-    )
+    rows = []
+    for name in names:
+        counts = [(section.missing.get(name, 0), section.statistics.count) for section in sections]
+        words = [f"{number(n)} ({n / of:.1%})" if 0 < n < of else "all" if n else "none" for n, of in counts]
+        rows.append((_row_head(name), *(tag("td", text, class_="number") for text in words)))
     return table(("column", *(f"{section.name}#" for section in sections)), rows, "Missing values")
-
-
-def _share(count: int, of: int) -> Markup:
-    text = f"{number(count)} ({count / of:.1%})" if 0 < count < of else "all" if count else "none"
-    return tag("td", text, class_="number")
 
 
 def scorecard(card: Scorecard) -> Markup:

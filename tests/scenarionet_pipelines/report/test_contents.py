@@ -57,10 +57,18 @@ def test_databases_side_by_side(lake):
     for section in contents.sections:
         members = set(lake.database(section.name).scenario_ids)
         assert {each.scenario_id for group in section.pictures.values() for each in group} <= members
-    objects = next(distribution for distribution in contents.distributions if distribution.title == "Objects")
-    assert [group.name for group in objects.groups] == ["busy@1", "calm@1"]
-    np.testing.assert_allclose(objects.shares.sum(axis=1), 1.0)
-    assert not (objects.shares.min(axis=0) > 0).any(), "the databases share no number of objects"
+
+
+def test_measures_that_differ_are_drawn_and_the_others_are_said(lake):
+    contents = gather(lake, ["busy", "calm@1"], is_checked=False)
+    rows = lake.sql("SELECT * FROM metadata")
+    for name, title in COLUMNS.items():
+        values = {value for value in rows[name] if value is not None and np.isfinite(value)}
+        assert (title in contents.distributions) == (len(values) > 1)
+        assert contents.constants.get(title) == (values.pop() if len(values) == 1 else None)
+    assert "Objects" in contents.distributions
+    for png in contents.distributions.values():
+        assert Image.open(io.BytesIO(png)).format == "PNG"
 
 
 def test_missing_database(lake):

@@ -10,7 +10,6 @@ from html.parser import HTMLParser
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_pipelines.report.charts import nice_ticks
 from scenarionet_pipelines.report.markup import Markup, joined, tag
 from scenarionet_pipelines.report.page import render
 from tests.fixtures.lakes import write_lake
@@ -46,13 +45,6 @@ class Outline(HTMLParser):
 def test_text_is_escaped():
     assert tag("p", "<b>", Markup("<i></i>"), None, title='"x"') == '<p title="&quot;x&quot;">&lt;b&gt;<i></i></p>'
     assert joined("a & b", tag("br")) == "a &amp; b<br>"
-
-
-@pytest.mark.parametrize(("low", "high"), [(0, 1), (-3.2, 17), (0, 1e-6), (250, 260), (0, 9e9)])
-def test_ticks_are_few_round_and_in_range(low, high):
-    ticks = nice_ticks(low, high, 4)
-    assert 2 <= len(ticks) <= 6
-    assert all(low - 1e-9 <= tick <= high * (1 + 1e-9) for tick in ticks)
 
 
 def test_page_is_self_contained(contents):
