@@ -42,7 +42,8 @@ def find_contradictions(rows: TrackRows, clock: FrameClock, bounds: Float64 | No
     same = np.diff(rows.track) == 0
     first = int(rows.frame.min())
     seconds = clock.timestamps(first, int(rows.frame.max()) + 1)[rows.frame - first]
-    step = np.diff(rows.position, axis=0)[same] / np.diff(seconds)[same, None]
+    with np.errstate(over="ignore"):  # times that are next to each other
+        step = np.diff(rows.position, axis=0)[same] / np.diff(seconds)[same, None]
     before = np.flatnonzero(same)
     speed = np.hypot(*step.T)
     is_moving = (speed > _MOVING) & (np.diff(rows.frame)[same] == 1)

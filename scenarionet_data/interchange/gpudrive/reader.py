@@ -53,16 +53,14 @@ class GpuDrive(TrainingFiles):
         roads = [_road(each, row) for row, each in enumerate(told["roads"])]
         bad = [f"road {row}" for row, road in enumerate(roads) if road is None]
         defects.drop("maps", file, bad, "roads", "expected points and a known type, found others")
-        lights = [_light(lane, each) for lane, each in _mapping(told.get("tl_states")).items()]
-        bad = [
-            str(lane)[:64] for lane, light in zip(told.get("tl_states") or (), lights, strict=False) if light is None
-        ]
+        lights = {str(lane): _light(lane, each) for lane, each in _mapping(told.get("tl_states")).items()}
+        bad = [lane[:64] for lane, light in lights.items() if light is None]
         defects.drop("lights", file, bad, "tl_states", "expected states and a stop point, found others")
         predicted = [_mapping(each) for each in _list(metadata.get("tracks_to_predict"))]
         return FileScene(
             objects,
             [road for road in roads if road is not None],
-            [light for light in lights if light is not None],
+            [light for light in lights.values() if light is not None],
             ego=rows.get(_whole(metadata.get("sdc_track_index"))),
             predicted=[
                 (rows[_whole(each.get("track_index"))], max(_whole(each.get("difficulty")), 0))
