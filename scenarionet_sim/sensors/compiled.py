@@ -15,7 +15,6 @@ from scenarionet_sim.sensors.base import Sensor, add_noise, directions, require,
 from scenarionet_sim.sensors.observation_kernels import (
     OWN_MOTION,
     WAY_AHEAD,
-    Scratch,
     Sensing,
     SensorForm,
     observe_by_one,
@@ -43,8 +42,7 @@ class CompiledSensor(Sensor):
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
         """Write the observations by the code of the compiled step."""
         sensing = _sensing_of(self)._replace(out=out.reshape(-1))
-        scratch = Scratch.of(batch.max_objects, sensing)
-        lost = observe_by_one(agents, batch.recorded, batch.lines, state.moment, sensing, scratch)
+        lost = observe_by_one(agents, batch.recorded, batch.lines, state.moment, sensing)
         if sensing.kind[0] in (OWN_MOTION, WAY_AHEAD):
             require_located(lost, agents)
         self.disturb(out, rng)

@@ -130,9 +130,7 @@ def _within(value: np.float32) -> np.float32:
 
 
 @kernel
-def observe_by_one(
-    agents: Int32, recorded: Recorded, lines: Lines, now: StateArrays, sensing: Sensing, scratch: Scratch
-) -> int:
+def observe_by_one(agents: Int32, recorded: Recorded, lines: Lines, now: StateArrays, sensing: Sensing) -> int:
     """Write the observations of agents by one sensor outside of the compiled step.
 
     Args:
@@ -140,18 +138,20 @@ def observe_by_one(
         recorded, lines: Worlds.
         now: Current state.
         sensing: The sensor.
-        scratch: Written.
 
     Returns:
         Index of the first agent whose arc length is NaN (not located on its path), or -1.
     """
-    lost, last = -1, -1
+    lost, last, most, count = -1, -1, now.motion.shape[1], sensing.place[0, 3]
+    boxes = Boxes(np.empty((7, most)), np.empty(most, np.int32), np.zeros(1, np.int64))
+    near, sides, found = np.empty((6, most)), np.empty((4, most)), np.empty((2, most), np.int32)
+    scratch = Scratch(np.empty(7), np.empty((count, 2)), boxes, RayMemory(np.empty(count), near, sides, found))
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
         if lost < 0 and np.isnan(now.route[w, n, 0]):
             lost = a
         if w != last and sensing.kind[0] == LIDAR:
-            write_boxes(recorded.place[w, NUM_OBJECTS], now.motion[w], now.size[w], now.present[w], scratch.boxes)
+            write_boxes(recorded.place[w, NUM_OBJECTS], now.motion[w], now.size[w], now.present[w], boxes)
         last = w
         observe(a, w, n, recorded, lines, now, sensing, scratch)
     return lost
