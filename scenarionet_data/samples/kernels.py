@@ -169,7 +169,7 @@ def fill_agents(tracks: TrackLists, frames: RecordedFrames, wanted: Wanted, rule
             out.size[sample, agent, 0] = _extent(tracks.length_offsets, tracks.length, row, place)
             out.size[sample, agent, 1] = _extent(tracks.width_offsets, tracks.width, row, place)
             out.size[sample, agent, 2] = _extent(tracks.height_offsets, tracks.height, row, place)
-            _fill_states(tracks, row, base, frames, wanted, sample, rules, pose, agent, out)
+            _fill_states(tracks, frames, wanted, rules, sample, agent, pose, out)
 
 
 @device_function
@@ -242,18 +242,16 @@ def _extent(offsets: Int32, extents: Float32, row: int, place: int) -> Any:
 @device_function
 def _fill_states(
     tracks: TrackLists,
-    row: int,
-    base: int,
     frames: RecordedFrames,
     wanted: Wanted,
-    sample: int,
     rules: Rules,
-    pose: tuple[float, float, float, float, float, float],
+    sample: int,
     agent: int,
+    pose: tuple[float, float, float, float, float, float],
     out: AgentArrays,
 ) -> None:
-    """Fill the states of one agent over the window; ``base`` is the first row of its scenario."""
-    num_history = rules.num_history
+    """Fill the states of one agent over the window."""
+    row, num_history = tracks.bounds[wanted.scene[sample]] + out.row[sample, agent], rules.num_history
     reach = 0.5 * rules.dt + _SAME_TIME
     for step in range(frames.before.shape[1]):
         before, since = frames.before[sample, step], frames.since[sample, step]
@@ -288,7 +286,7 @@ def _fill_states(
             out.future_interpolated[sample, agent, step - num_history] = is_interpolated
         _fill_state(tracks, first, second, share, beyond, pose, state)
         if rules.noise > 0.0 and step < num_history:
-            _add_noise(wanted.keys[sample], (row - base) * num_history + step, rules.noise, state)
+            _add_noise(wanted.keys[sample], out.row[sample, agent] * num_history + step, rules.noise, state)
 
 
 @device_function

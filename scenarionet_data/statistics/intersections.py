@@ -30,7 +30,8 @@ def lanes_cross_near(features: MapFeatures, path: Array, distance: float, angle:
     entry = np.array([numbers.setdefault(lane, len(numbers)) for lane in entries.values], np.int64)
     points = np.ascontiguousarray(lanes.values[:, :2], dtype=np.float64)
     low, high = np.minimum.reduceat(points, lanes.offsets[:-1]), np.maximum.reduceat(points, lanes.offsets[:-1])
-    return bool(_any_crossing(points, lanes.offsets, low, high, entry, entries.offsets, path, distance, np.sin(angle)))
+    boxes = np.stack([low, high])
+    return bool(_any_crossing(points, lanes.offsets, boxes, entry, entries.offsets, path, distance, np.sin(angle)))
 
 
 def _lanes_near(features: MapFeatures, path: Array, distance: float) -> Array:
@@ -46,8 +47,7 @@ def _lanes_near(features: MapFeatures, path: Array, distance: float) -> Array:
 def _any_crossing(
     points: Array,
     first: Array,
-    low: Array,
-    high: Array,
+    boxes: Array,
     entry: Array,
     first_entry: Array,
     path: Array,
@@ -59,14 +59,14 @@ def _any_crossing(
     Args:
         points: (P, 2) of all lanes; lane ``k`` has those from ``first[k]`` to ``first[k + 1]``.
         first: (M + 1,).
-        low, high: (M, 2) corners of the lanes' boxes.
+        boxes: (2, M, 2) lower and upper corners of the lanes' boxes.
         entry: Predecessors as numbers, lane ``k`` those from ``first_entry[k]`` to ``first_entry[k + 1]``.
         first_entry: (M + 1,).
         path: (n, 2).
         distance: How far from the path a crossing counts [m].
         least_sine: Of the smallest angle that counts.
     """
-    num_lanes = len(first) - 1
+    num_lanes, low, high = len(first) - 1, boxes[0], boxes[1]
     for a in range(num_lanes):
         for b in range(a + 1, num_lanes):
             if low[a, 0] > high[b, 0] or low[b, 0] > high[a, 0] or low[a, 1] > high[b, 1] or low[b, 1] > high[a, 1]:

@@ -34,18 +34,12 @@ def write_extras(features: WaymoWireMap, boundary_codes: Int64) -> Object:
         features: A record's map.
         boundary_codes: ``MapFeatureType`` by the source's boundary type.
     """
-    tables = (
-        features.left_boundaries,
-        features.left_neighbors,
-        features.left_neighbor_boundaries,
-        features.right_boundaries,
-        features.right_neighbors,
-        features.right_neighbor_boundaries,
-    )
+    left = features.left_boundaries, features.left_neighbors, features.left_neighbor_boundaries
+    right = features.right_boundaries, features.right_neighbors, features.right_neighbor_boundaries
     count = len(features.is_interpolating)
-    text = np.empty(_LONGEST_ROW * sum(map(len, tables)) + 100 * count + 1, np.uint8)
+    text = np.empty(_LONGEST_ROW * sum(map(len, left + right)) + 100 * count + 1, np.uint8)
     ends = np.zeros(count + 1, np.int64)
-    _write(features.is_interpolating, *tables, boundary_codes, _NAMES, text, ends)
+    _write(features.is_interpolating, left, right, boundary_codes, _NAMES, text, ends)
     whole, bounds = text[: ends[-1]].tobytes().decode("ascii"), ends.tolist()
     parts = [whole[start:end] or None for start, end in pairwise(bounds)]
     return np.array(parts, dtype=object)
@@ -54,12 +48,8 @@ def write_extras(features: WaymoWireMap, boundary_codes: Int64) -> Object:
 @kernel
 def _write(
     flags: Array,
-    left_boundaries: Array,
-    left_neighbors: Array,
-    left_inner: Array,
-    right_boundaries: Array,
-    right_neighbors: Array,
-    right_inner: Array,
+    left: tuple[Array, Array, Array],
+    right: tuple[Array, Array, Array],
     codes: Array,
     names: tuple[Array, ...],
     text: Array,
@@ -67,22 +57,19 @@ def _write(
 ) -> None:
     """Write the texts of all features; the text of feature ``i`` ends at ``ends[i + 1]``.
 
-    The first column of the tables is the feature (for inner tables: the row of the neighbour), ascending.
+    The tables of a side are its boundaries, its neighbours and their boundaries. The first column of a table is the
+    feature (in the last one: the row of the neighbour), ascending.
     """
     at = 0
-    done = np.zeros(6, np.int64)  # next row of each table
+    done = np.zeros((2, 3), np.int64)  # next row of each table
     for row in range(len(flags)):
         start = at
         if flags[row]:
             at = _copy(text, _between(text, at, start), names[0])
-        at, done[0] = _list(text, at, start, names[1], left_boundaries, row, done[0], codes)
-        at, done[1], done[2] = _neighbors(
-            text, at, start, names[2], left_neighbors, left_inner, row, done[1], done[2], codes
-        )
-        at, done[3] = _list(text, at, start, names[3], right_boundaries, row, done[3], codes)
-        at, done[4], done[5] = _neighbors(
-            text, at, start, names[4], right_neighbors, right_inner, row, done[4], done[5], codes
-        )
+        at, done[0, 0] = _list(text, at, start, names[1], left[0], row, done[0, 0], codes)
+        at = _neighbors(text, at, start, names[2], left, row, done[0], codes)
+        at, done[1, 0] = _list(text, at, start, names[3], right[0], row, done[1, 0], codes)
+        at = _neighbors(text, at, start, names[4], right, row, done[1], codes)
         if at > start:
             at = _put(text, at, 125)  # }
         ends[row + 1] = at
@@ -122,16 +109,15 @@ def _neighbors(
     at: int,
     start: int,
     name: Array,
-    table: Array,
-    inner: Array,
+    side: tuple[Array, Array, Array],
     row: int,
-    first: int,
-    inner_first: int,
+    done: Array,
     codes: Array,
-) -> tuple[int, int, int]:
-    """Write the member with a feature's neighbours and their boundaries, if any."""
+) -> int:
+    """Write the member with a feature's neighbours and their boundaries, if any; the next rows of tables advance."""
+    table, first = side[1], done[1]
     if first >= len(table) or table[first, 0] != row:
-        return at, first, inner_first
+        return at
     at = _copy(text, _between(text, at, start), name)
     begin = first
     while first < len(table) and table[first, 0] == row:
@@ -141,10 +127,11 @@ def _neighbors(
         for column in range(2, 6):
             at = _number(text, _put(text, at, 44), table[first, column])
         at = _put(text, _put(text, at, 44), 91)
-        at, inner_first = _boundaries(text, at, inner, first, inner_first, codes)
+        at, done[2] = _boundaries(text, at, side[2], first, done[2], codes)
         at = _put(text, _put(text, at, 93), 93)
         first += 1
-    return _put(text, at, 93), first, inner_first
+    done[1] = first
+    return _put(text, at, 93)
 
 
 @device_function

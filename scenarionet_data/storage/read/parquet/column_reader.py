@@ -99,16 +99,15 @@ class ColumnReader:
         if largest > self._levels.shape[1]:
             self._levels = np.empty((4, largest), np.uint8)
         reserved = groups[0].footer.reserve(groups[0].number) if len(groups) == 1 else self._reserved(stored)
-        scratch, levels, found = self._memory.scratch(size), self._levels, self._pages
+        scratch, found = self._memory.scratch(size), self._pages
+        memory = scratch, self._levels
         out, count, row = reserved.block(self._memory), len(found), 0
         words: dict[str, tuple[str, ...]] = {}
         for (_, _, content, base), (chunks, num_rows, *_) in zip(groups, stored, strict=True):
-            done = unchecked(read_row_group)(content, base, chunks, scratch, levels, found, row, num_rows, out, False)
+            done = unchecked(read_row_group)(content, base, chunks, memory, found, (row, num_rows), out, False)
             if done > count:
                 self._decompress(content, scratch)
-                done = unchecked(read_row_group)(
-                    content, base, chunks, scratch, levels, found, row, num_rows, out, True
-                )
+                done = unchecked(read_row_group)(content, base, chunks, memory, found, (row, num_rows), out, True)
             if done == UNKNOWN:
                 return None
             if done < count:

@@ -34,27 +34,23 @@ def read_row_group(
     data: Array,
     base: int,
     chunks: Array,
-    scratch: Array,
-    levels: Array,
+    memory: tuple[Array, Array],
     pages: Array,
-    row: int,
-    num_rows: int,
+    rows: tuple[int, int],
     out: ColumnBlock,
     is_decompressed: bool,
 ) -> int:
     """Decode the columns of a row group behind the values of those before; those in zstd by a second call.
 
-    Pages in zstd are decompressed to their places in ``scratch`` between the calls.
+    Pages in zstd are decompressed to their places in ``memory`` between the calls.
 
     Args:
         data: (n,) uint8 bytes of the file, starting at position ``base``.
         base: See ``data``.
         chunks: (C, NUM_CHUNK_FIELDS) int64, see CHUNK_START; zeros for a column that the file lacks.
-        scratch: uint8 memory for decompressed pages, see ``Footer.size``.
-        levels: (4, m) uint8 memory for the levels of a page.
+        memory: uint8 memory for decompressed pages, see ``StoredGroup.scratch``, and (4, m) for the levels of one.
         pages: (C, NUM_PAGE_FIELDS) int64, filled.
-        row: First row of the row group.
-        num_rows: Its number of rows.
+        rows: First row of the row group, and its number of rows.
         out: Filled.
         is_decompressed: Whether this is the second call.
 
@@ -62,7 +58,7 @@ def read_row_group(
         The first column that is damaged, or the number of columns and of pages in zstd; UNKNOWN if a column has more
         than one page, or of another kind.
     """
-    at, stored = 0, 0
+    at, stored, (scratch, levels), (row, num_rows) = 0, 0, memory, rows
     for column in range(len(pages)):
         page, described = pages[column], out.columns[column]
         if is_decompressed:

@@ -66,7 +66,7 @@ def decoded(data, found, num_rows, block):
     found[:, pages.STORED_END] = 1
     levels, chunks = np.zeros((4, len(data)), np.uint8), np.zeros((len(found), pages.NUM_CHUNK_FIELDS), np.int64)
     file = np.frombuffer(b"", np.uint8)
-    return kernels.read_row_group(file, 0, chunks, data, levels, found, 0, num_rows, block, True)
+    return kernels.read_row_group(file, 0, chunks, (data, levels), found, (0, num_rows), block, True)
 
 
 @given(
