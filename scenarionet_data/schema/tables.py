@@ -190,21 +190,28 @@ class Table:
         Args:
             sample: The first rows of the file, which show the columns with most bytes; all list columns without it.
         """
-        numbers = [column for column in self.columns if column.is_list and _is_number(column.element)]
-        texts = [column for column in self.columns if column.element == "json"]
-        is_large = [sample is None or sample.column(column.name).nbytes >= _BULKY for column in texts]
-        # In zstd, scenarios would be a tenth smaller, and take three times as long to load.
-        bulky = [c.path for c, large in zip(texts, is_large, strict=True) if large and self.name not in _LOADED]
+        compression, levels, encodings = dict[str, str](), dict[str, int](), dict[str, str]()
+        dictionaries, statistics = list[str](), list[str]()
+        for column in self.columns:
+            # In zstd, scenarios would be a tenth smaller, and take three times as long to load.
+            is_bulky = column.element == "json" and self.name not in _LOADED
+            is_bulky = is_bulky and (sample is None or sample.column(column.name).nbytes >= _BULKY)
+            compression[column.path] = "zstd" if is_bulky else "lz4"
+            if is_bulky:
+                levels[column.path] = 2
+            if column.element == "dictionary":
+                dictionaries.append(column.path)  # ids are unique: a dictionary would save nothing
+            elif column.is_list and column.element not in ("string", "json"):
+                # Not all readers support BYTE_STREAM_SPLIT for integers.
+                encodings[column.path] = "BYTE_STREAM_SPLIT" if column.element.startswith("float") else "PLAIN"
+            if column.statistics:
+                statistics.append(column.path)
         return {
-            "compression": {c.path: "zstd" if c.path in bulky else "lz4" for c in self.columns},
-            "compression_level": dict.fromkeys(bulky, 2) or None,
-            # Ids are unique: a dictionary would save nothing.
-            "use_dictionary": [c.path for c in self.columns if c.element == "dictionary"],
-            # Not all readers support BYTE_STREAM_SPLIT for integers.
-            "column_encoding": {
-                c.path: "BYTE_STREAM_SPLIT" if c.element.startswith("float") else "PLAIN" for c in numbers
-            },
-            "write_statistics": [column.path for column in self.columns if column.statistics],
+            "compression": compression,
+            "compression_level": levels or None,
+            "use_dictionary": dictionaries,
+            "column_encoding": encodings,
+            "write_statistics": statistics,
             "version": "2.6",
             # One page per column chunk: the kernels of the loader require it, and queries are as fast.
             "data_page_size": 2**26,
@@ -292,7 +299,3 @@ def content_tag() -> str:
 def reads_content(tag: str) -> bool:
     """Whether files of a shard with these versions (see :func:`content_tag`) can be read."""
     return all(part.partition("/")[0] in CONTENT and load(part.partition("/")[0]).reads(part) for part in tag.split())
-
-
-def _is_number(element: str) -> bool:
-    return element not in ("string", "dictionary", "json")

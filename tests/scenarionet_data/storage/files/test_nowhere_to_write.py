@@ -146,7 +146,7 @@ def test_full_disk_leaves_lake_unchanged(tmp_path):
     assert "\n" not in found["message"]
     assert found["same"]
     assert found["temporary"] == []
-    assert found["snapshots"] == ["snapshots/00000001.json"]
+    assert found["snapshots"] == ["lake.json", "snapshots/00000001.json"]
     assert found["converted"] == 51
     run(tmp_path / "raw", tmp_path / "undisturbed")
     assert [tuple(pair) for pair in found["content"]] == content(tmp_path / "undisturbed")
