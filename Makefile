@@ -202,9 +202,10 @@ docs-site: install .venv/.installed-docs  ## Build the documentation site into s
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 	@touch $@
 
-pictures: install  ## Make the pictures of cameras, and the films, of the documentation again, from generated scenarios.
+pictures: install  ## Make the films and the pictures of cameras and the browser in the documentation again (needs Chromium).
 	$(BIN)/python docs/make_camera_pictures.py
 	$(BIN)/python docs/make_films.py
+	$(BIN)/python docs/make_page_pictures.py
 
 notebooks: install .venv-learn/.installed  ## Run the notebooks on generated scenarios and write their pages to docs/notebooks; one needs torch.
 	.venv-learn/bin/python -m scenarionet_pipelines.notebooks $(ARGS)
