@@ -22,16 +22,19 @@ BAY, STOREY = 3.2, 3.2
 FOUNDATION, ROOF = 0.5, 0.03
 """Depth of buildings in the ground [m], and share of their height above the walls."""
 
-FINEST = 0.22
-"""Height of pixels in storeys from which on a wall is drawn without its windows, in the mean of their colours."""
+_PER_BAY, _PER_STOREY, _MIXER, _LOW_BITS, _BYTE, _SHIFT = map(np.int32, (79, 1047, 1009, 1023, 255, 3))
+"""Of random numbers of windows."""
+
+FINEST = 0.2
+"""Height of pixels [storeys] from which on a building has one colour, the mean of its walls and windows."""
 
 PER_U, FIRST_U, PER_V, FIRST_V, BAYS, STYLE = 1, 2, 4, 5, 7, 8
 """Columns of a wall: bays per metre along it, and the bay before the camera; storeys per metre, and that at the height
-of the camera; number of bays, and what the wall is like."""
+of the camera; number of bays, 0 where windows are not drawn, and what the wall is like."""
 
 
 @device_function(divides_by_zero=True)
-def lay_out_wall(item: Item, pose: Float64, colors: Float32) -> None:
+def lay_out_wall(item: Item, pose: Float64, focal_length: float, colors: Float32) -> None:
     """Write the layout of a wall, whose light and normal are in ``colors`` (12,)."""
     box, (cos, sin) = item.box, item.turn
     nx, ny = float(colors[9]), float(colors[10])
@@ -42,6 +45,8 @@ def lay_out_wall(item: Item, pose: Float64, colors: Float32) -> None:
     colors[PER_U], colors[PER_V] = bays / width, storeys / height
     colors[FIRST_U] = (nx * y - ny * x) * bays / width + 0.5 * bays
     colors[FIRST_V], colors[BAYS] = z * storeys / height, bays
+    if math.hypot(x, y) - 0.5 * max(box[4], box[5]) > FINEST * STOREY * focal_length:
+        colors[BAYS] = 0.0
     colors[STYLE] = math.floor(abs(box[4] * 7.0 + box[5] * 13.0)) % 8.0
 
 
@@ -57,7 +62,7 @@ def draw_wall(first: int, end: int, color: Float32, angle: float, light: Float64
         shades: Memory of the tile.
     """
     rgb = shades[at.RED], shades[at.GREEN], shades[at.BLUE]
-    if shades[at.DISTANCE, first] * angle * color[PER_V] < FINEST:
+    if color[BAYS] > 0.0:
         rays = shades[at.DISTANCE], shades[at.RAY_X], shades[at.RAY_Y], shades[at.RAY_Z]
         _draw_windows(first, end, color, angle, light, rays, rgb)
         return
@@ -69,9 +74,9 @@ def draw_wall(first: int, end: int, color: Float32, angle: float, light: Float64
 
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
-def _within(place: float, first: float, end: float, sharpness: float) -> float:
-    """Return the part of a footprint, of which there are ``sharpness`` in a bay or storey, between two places."""
-    return float(smaller(larger(smaller(place - first, end - place) * sharpness + 0.5, 0.0), 1.0))
+def _inside(depth: float, sharpness: float) -> float:
+    """Return the part of a footprint, of which there are ``sharpness`` in a bay or storey, that is inside an edge."""
+    return float(smaller(larger(depth * sharpness + 0.5, 0.0), 1.0))
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
@@ -84,7 +89,7 @@ def _draw_windows(
     wall_r, wall_g, wall_b = color[0], color[3], color[6]
     per_u, per_v, bays, style = color[PER_U], color[PER_V], color[BAYS], color[STYLE]
     nx, ny, start, level, middle = color[9], color[10], color[FIRST_U], color[FIRST_V], rounded_down(single(0.5) * bays)
-    has_shops, first_chance = style < 5.0, np.int32(style) * np.int32(31)
+    has_shops, first_chance = style < 5.0, np.int32(style) * _MIXER
     sky_r, sky_g, sky_b = singles(light, at.HORIZON)
     glow, per_angle = single(0.8 * light[at.LAMPS]), 1.0 / (angle * per_u)
     door_r, door_g, door_b = 0.25 * wall_r, 0.16 * wall_g, 0.11 * wall_b
@@ -101,11 +106,12 @@ def _draw_windows(
         is_door, is_shop = is_low & (bay == middle), is_low & (bay != middle) & has_shops
         half = 0.20 if is_door else (0.42 if is_shop else 0.25)
         low, high = -0.5 if is_door else (0.16 if is_shop else 0.26), 0.72 if is_shop else 0.78
-        frame = _within(u, -1.0, half + 0.035, fine_u) * _within(v, low - 0.035, high + 0.035, fine_v)
-        pane = _within(u, 0.012, half, fine_u) * _within(v, low, high, fine_v)
-        number = np.int32(bay) * np.int32(7919) + np.int32(storey) * np.int32(104729) + first_chance
-        chance = single_of(int((number * np.int32(1103515245)) >> np.int32(16) & np.int32(255))) * (1.0 / 255.0)
-        band = _within(v, 0.80 if is_shop else -0.03, 0.96 if is_shop else 0.03, fine_v)
+        across, up = half - u, smaller(v - low, high - v)
+        frame = _inside(across + 0.035, fine_u) * _inside(up + 0.035, fine_v)
+        pane = _inside(smaller(u - 0.012, across), fine_u) * _inside(up, fine_v)
+        number = np.int32((np.int32(bay) * _PER_BAY + np.int32(storey) * _PER_STOREY + first_chance) & _LOW_BITS)
+        chance = single_of(int(np.int32(np.int32(number * _MIXER) >> _SHIFT) & _BYTE)) * (1.0 / 255.0)
+        band = _inside(0.08 - abs(v - 0.88) if is_shop else 0.03 - v, fine_v)
         shine = glow if (chance > 0.62) | is_shop else 0.0
         mirror = 0.10 + 0.25 * chance
         glass_r = door_r if is_door else mirror * sky_r + shine

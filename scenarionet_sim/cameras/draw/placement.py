@@ -106,7 +106,7 @@ def set_up_triangle(
         is_flat = item.is_small or found == 1 or material == codes.FACADE
         color_triangle(corners, material, is_flat, item, view.light, meshes, vertices, colors)
         if material == codes.FACADE:
-            lay_out_wall(item, view.pose, colors)
+            lay_out_wall(item, view.pose, view.lens[at.FX], colors)
     return True
 
 

@@ -71,10 +71,10 @@ _COARSER = {
     at.BUS: (at.TRUCK_FAR, 24), at.TRUCK_FAR: (at.BLOCK, 6), at.PEDESTRIAN: (at.PERSON_FAR, 24),
     at.CYCLIST: (at.PERSON_FAR, 24), at.PERSON_FAR: (at.BLOCK, 6), at.CONE: (at.BLOCK, 6), at.BARRIER: (at.BLOCK, 6),
     at.LIGHT_HEAD: (at.LIGHT_FAR, 24), at.POLE: (at.POLE_FAR, 60),
-    at.LAMP: (at.LAMP_FAR, 24), at.SIGN: (at.LAMP_FAR, 6), at.BUILDING: (at.WALLS, 14),
-    at.TREE: (at.TREE_MIDDLE, 70), at.TREE_MIDDLE: (at.TREE_FAR, 36), at.TREE_FAR: (at.TREE_TINY, 6),
+    at.LAMP: (at.LAMP_FAR, 36), at.SIGN: (at.LAMP_FAR, 6), at.BUILDING: (at.WALLS, 14),
+    at.TREE: (at.TREE_MIDDLE, 70), at.TREE_MIDDLE: (at.TREE_FAR, 36), at.TREE_FAR: (at.TREE_TINY, 8),
     at.TREE_TINY: (at.TREE_DOT, 3), at.CONIFER: (at.CONIFER_MIDDLE, 70), at.CONIFER_MIDDLE: (at.CONIFER_FAR, 36),
-    at.CONIFER_FAR: (at.CONIFER_TINY, 6), at.BLOCK: (at.SPECK, 3),
+    at.CONIFER_FAR: (at.CONIFER_TINY, 8), at.BLOCK: (at.SPECK, 3),
 }  # fmt: skip
 """The next coarser mesh of each, and the radius on the screen [pixels] below which it is drawn instead."""
 

@@ -75,7 +75,7 @@ def test_walls_have_whole_windows():
     for normal, along, width in ((turn, (-turn[1], turn[0]), 10.1), ((turn[1], -turn[0]), turn, 17.3)):
         colors = np.zeros(12, np.float32)
         colors[9:11] = normal
-        lay_out_wall.py_func(item, pose, colors)
+        lay_out_wall.py_func(item, pose, 400.0, colors)
         for side in (-0.5, 0.5):
             away = box[:2] + side * width * np.array(along) - pose[:2]
             corner = colors[FIRST_U] + (normal[0] * away[1] - normal[1] * away[0]) * colors[PER_U]
