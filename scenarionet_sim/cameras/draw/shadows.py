@@ -73,15 +73,9 @@ def light_at(x: float, y: float, shadows: Float64) -> float:
 
 @device_function(divides_by_zero=True, in_lanes=True)
 def _add(
-    place: tuple[float, float, float],
-    turn: tuple[float, float],
-    halves: tuple[float, float],
-    sweep: tuple[float, float],
-    strength: float,
-    view: FrameView,
-    shadows: Float64,
-    num_shadows: int,
-) -> int:
+    place: tuple[float, float, float], turn: tuple[float, float], halves: tuple[float, float],
+    sweep: tuple[float, float], strength: float, view: FrameView, shadows: Float64, num_shadows: int,
+) -> int:  # fmt: skip
     """Add a shadow or a light if it is in the picture; return the new number of shadows."""
     pose, lens, width, height = view.pose, view.lens, view.width, view.height
     if num_shadows >= len(shadows):
