@@ -21,8 +21,13 @@ crossings AS (
     WHERE before < 0 AND earlier_before >= 0 AND earlier_timestep = timestep - 1 AND speed > $min_speed
 ),
 reds AS (
-    SELECT c.*, s.state[greatest(c.timestep - ceil($min_red / c.dt)::INTEGER, 0) + 1 : c.timestep + 1] AS since
-    FROM crossings AS c JOIN stop_lines AS s USING (scenario_id, light_id, lane_id)
+    SELECT
+        c.*,
+        len(list_filter(m.timestamps, lambda t: t <= c.seconds - $min_red + 1e-6)) AS first,  -- recorded times, not dt
+        s.state[greatest(first, 1) : c.timestep + 1] AS since
+    FROM crossings AS c
+    JOIN stop_lines AS s USING (scenario_id, light_id, lane_id)
+    JOIN metadata AS m USING (scenario_id)
 )
 SELECT
     scenario_id,

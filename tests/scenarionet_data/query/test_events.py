@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -236,6 +237,13 @@ def test_exact_hits_are_found(name, found):
         assert [row[:4] for row in rows] == [row[:4] for row in wanted], scenario.id
         tolerance = 1.0 if "turn" in name else 0.01
         assert [row[4] for row in rows] == pytest.approx([row[4] for row in wanted], abs=tolerance), scenario.id
+
+
+def test_time_of_red_is_the_recorded_one(tmp_path):
+    scenario = red("run-late", along(-52.05, 0, 10), (GREEN, 40), (RED, 1), ego=FAR)
+    times = scenario.timestamps + np.where(np.arange(scenario.num_timesteps) > 45, 1.0, 0.0)  # frames were lost
+    lake = write_lake(tmp_path, [replace(scenario, timestamps=times)])
+    assert [len(lake.mine("red_light_running", {"min_red": least})) for least in (1.0, 2.0, 2.5)] == [1, 1, 0]
 
 
 def test_every_event_has_hits_and_near_misses():
