@@ -280,6 +280,8 @@ def read_json(data: bytes, place: Place) -> tuple[dict[str, Any], bool]:
         content = json.loads(data)
     except RecursionError as error:
         raise ValueError("its JSON is nested too deeply") from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"its byte {error.start} is of no text") from error
     if not isinstance(content, dict):
         raise ValueError("it holds no JSON object")
     version, digest = content.pop("format", 1), content.pop("digest", None)

@@ -151,3 +151,11 @@ def test_metadata_of_an_older_lake_exchanged_with_another_table_is_damage(tmp_pa
         ScenarioLoader(mine)
     with pytest.raises(LakeError, match="it is a file of another table"):
         Lake(mine).sql("SELECT count(ego_distance) FROM metadata")
+
+
+def test_a_snapshot_of_bytes_that_are_no_text_is_named(two, tmp_path):
+    mine = shutil.copytree(two[0], tmp_path / "a")
+    path = mine / "snapshots" / "00000001.json"
+    path.write_bytes(path.read_bytes().replace(b"operation", b"op\xe3ration"))
+    with pytest.raises(LakeError, match=r"00000001\.json: damaged, it is no snapshot \(its byte \d+ is of no text\)"):
+        Lake(mine)
