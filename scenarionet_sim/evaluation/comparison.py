@@ -197,18 +197,12 @@ def compare_runs(
     change = pairs.select("scenario_id", change=pl.col("judged_then") - pl.col("judged"))
     better = change.filter(pl.col("change") > 0).sort(["change", "scenario_id"], descending=[True, False]).rows()
     worse = change.filter(pl.col("change") < 0).sort(["change", "scenario_id"]).rows()
-    return RunComparison(tuple(runs), tuple(metrics), judged_by, _notes(lake, runs), tuple(better), tuple(worse))
-
-
-def _notes(lake: Lake, runs: Sequence[str]) -> tuple[str, ...]:
-    """Return a sentence on every condition that is not the same in all runs."""
-    told = {run: evaluation_runs.describe(lake.files, run) for run in runs}
-    found = []
-    for key, title, older in CONDITIONS:
+    told, notes = {run: evaluation_runs.describe(lake.files, run) for run in runs}, []
+    for key, condition, older in CONDITIONS:
         values = {run: str(each.get(key) or older) for run, each in told.items()}
         if len(set(values.values())) > 1:
-            found.append(f"{title} differs: " + ", ".join(f"{run} {value}" for run, value in values.items()))
-    return tuple(found)
+            notes.append(f"{condition} differs: " + ", ".join(f"{run} {value}" for run, value in values.items()))
+    return RunComparison(tuple(runs), tuple(metrics), judged_by, tuple(notes), tuple(better), tuple(worse))
 
 
 def _rows(lake: Lake, runs: Sequence[str], where: str, by: str | None, judged_by: str) -> pl.DataFrame:

@@ -192,24 +192,19 @@ def observe_log(
         follow_paths(rows, state.motion, batch.recorded, LOOK_BACK, LOOK_AHEAD, route, False)
         if len(rows):
             seen = observation.of(batch, replace(state, route=route), rows, rng)
-            found = {"observations": _rows(world, timestep, rows[:, 1], seen)}
+            count, schema = len(rows), tables.load("observations").schema
+            columns = {
+                "scenario_id": pa.array([world.scenario_id] * count, pa.string()),
+                "track_id": string_array(world.track_ids[rows[:, 1]]),
+                "timestep": pa.array(np.full(count, timestep, np.int32)),
+                "observation": list_array(offsets_of(np.full(count, seen.shape[1])), seen.ravel()),
+            }
+            found = {"observations": pa.table(columns, schema=schema.remove(schema.get_field_index("run")))}
             if cameras:
                 pictures = [camera.frames(batch, state, rows, rng) for camera in cameras]
                 found["frames"] = _frames(world, timestep, rows[:, 1], pictures)
             yield found
     simulation.close()
-
-
-def _rows(world: World, timestep: int, rows: Int32, seen: Any) -> pa.Table:
-    count = len(rows)
-    columns = {
-        "scenario_id": pa.array([world.scenario_id] * count, pa.string()),
-        "track_id": string_array(world.track_ids[rows]),
-        "timestep": pa.array(np.full(count, timestep, np.int32)),
-        "observation": list_array(offsets_of(np.full(count, seen.shape[1])), seen.ravel()),
-    }
-    schema = tables.load("observations").schema
-    return pa.table(columns, schema=schema.remove(schema.get_field_index("run")))
 
 
 def _frames(world: World, timestep: int, rows: Int32, pictures: list[dict[str, Array]]) -> pa.Table:

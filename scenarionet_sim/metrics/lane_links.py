@@ -73,13 +73,9 @@ class LaneLinks:
         """The same lanes, the one along a heading first."""
         if len(lanes) < 2:
             return lanes
-        return tuple(sorted(lanes, key=lambda lane: -self._along(lane, point, heading)))
-
-    def _along(self, lane: int, point: Float64, heading: float) -> float:
-        """Cosine of the angle between a lane at its nearest point and a heading."""
-        lanes, (x, y) = self.roads.lanes, point.tolist()
-        rows = lanes.offsets[lane], lanes.offsets[lane + 1]
-        return _cosine_along(lanes.values, *rows, x, y, math.cos(heading), math.sin(heading))
+        line, (x, y), direction = self.roads.lanes, point.tolist(), (math.cos(heading), math.sin(heading))
+        rows = {lane: (line.offsets[lane], line.offsets[lane + 1]) for lane in lanes}
+        return tuple(sorted(lanes, key=lambda lane: -_cosine_along(line.values, *rows[lane], x, y, *direction)))
 
 
 @kernel(allocates=False)

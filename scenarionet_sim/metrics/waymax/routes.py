@@ -57,7 +57,12 @@ class Routes:
             for way in _ways(graph, driven[0], length):
                 lines.append(np.concatenate([roads.lanes[lane] for lane in way]).astype(np.float64))
                 is_on_route.append(driven[-1] in way)
-        sampled = [_sampled(line) for line in lines]
+        sampled = []
+        for line in lines:  # every metre
+            hops = np.hypot(*np.diff(line, axis=0).T) if len(line) > 1 else np.zeros(0)
+            arc = np.append(0.0, np.cumsum(hops))
+            wanted = np.arange(0.0, arc[-1] + _SPACING, _SPACING)
+            sampled.append(np.column_stack([np.interp(wanted, arc, line[:, axis]) for axis in range(2)]))
         count = [len(line) for line in sampled]
         return cls(
             np.concatenate(sampled),
@@ -136,11 +141,3 @@ def _ways(graph: LaneLinks, first: int, length: float) -> Iterator[list[int]]:
             yield way
         else:
             unfinished += [([*way, lane], driven + length_of(lane)) for lane in following]
-
-
-def _sampled(line: Float64) -> Float64:
-    """Points of a line every metre."""
-    hops = np.hypot(*np.diff(line, axis=0).T) if len(line) > 1 else np.zeros(0)
-    arc = np.append(0.0, np.cumsum(hops))
-    wanted = np.arange(0.0, arc[-1] + _SPACING, _SPACING)
-    return np.column_stack([np.interp(wanted, arc, line[:, axis]) for axis in range(2)])
