@@ -9,12 +9,21 @@ means. All three drive the scenarios of the second database, which are not train
 
 from __future__ import annotations
 
+from driving_pictures import (  # first: says how to install torch
+    AHEAD,
+    CAMERA,
+    DrivePictures,
+    PictureNetwork,
+    collect,
+    fit,
+)
+
+# isort: split
 from time import process_time
 
 import click
 import numpy as np
 import torch
-from driving_pictures import AHEAD, CAMERA, DrivePictures, PictureNetwork, collect, fit
 from idm_ego import evaluate
 
 from scenarionet_data import Lake, ScenarioLoader

@@ -7,6 +7,9 @@ with the way back from there.
 
 from __future__ import annotations
 
+import scenarionet_data.samples.training  # noqa: F401 - first: says how to install torch
+
+# isort: split
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 

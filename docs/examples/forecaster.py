@@ -9,6 +9,9 @@ are those of a training run of the lake: `SELECT round, learned ->> 'min_ade' FR
 
 from __future__ import annotations
 
+from scenarionet_data.samples.training import SampleStream, collate  # first: says how to install torch
+
+# isort: split
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -23,7 +26,6 @@ from torch import Tensor, nn
 from scenarionet_data import Agents, Augmentation, Lake, Polylines, Samples, Shuffling, Targets, TimeWindow
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.forecasts import make_predictions
-from scenarionet_data.samples.training import SampleStream, collate
 from scenarionet_data.storage import checkpoints, evaluation_runs
 
 _TYPES = 256  # codes of objects and of map features are below

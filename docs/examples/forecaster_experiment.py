@@ -9,6 +9,9 @@ so an interrupted experiment continues.
 
 from __future__ import annotations
 
+from forecaster import ForecasterConfig, Predictor, TensorBatch, measure, train  # first: says how to install torch
+
+# isort: split
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -18,7 +21,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import torch
-from forecaster import ForecasterConfig, Predictor, TensorBatch, measure, train
 
 from scenarionet_data import Lake, Samples
 from scenarionet_data.arrays.dtypes import Array, Float64

@@ -8,13 +8,15 @@ direction; see the tutorial "Learn from pictures". Scenarios of the second datab
 
 from __future__ import annotations
 
+from driving_pictures import DrivePictures, PictureNetwork, collect, fit  # first: says how to install torch
+
+# isort: split
 from dataclasses import dataclass
 from time import process_time
 
 import click
 import numpy as np
 import torch
-from driving_pictures import DrivePictures, PictureNetwork, collect, fit
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.arrays.dtypes import Float32

@@ -45,7 +45,7 @@ def writer_class(name: str) -> type[Any]:
     try:
         kind: type[Any] = getattr(importlib.import_module(module), attribute)
     except ModuleNotFoundError as error:
-        raise MissingDependency(f"the format {name} needs {error.name}", "interop") from error
+        raise MissingDependency(f"the format {name} needs {error.name}", "", f"pip install {error.name}") from error
     return kind
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, is_count
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.samples.dataset import Sample, Samples
 from scenarionet_data.samples.order import Shuffling, batches_of, epoch_order
 
@@ -16,8 +16,7 @@ try:
     import torch
     from torch.utils.data import IterableDataset, get_worker_info
 except ModuleNotFoundError as error:
-    remedy = "install it, or scenarionet-lake with the extra learn"
-    raise ModuleNotFoundError(f"batches as tensors need torch: {remedy}", name="torch") from error
+    raise MissingDependency("batches as tensors need torch", "learn") from error
 
 
 class SampleStream(IterableDataset[dict[str, Any]]):
