@@ -99,13 +99,28 @@ class Backend(Protocol):
         ...
 
 
+def as_numbers(actions: npt.ArrayLike) -> Float64:
+    """Return actions as float64, in the memory of the caller where they are.
+
+    Raises:
+        BadParameter: They are no numbers, or of different lengths.
+    """
+    try:
+        return np.asarray(actions, np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise BadParameter(f"actions: expected steering and throttle of each agent, found {actions!r}") from error
+
+
 def checked_actions(actions: npt.ArrayLike) -> Float64:
     """Return actions as (A, 2) float64, clipped to [-1, 1].
 
     Raises:
-        BadParameter: An action is not finite.
+        BadParameter: An action is no pair of finite numbers.
     """
-    clipped: Float64 = np.array(actions, np.float64, order="C").reshape(-1, 2)
+    given = as_numbers(actions)
+    if given.size % 2:
+        raise BadParameter(f"actions: expected steering and throttle of each agent, found {actions!r}")
+    clipped = given.reshape(-1, 2).copy()
     invalid = clip_actions(clipped)
     if invalid >= 0:
         raise BadParameter(f"an action is not finite: {clipped[invalid].tolist()}")

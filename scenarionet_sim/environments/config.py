@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from inspect import Parameter, signature
+from typing import Any, Literal, TypeVar
 
 from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_data.errors import BadParameter
@@ -22,11 +24,23 @@ from scenarionet_sim.sensors.state import EgoState
 from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Reward, Termination
 from scenarionet_sim.worlds.world import STEP, World
 
+Environment = TypeVar("Environment", bound=type)
+
 PAPER_OBSERVATION: tuple[Sensor, ...] = (Lidar(rays=120), EgoState(), Navigation(points=10, spacing=2.0))
 """Sensors of the ScenarioNet paper: 120 lidar rays over 50 m, ego state, 10 route points at 2 m spacing."""
 
 BOUNDARY: tuple[Sensor, ...] = (BoundaryDetector(rays=12, range=50.0),)
 """The paper's optional boundary detector: 12 rays over 50 m."""
+
+
+_PARTS: tuple[tuple[str, type[Any], str], ...] = (
+    ("policies", Policy, "(Replay(), Idm(), External())"),
+    ("backend", Backend, "Kinematic()"),
+    ("sensors", Sensor, "(Camera(), EgoState())"),
+    ("reward", Reward, "Reward(arrived=20.0)"),
+    ("termination", Termination, "Termination(extra_steps=100)"),
+)
+"""Name, class and an example of the settings that are objects, or several."""
 
 
 def travelling_vehicles(world: World) -> Bool:
@@ -69,8 +83,15 @@ class EnvConfig:
             raise BadParameter(f"scenarios={self.scenarios!r}; expected Scenarios('lake', 'database')")
         if self.observation not in ("flat", "dict"):
             raise BadParameter(f"observation={self.observation!r}; expected 'flat' or 'dict'")
-        if not 0.0 < self.dt < 10.0:
+        if not isinstance(self.dt, int | float) or not 0.0 < self.dt < 10.0:
             raise BadParameter(f"dt={self.dt!r}; expected a timestep in seconds, for example {STEP}")
+        for name, kind, example in _PARTS:
+            value = getattr(self, name)
+            if isinstance(value, Sensor | Policy):
+                object.__setattr__(self, name, (value,))
+            parts = value if isinstance(value, tuple | list) else (value,)
+            if any(isinstance(part, type) or not isinstance(part, kind) for part in parts):
+                raise BadParameter(f"{name}={value!r}; expected, for example, {name}={example}")
         if not self.sensors:
             raise BadParameter("sensors is empty; an agent needs at least one sensor")
 
@@ -102,15 +123,31 @@ class MultiAgentConfig(EnvConfig):
     termination: Termination = MULTI_AGENT[1]
 
 
+def with_settings(kind: type[Any]) -> Callable[[Environment], Environment]:
+    """Show the fields of a configuration in the signature of an environment, to completion and ``help``."""
+
+    def decorate(environment: Environment) -> Environment:
+        plain = signature(environment)
+        own = [each for each in plain.parameters.values() if each.kind is not Parameter.VAR_KEYWORD]
+        settings = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in signature(kind).parameters.values()]
+        environment.__signature__ = plain.replace(parameters=[*own, *settings])  # type: ignore[attr-defined]
+        return environment
+
+    return decorate
+
+
 def make_config(kind: type[Any], config: EnvConfig | None, settings: dict[str, Any]) -> Any:
     """Return a configuration given as a whole or as its fields.
 
     Raises:
-        BadParameter: Both or neither are given.
+        BadParameter: Both or neither are given, or something else.
         TypeError: A field is unknown.
     """
     if config is not None and settings:
         raise BadParameter(f"pass config or its fields, not both; found config and {', '.join(settings)}")
+    if config is not None and not isinstance(config, kind):
+        hint = "; pass scenarios=Scenarios('lake', 'database')" if isinstance(config, Scenarios | str) else ""
+        raise BadParameter(f"config={config!r}; expected a {kind.__name__}{hint}")
     if config is None and "scenarios" not in settings:
         raise BadParameter("an environment needs scenarios=Scenarios('lake', 'database')")
     fields = kind.__dataclass_fields__

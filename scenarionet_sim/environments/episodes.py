@@ -11,9 +11,9 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 
-from scenarionet_data.arrays.dtypes import Bool, Int64, IntP
+from scenarionet_data.arrays.dtypes import Bool, Int64, IntP, is_count
 from scenarionet_data.arrays.memory import release_unused
-from scenarionet_data.errors import ScenarioNetError
+from scenarionet_data.errors import BadParameter, ScenarioNetError
 from scenarionet_sim.arrays.structures import Series
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import EnvConfig
@@ -56,6 +56,8 @@ class Episodes:
         prefetch: int | None = None,
         threads: int = 1,
     ) -> None:
+        if not is_count(threads, 1):
+            raise BadParameter(f"threads={threads!r}; expected a number of threads, or 0 for all cores")
         self.config, self.seed, self._threads = config, seed, threads
         self.observation = Observation(config.sensors, config.observation)
         loader, self._sampler = config.scenarios.open()
@@ -85,7 +87,10 @@ class Episodes:
         """Restart the series, if a seed is given or on the first call; return whether it restarted."""
         if seed is None and not self._is_fresh:
             return False
-        self.rng, self.seed = seeding.np_random(self.seed if seed is None else int(seed))
+        seed = self.seed if seed is None else seed
+        if seed is not None and not is_count(seed):
+            raise BadParameter(f"seed={seed!r}; expected a whole number that is not negative, or None")
+        self.rng, self.seed = seeding.np_random(None if seed is None else int(seed))
         self._stream.restart(self.seed)
         self._is_fresh = False
         return True
@@ -113,6 +118,24 @@ class Episodes:
         self.was_played[state["played"]] = True
         worlds = {index: self._world(index) for index in np.unique(self.playing).tolist()}
         return [worlds[index] for index in self.playing.tolist()]
+
+    def chosen(self, options: Mapping[str, Any] | None) -> tuple[World, int | None]:
+        """Return the world and the timestep to begin with, by the options of ``reset``.
+
+        Raises:
+            BadParameter: An option is unknown or of another type.
+            ScenarioNotFound: The id is not among the selected scenarios.
+            LakeError: The scenario cannot be read.
+        """
+        options = {} if options is None else options
+        if not isinstance(options, Mapping) or not options.keys() <= {"scenario_id", "timestep"}:
+            raise BadParameter(
+                f"options={options!r}; expected {{'scenario_id': 'pg/v1/3', 'timestep': 0}} or one of them"
+            )
+        timestep = options.get("timestep")
+        if timestep is not None and not is_count(timestep, None):
+            raise BadParameter(f"timestep={timestep!r}; expected a whole number")
+        return self.draw(scenario_id=options.get("scenario_id")), timestep
 
     def draw(self, slot: int = 0, scenario_id: str | None = None) -> World:
         """Return the world to play in a slot: the next of the series, or a given one.

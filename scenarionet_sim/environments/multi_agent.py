@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from pettingzoo import ParallelEnv
 from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import BatchedEnvironment
-from scenarionet_sim.environments.config import MultiAgentConfig, make_config
+from scenarionet_sim.environments.config import MultiAgentConfig, make_config, with_settings
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.policies.external import External
@@ -23,6 +23,7 @@ from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
 Named = dict[str, Any]
 
 
+@with_settings(MultiAgentConfig)
 class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc]  # PettingZoo is not typed
     """One recorded scenario per episode; vehicles appear as recorded and leave when they arrive.
 
@@ -79,10 +80,9 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
             Observations and infos by agent; empty for a scenario without travelling vehicles.
         """
         self._episodes.restart(seed)
-        options = options or {}
-        world = self._episodes.draw(scenario_id=options.get("scenario_id"))
+        world, timestep = self._episodes.chosen(options)
         core = self._episodes.prepare([world])
-        core.begin([0], [world], options.get("timestep"))
+        core.begin([0], [world], timestep)
         driver, simulation = core.simulation.driver[0, : world.num_objects], core.simulation
         numbers = [number for number, policy in enumerate(simulation.policies) if isinstance(policy, External)]
         appears = world.log_valid[int(simulation.state.timestep[0]) :].any(axis=0)  # now or later
@@ -109,13 +109,15 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
         """
         if not self.agents:
             raise ResetNeeded("no agent is left; call reset first")
+        if not isinstance(actions, Mapping):
+            raise BadParameter(f"actions={actions!r}; expected {{agent: (steering, throttle)}} of env.agents")
         if actions.keys() != set(self.agents):
             wrong = sorted(actions.keys() ^ set(self.agents))
             raise BadParameter(
                 f"actions must have one entry per agent in env.agents; {wrong[0]!r} is missing or unknown"
             )
         core = self.core
-        core.step(np.array([actions[agent] for agent in self.agents], np.float64))
+        core.step(cast(npt.ArrayLike, [actions[agent] for agent in self.agents]))
         self._name_agents(core)
         status = core.status
         ended, is_late = status != DRIVING, status == TIMED_OUT

@@ -6,19 +6,20 @@ from collections.abc import Callable
 from typing import Any
 
 import gymnasium
-import numpy as np
 import numpy.typing as npt
 from gymnasium.error import ResetNeeded
 
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.errors import BadParameter
+from scenarionet_sim.backends.base import as_numbers
 from scenarionet_sim.environments.batched import BatchedEnvironment
-from scenarionet_sim.environments.config import EnvConfig, make_config
+from scenarionet_sim.environments.config import EnvConfig, make_config, with_settings
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
 
 
+@with_settings(EnvConfig)
 class ScenarioNetEnv(gymnasium.Env[Any, Array]):
     """One recorded scenario per episode: drive to the end of the ego's recorded route.
 
@@ -68,18 +69,18 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
             options: ``scenario_id`` and ``timestep``, each optional.
 
         Raises:
+            BadParameter: An option is unknown, or the ego is not valid at the timestep.
             ScenarioNotFound: The id is not among the selected scenarios.
             LakeError: The scenario cannot be read; the next reset continues with the one after it.
         """
         self._is_running = False
         if self._episodes.restart(seed):
             self._np_random, self._np_random_seed = self._episodes.rng, self._episodes.seed
-        options = options or {}
-        world = self._episodes.draw(scenario_id=options.get("scenario_id"))
+        world, timestep = self._episodes.chosen(options)
         core = self._episodes.prepare([world])
         if core.simulation.by_place.num_places != 1:
             raise BadParameter("expected one agent; use External(objects=ego) to drive the ego alone")
-        core.begin([0], [world], options.get("timestep"))
+        core.begin([0], [world], timestep)
         self._is_running = True
         if self._renderer.is_window:
             self._renderer.render(core)
@@ -106,10 +107,11 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         """
         if not self._is_running:
             raise ResetNeeded("no episode is running; call reset first")
-        if np.shape(action) != (2,):
-            raise BadParameter(f"action of shape {np.shape(action)}; expected steering and throttle, shape (2,)")
+        given = as_numbers(action)
+        if given.shape != (2,):
+            raise BadParameter(f"action of shape {given.shape}; expected steering and throttle, shape (2,)")
         core = self.core
-        core.step_by_place(np.reshape(action, (1, 2)))
+        core.step_by_place(given.reshape(1, 2))
         status = core.result.status.item(0)
         if status != DRIVING:
             self._is_running = False

@@ -10,10 +10,10 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP, Object, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP, Object, UInt8, is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.batched import INFOS, BatchedEnvironment
-from scenarionet_sim.environments.config import VectorConfig, make_config
+from scenarionet_sim.environments.config import VectorConfig, make_config, with_settings
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.task.scoring_kernels import HAS_ARRIVED, TERMINATED, TRUNCATED, list_ended
@@ -22,6 +22,7 @@ from scenarionet_sim.threads.team import all_cores
 _LOADED_AHEAD = 8  # many episodes tend to end in the same step
 
 
+@with_settings(VectorConfig)
 class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
     """``ScenarioNetEnv`` for W worlds in one batch.
 
@@ -53,8 +54,8 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
-        if num_envs < 1:
-            raise BadParameter(f"num_envs={num_envs}; expected at least 1")
+        if not is_count(num_envs, 1):
+            raise BadParameter(f"num_envs={num_envs!r}; expected at least 1")
         self.config = make_config(VectorConfig, config, settings)
         self._mode = AutoresetMode(autoreset_mode)
         if self._mode is AutoresetMode.DISABLED:

@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data.arrays.dtypes import Int64
+from scenarionet_data.arrays.dtypes import Int64, is_count
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_sim.scenarios.sampling import Sampler
@@ -49,7 +49,7 @@ class ScenarioStream(Generic[Prepared]):
         prefetch: int = 1,
         cache_size: int = 32,
     ) -> None:
-        if prefetch < 0 or cache_size < 1:
+        if not is_count(prefetch) or not is_count(cache_size, 1):
             raise BadParameter(
                 f"expected prefetch >= 0 and cache_size >= 1, found prefetch={prefetch}, cache_size={cache_size}"
             )

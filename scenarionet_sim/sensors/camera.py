@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.arrays.dtypes import Array, Int32, is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.cameras.channels import CHANNELS
 from scenarionet_sim.cameras.cuda.availability import require_cuda
@@ -76,7 +76,7 @@ class Camera(Sensor):
     Attributes:
         width, height: [pixels].
         fov: Horizontal angle of view [rad], unless ``intrinsics`` are given; pixels are square.
-        intrinsics: Focal lengths fx, fy and principal point cx, cy [pixels].
+        intrinsics: Focal levels fx, fy and principal point cx, cy [pixels].
         lens: ``pinhole`` or ``fisheye``.
         distortion: Coefficients k1, k2, p1, p2, k3 of a pinhole, or k1, k2, k3, k4 of a fisheye, as in OpenCV.
         mount: Place on the agent.
@@ -123,25 +123,43 @@ class Camera(Sensor):
     device: str = "cpu"
 
     def __post_init__(self) -> None:
+        for name in [
+            "fov",
+            "intrinsics",
+            "distortion",
+            "range",
+            "exposure",
+            "vignette",
+            "noise",
+            "jitter",
+            "flow_time",
+        ]:
+            numbers = np.atleast_1d(() if getattr(self, name) is None else getattr(self, name))
+            is_finite = numbers.dtype.kind in "biuf" and bool(np.isfinite(numbers).all())
+            require(is_finite, f"{name}={getattr(self, name)!r}; expected finite numbers")
+        for name in ("width", "height", "supersampling", "threads"):
+            require(is_count(getattr(self, name), None), f"{name}={getattr(self, name)!r}; expected a whole number")
+        require(isinstance(self.mount, Mount), f"mount={self.mount!r}; expected, for example, Mount(x=1.2, z=1.5)")
+        is_weather = self.weather is None or isinstance(self.weather, Weather)
+        require(
+            is_weather, f"weather={self.weather!r}; expected DAY, DUSK, OVERCAST or RAIN of cameras.weather, or None"
+        )
         require(min(self.width, self.height) > 0, f"a camera needs pixels, found {self.width} x {self.height}")
         require(max(self.width, self.height) <= 16384, "a camera has at most 16384 pixels along a side")
         require(self.own in OWN_VIEWS, f"own={self.own!r}; choose from {', '.join(OWN_VIEWS)}")
         require(0 < self.fov < np.pi, f"a camera's fov is above 0 and below pi [rad], found fov={self.fov}")
         require(self.lens in ("pinhole", "fisheye"), f"lens={self.lens!r}; expected 'pinhole' or 'fisheye'")
-        unknown = [name for name in self.channels if name not in CHANNELS]
-        if unknown or not self.channels:
-            raise BadParameter(f"channels={self.channels!r}; choose from {', '.join(CHANNELS)}")
+        names = self.channels if isinstance(self.channels, tuple | list) else ()
+        if not names or not CHANNELS.keys() >= set(names):
+            raise BadParameter(f"channels={self.channels!r}; expected a tuple of {', '.join(CHANNELS)}")
         require(len(set(self.channels)) == len(self.channels), f"channels={self.channels!r} has one channel twice")
         if self.intrinsics is not None:
-            require(min(self.intrinsics[:2]) > 0, f"intrinsics={self.intrinsics}; focal lengths must be above 0")
+            require(min(self.intrinsics[:2]) > 0, f"intrinsics={self.intrinsics}; focal levels must be above 0")
         most = 4 if self.lens == "fisheye" else 5
         require(len(self.distortion) <= most, f"a {self.lens} has at most {most} coefficients of distortion")
         require(
-            np.abs(astuple(self.mount)).max() < 1e6, f"mount={self.mount}; expected finite lengths [m] and angles [rad]"
+            np.abs(astuple(self.mount)).max() < 1e6, f"mount={self.mount}; expected finite levels [m] and angles [rad]"
         )
-        for name in ("intrinsics", "distortion", "range", "exposure", "vignette", "noise", "jitter", "flow_time"):
-            numbers = np.atleast_1d(() if getattr(self, name) is None else getattr(self, name))
-            require(bool(np.isfinite(numbers).all()), f"{name}={getattr(self, name)}; expected finite numbers")
         require(self.range > 0 and self.exposure > 0, "a camera's range and exposure must be above 0")
         require(min(self.noise, self.jitter) >= 0, "a camera's noise and jitter must be at least 0")
         require(1 <= self.supersampling <= 4, f"supersampling={self.supersampling}; expected 1 to 4")
@@ -189,7 +207,7 @@ class Camera(Sensor):
 
     @property
     def matrix(self) -> Intrinsics:
-        """Focal lengths fx, fy and principal point cx, cy [pixels]."""
+        """Focal levels fx, fy and principal point cx, cy [pixels]."""
         if self.intrinsics is not None:
             return self.intrinsics
         half = self.fov / 2

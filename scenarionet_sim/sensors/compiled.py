@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.arrays.dtypes import Array, Int32, is_count
 from scenarionet_sim.sensors.base import Sensor, add_noise, directions, require, require_located, table
 from scenarionet_sim.sensors.observation_kernels import (
     OWN_MOTION,
@@ -89,8 +89,8 @@ class RaySensor(CompiledSensor):
 
     def __post_init__(self) -> None:
         name = type(self).__name__
-        require(self.rays > 0, f"{name} needs at least one ray, found rays={self.rays}")
-        require(self.range > 0, f"{name} needs a range above 0 m, found range={self.range}")
+        require(is_count(self.rays, 1), f"{name} needs at least one ray, found rays={self.rays}")
+        require(0 < self.range < np.inf, f"{name} needs a range above 0 m, found range={self.range}")
         require(self.noise >= 0, f"the noise of {name} must be at least 0 m, found noise={self.noise}")
         require(0 <= self.dropout <= 1, f"the dropout of {name} must be a probability, found dropout={self.dropout}")
 

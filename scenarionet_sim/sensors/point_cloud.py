@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int32
+from scenarionet_data.arrays.dtypes import Array, Float64, Int32, is_count
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.sensors.base import Sensor, add_noise, directions, require, visible_objects
 from scenarionet_sim.sensors.point_cloud_kernels import spin
@@ -45,7 +45,10 @@ class PointCloud(Sensor):
     dropout: float = 0.0
 
     def __post_init__(self) -> None:
-        require(min(self.rings, self.azimuths) > 0, "a point cloud needs at least one ring and one azimuth")
+        require(
+            is_count(self.rings, 1) and is_count(self.azimuths, 1),
+            "a point cloud needs at least one ring and one azimuth",
+        )
         require(self.range > 0, f"a point cloud needs a range above 0 m, found range={self.range}")
         level = -np.pi / 2 < self.lowest <= self.highest < np.pi / 2
         require(level, "a point cloud needs -pi/2 < lowest <= highest < pi/2 [rad]")

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int32
+from scenarionet_data.arrays.dtypes import Array, Float64, Int32, is_count
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.sensors.base import Sensor, require, visible_objects
 from scenarionet_sim.sensors.route_kernels import observe_others
@@ -46,7 +46,7 @@ class Surrounding(Sensor):
     max_size: float = 20.0
 
     def __post_init__(self) -> None:
-        require(self.objects > 0, f"Surrounding needs objects >= 1, found objects={self.objects}")
+        require(is_count(self.objects, 1), f"Surrounding needs objects >= 1, found objects={self.objects}")
         scales = self.range, self.max_speed, self.max_size
         require(min(scales) > 0, f"range, max_speed and max_size must be above 0, found {scales}")
 

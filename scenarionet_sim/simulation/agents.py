@@ -8,6 +8,7 @@ import numpy.typing as npt
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, IntP, UInt8, UInt32
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.action_kernels import place_actions
+from scenarionet_sim.backends.base import as_numbers
 from scenarionet_sim.simulation.agent_kernels import DrivenArrays
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world import World
@@ -110,7 +111,7 @@ class DrivenAgents:
         Raises:
             BadParameter: The actions have another shape, or that of an agent is not finite.
         """
-        given = np.asarray(actions, np.float64, order="C")
+        given = as_numbers(actions)
         if given.shape != (len(self.row_at) * num_given, 2):
             expected = len(self.row_at) * num_given
             raise BadParameter(f"{len(given)} actions for {expected} agents; pass one per agent, shape ({expected}, 2)")

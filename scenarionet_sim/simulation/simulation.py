@@ -93,6 +93,8 @@ class Simulation:
         keep: int = 32,
         observer: Observer | None = None,
     ) -> None:
+        if not isinstance(worlds, Sequence) or not all(isinstance(world, World) for world in worlds) or not worlds:
+            raise BadParameter(f"worlds={worlds!r}; expected one or more, as in [World.from_scenario(scenario)]")
         self.observer = observer or Observer.nothing(len(worlds))
         self._dt = worlds[0].dt
         self._threads = Threads(threads)

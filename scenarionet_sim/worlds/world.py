@@ -17,6 +17,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float32, Int32, Object, UInt8
 from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.building import resample
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.stop_points import light_places
 from scenarionet_sim.arrays.log import HEADING, VALID, VX, YAW_RATE, Z, write_log
@@ -139,6 +140,9 @@ class World:
         valid: Bool = self.log[..., VALID] != 0
         return valid
 
+    def __repr__(self) -> str:
+        return f"World({self.scenario_id!r}, {len(self.log)} timesteps of {self.dt} s, {len(self.track_ids)} objects)"
+
     @classmethod
     def from_scenario(cls, scenario: ScenarioDescription, dt: float = STEP) -> World:
         """Convert a scenario; no array of the world shares its memory, which is that of all its tracks.
@@ -147,6 +151,8 @@ class World:
             scenario: The scenario.
             dt: Timestep of the simulation [s]; recordings at other times are resampled to it.
         """
+        if not isinstance(scenario, ScenarioDescription):
+            raise BadParameter(f"expected a scenario, such as ScenarioLoader('lake')[0]; found {scenario!r}")
         scenario = resample(scenario, dt)
         tracks = scenario.tracks
         log = np.empty((len(scenario.timestamps), len(tracks), 8), np.float32)
