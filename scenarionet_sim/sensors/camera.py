@@ -139,6 +139,7 @@ class Camera(Sensor):
             require(is_finite, f"{name}={getattr(self, name)!r}; expected finite numbers")
         for name in ("width", "height", "supersampling", "threads"):
             require(is_count(getattr(self, name), None), f"{name}={getattr(self, name)!r}; expected a whole number")
+            object.__setattr__(self, name, int(getattr(self, name)))  # kernels are compiled for one type
         require(isinstance(self.mount, Mount), f"mount={self.mount!r}; expected, for example, Mount(x=1.2, z=1.5)")
         is_weather = self.weather is None or isinstance(self.weather, Weather)
         require(

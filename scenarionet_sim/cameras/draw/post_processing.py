@@ -29,7 +29,10 @@ def shrink(fine: UInt8, factor: int, pictures: UInt8) -> None:
         for row in range(pictures.shape[1]):
             for column in range(pictures.shape[2]):
                 for channel in range(3):
-                    level = root_mean_square(fine[k], row * factor, column * factor, channel, factor)
+                    if factor == 2:  # known to the compiler, which takes a third of the time
+                        level = root_mean_square(fine[k], row * 2, column * 2, channel, 2)
+                    else:
+                        level = root_mean_square(fine[k], row * factor, column * factor, channel, factor)
                     pictures[k, row, column, channel] = level
 
 

@@ -336,10 +336,11 @@ def test_lenses_with_numbers_that_are_none_are_refused(wrong):
         Camera(**wrong)
 
 
-def test_pixels_of_several_rays_have_their_mean_light():
-    fine = np.random.default_rng(0).integers(0, 256, (2, 6, 9, 3), np.uint8)
-    blocks = fine.reshape(2, 2, 3, 3, 3, 3).astype(np.float64)
-    np.testing.assert_array_equal(scaled_down(fine, 3), np.rint(np.sqrt((blocks**2).mean(axis=(2, 4)))))
+@pytest.mark.parametrize("factor", [2, 3, 4])
+def test_pixels_of_several_rays_have_their_mean_light(factor):
+    fine = np.random.default_rng(0).integers(0, 256, (2, 2 * factor, 30 * factor, 3), np.uint8)
+    blocks = fine.reshape(2, 2, factor, 30, factor, 3).astype(np.float64)
+    np.testing.assert_array_equal(scaled_down(fine, factor), np.rint(np.sqrt((blocks**2).mean(axis=(2, 4)))))
 
 
 @pytest.mark.parametrize("height", [np.nan, np.inf, -1e30])
