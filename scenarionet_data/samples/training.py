@@ -16,7 +16,8 @@ try:
     import torch
     from torch.utils.data import IterableDataset, get_worker_info
 except ModuleNotFoundError as error:
-    raise MissingDependency("batches as tensors need torch", "learn") from error
+    told = MissingDependency("batches as tensors need torch", "learn")
+    raise ModuleNotFoundError(str(told), name="torch") from error  # as tools that import all modules expect
 
 
 class SampleStream(IterableDataset[dict[str, Any]]):
