@@ -106,15 +106,12 @@ def _convert(wanted: Any, word: str) -> Any:
     if origin is Literal:
         return next(value for value in inner if str(value) == word) if word in map(str, inner) else int("?")
     if origin is tuple:
-        return _convert_tuple(inner, word.split(",") if word else [])
+        words = word.split(",") if word else []
+        kinds = [inner[0]] * len(words) if inner[-1] is Ellipsis else inner
+        return tuple(_convert(kind, each) for kind, each in zip(kinds, words, strict=True))
     if wanted is bool:
         return _WORDS[word.lower()]
     return wanted(word)
-
-
-def _convert_tuple(inner: tuple[Any, ...], words: list[str]) -> tuple[Any, ...]:
-    kinds = [inner[0]] * len(words) if inner[-1] is Ellipsis else list(inner)
-    return tuple(_convert(kind, word) for kind, word in zip(kinds, words, strict=True))
 
 
 def _default(field: Field[Any]) -> Any:

@@ -76,11 +76,11 @@ def worker_rows(stats: Mapping[str, WorkerStats], noun: str = "shard") -> list[t
         per_worker = f"{jobs[0]:,} to {jobs[-1]:,} {noun}s each"
         peak = size(max(each.peak_memory for each in stats.values()))
         return [("workers", f"{count(len(stats), 'worker')}, {per_worker}, peak memory at most {peak}")]
-    return [("worker", f"{name}: {_worker_text(stats[name], noun)}") for name in sorted(stats)]
-
-
-def _worker_text(stats: WorkerStats, noun: str) -> str:
-    parts = [count(stats.jobs, noun)]
-    parts += [count(stats.counts["scenarios"], "scenario")] if "scenarios" in stats.counts else []
-    parts += [size(stats.counts["bytes"])] if "bytes" in stats.counts else []
-    return ", ".join([*parts, duration(stats.seconds), f"peak memory {size(stats.peak_memory)}"])
+    rows = []
+    for name, each in sorted(stats.items()):
+        parts = [count(each.jobs, noun)]
+        parts += [count(each.counts["scenarios"], "scenario")] if "scenarios" in each.counts else []
+        parts += [size(each.counts["bytes"])] if "bytes" in each.counts else []
+        parts += [duration(each.seconds), f"peak memory {size(each.peak_memory)}"]
+        rows.append(("worker", f"{name}: {', '.join(parts)}"))
+    return rows

@@ -55,8 +55,10 @@ class DaskExecutor:
     @property
     def dashboard(self) -> str | None:
         """URL of Dask's dashboard; None if the scheduler has none."""
-        has_dashboard = self._client.run_on_scheduler(_has_dashboard)  # Dask has a link for it in any case
-        return str(self._client.dashboard_link) if has_dashboard else None
+        has_dashboard = self._client.run_on_scheduler(
+            lambda dask_scheduler: bool(dask_scheduler.http_application.applications)  # the pages of it are one
+        )
+        return str(self._client.dashboard_link) if has_dashboard else None  # Dask has a link in any case
 
     @property
     def workers(self) -> int:
@@ -186,10 +188,6 @@ class DaskExecutor:
         return ClusterLost(
             f"{self.address}: the scheduler is gone; finished work is kept: restart it and run the same command again"
         )
-
-
-def _has_dashboard(dask_scheduler: Any) -> bool:
-    return bool(dask_scheduler.http_application.applications)  # the pages of the dashboard are one
 
 
 @dataclass(frozen=True)

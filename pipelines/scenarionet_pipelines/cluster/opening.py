@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from scenarionet_data import version
 from scenarionet_data.errors import BadParameter, ClusterLost, MissingDependency
 from scenarionet_pipelines.cluster import profile as profiles
 from scenarionet_pipelines.cluster.profile import ClusterProfile
+from scenarionet_pipelines.machine import default_workers
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -47,28 +48,21 @@ def open_cluster(name: str, workers: int | None = None) -> Iterator[DaskExecutor
     if workers is not None and found.kind == "scheduler":
         raise BadParameter(f"--workers: {found.address} is a running scheduler; start more workers with `dask worker`")
     found = found if workers is None else replace(found, workers=workers)
+    try:
+        dask = importlib.import_module("dask")
+        from scenarionet_pipelines.cluster.dask_executor import DaskExecutor
+    except ImportError as error:
+        raise MissingDependency("Dask clusters need dask and distributed", "cluster") from error
     with ExitStack() as stack:
-        dask, executor_class = _load()
         # Silence warnings about busy event loops and lost workers; lost jobs are reported by the executor.
         stack.enter_context(_quiet("distributed"))
         stack.enter_context(dask.config.set(dict(found.config)))
         where = found.address or stack.enter_context(_start(found))
         client = stack.enter_context(_connected(where))
-        executor: DaskExecutor = executor_class(client, found.in_flight, found.patience)
+        executor = DaskExecutor(client, found.in_flight, found.patience)
         executor.wait_for_worker()
         _check_software(client)
         yield executor
-
-
-def _load() -> tuple[Any, type[DaskExecutor]]:
-    try:
-        dask = importlib.import_module("dask")
-        importlib.import_module("distributed")
-    except ImportError as error:
-        raise MissingDependency("Dask clusters need dask and distributed", "cluster") from error
-    from scenarionet_pipelines.cluster.dask_executor import DaskExecutor
-
-    return dask, DaskExecutor
 
 
 def _start(profile: ClusterProfile) -> Any:
@@ -78,30 +72,17 @@ def _start(profile: ClusterProfile) -> Any:
         make = getattr(importlib.import_module(module), name)
     except ImportError as error:
         raise MissingDependency(f"clusters of kind {profile.kind} need {module.partition('.')[0]}", extra) from error
+    options = dict(profile.options)
+    if profile.kind == "local":
+        options["n_workers"] = profile.workers or default_workers()
     try:
-        return _STARTS[profile.kind](make, profile)
+        cluster = make(**options)
+        if profile.kind in ("slurm", "kubernetes"):
+            cluster.scale(max(1, profile.workers))
+        return cluster
     except Exception as error:  # from asyncssh, Kubernetes or Dask, without a common base class
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ClusterLost(f"the {profile.kind} cluster does not start: {reason}; see its profile") from error
-
-
-def _start_local(make: Callable[..., Any], profile: ClusterProfile) -> Any:
-    from scenarionet_pipelines.machine import default_workers
-
-    return make(n_workers=profile.workers or default_workers(), **profile.options)
-
-
-def _start_ssh(make: Callable[..., Any], profile: ClusterProfile) -> Any:
-    return make(**profile.options)
-
-
-def _start_scaled(make: Callable[..., Any], profile: ClusterProfile) -> Any:
-    cluster = make(**profile.options)
-    cluster.scale(max(1, profile.workers))
-    return cluster
-
-
-_STARTS = {"local": _start_local, "ssh": _start_ssh, "slurm": _start_scaled, "kubernetes": _start_scaled}
 
 
 @contextmanager

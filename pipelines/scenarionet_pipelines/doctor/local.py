@@ -65,27 +65,15 @@ class Requirement:
 
 def examine_installation() -> Iterator[Finding]:
     """Check Python, the required and optional packages, and the converters."""
-    yield from _python()
-    yield from _packages()
-    yield from _converters()
-
-
-def _python() -> Iterator[Finding]:
     is_new = tuple(map(int, platform.python_version_tuple()[:2])) >= (3, 11)
     found = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     remedy = "" if is_new else "install Python 3.11 or newer"
     yield Finding("python", "version", "ok" if is_new else "bad", found, remedy)
-
-
-# --- packages -------------------------------------------------------------------------------------------------
-
-
-def _packages() -> Iterator[Finding]:
-    """Check the required packages together, and those of each extra."""
     requirements = [parse(text) for text in _requirements()]
     yield _together("required", [each for each in requirements if not each.extra])
     for extra in EXTRAS:
         yield _together(extra, [each for each in requirements if each.extra == extra and each.name != PACKAGE])
+    yield from _converters()
 
 
 def _together(subject: str, requirements: list[Requirement]) -> Finding:
@@ -126,12 +114,9 @@ def _requirements() -> list[str]:
         return metadata.requires(PACKAGE) or []
     except metadata.PackageNotFoundError:
         project = tomllib.loads(_PROJECT.read_text("utf-8"))["project"]
-        extras = project["optional-dependencies"].items()
-        return [*project["dependencies"], *(_with_extra(text, extra) for extra, texts in extras for text in texts)]
-
-
-def _with_extra(text: str, extra: str) -> str:
-    return f"{text}{' and' if ';' in text else ';'} extra == '{extra}'"
+        extras = [(text, extra) for extra, texts in project["optional-dependencies"].items() for text in texts]
+        marked = (f"{text}{' and' if ';' in text else ';'} extra == '{extra}'" for text, extra in extras)
+        return [*project["dependencies"], *marked]
 
 
 def parse(text: str) -> Requirement:

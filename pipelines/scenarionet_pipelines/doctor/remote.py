@@ -37,18 +37,14 @@ def examine_store(url: str) -> Iterator[Finding]:
     folder = cache.folder_of(url).parent
     yield Finding("store", "cache", "ok", f"{folder}, up to {cache.room() / 1e9:,.0f} GB ($SCENARIONET_CACHE_GB)")
     try:
-        yield _lake(url)
+        try:
+            lake = Lake(url)
+            yield Finding("lake", url, "ok", f"snapshot {lake.snapshot.number}, {len(lake):,} scenarios")
+        except NoSuchSnapshot:
+            yield Finding("lake", url, "missing", "not a lake yet", f"scenarionet convert DATASET RAW {url}")
         yield _writing(url)
     except ScenarioNetError as error:
         yield Finding("store", url, "bad", str(error), "check the endpoint and the credentials above")
-
-
-def _lake(url: str) -> Finding:
-    try:
-        lake = Lake(url)
-        return Finding("lake", url, "ok", f"snapshot {lake.snapshot.number}, {len(lake):,} scenarios")
-    except NoSuchSnapshot:
-        return Finding("lake", url, "missing", "not a lake yet", f"scenarionet convert DATASET RAW {url}")
 
 
 def _writing(url: str) -> Finding:

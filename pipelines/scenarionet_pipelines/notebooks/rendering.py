@@ -37,7 +37,10 @@ def render(notebook: Any, name: str, folder: Path, runs_in: Path) -> Path:
         printed = "".join(output.text for output in cell.outputs if output.get("name") == "stdout")
         parts += [_text(printed)] if printed.strip() else []
         videos = [video for output in cell.outputs for video in _videos(output)]
-        parts += _moving(videos, name, folder)
+        if videos:  # Markdown can show a moving picture
+            parts.append(f"![A video of this notebook]({_write(as_webp(videos[0]), 'webp', name, folder)})")
+        if len(videos) > 1:
+            parts.append(f"*({len(videos) - 1} more, in the notebook)*")
         parts += [part for output in cell.outputs for part in _shown(output, name, folder)]
     page = folder / f"{name}.md"
     text = "\n\n".join(parts) + "\n"
@@ -58,15 +61,6 @@ def _videos(output: Any) -> list[bytes]:
     """The video that an output plays, if it does."""
     found = re.findall(r'<video[^>]*src="data:video/mp4;base64,([^"]*)"', output.get("data", {}).get("text/html", ""))
     return [base64.b64decode(text) for text in found]
-
-
-def _moving(videos: list[bytes], name: str, folder: Path) -> list[str]:
-    """The first of a cell's videos as a moving picture, which Markdown can show, and how many more there are."""
-    if not videos:
-        return []
-    picture = _write(as_webp(videos[0]), "webp", name, folder)
-    more = [f"*({len(videos) - 1} more, in the notebook)*"] if len(videos) > 1 else []
-    return [f"![A video of this notebook]({picture})", *more]
 
 
 def _write(content: bytes, kind: str, name: str, folder: Path) -> str:
