@@ -6,6 +6,8 @@ import json
 
 import pytest
 
+from scenarionet_data import Lake
+from scenarionet_data.operations.moments import event, relation
 from scenarionet_data.query.named_sql import EVENTS
 from tests.scenarionet_pipelines.conftest import run
 
@@ -28,6 +30,25 @@ def test_mine(lake, ok, as_json):
     assert run("mine", lake, "near_mis").exit_code == 2
     assert "near_miss" in run("mine", lake, "near_mis").stderr
     assert "has no parameter 'far'" in run("mine", lake, "near_miss", "-p", "far=1").stderr
+
+
+def test_mine_says_how_often(lake, as_json, ok):
+    found = as_json("mine", lake, "closest_approach", "-p", "max=30")
+    meters, seconds = Lake(lake).sql("SELECT sum(ego_distance), sum(duration) FROM metadata").row(0)
+    assert found["per_1000_km"]["rate"] == pytest.approx(found["hits"] / meters * 1e6)
+    assert found["per_hour"]["low"] < found["hits"] / seconds * 3600 < found["per_hour"]["high"]
+    assert "per 1,000 km of the egos (95 %: " in run("mine", lake, "closest_approach").stderr
+
+
+def test_mine_moments_of_a_file(lake, tmp_path, ok, as_json):
+    path = tmp_path / "moments.toml"
+    path.write_text("[close]\ndoc = 'Near each other.'\nwhen = 'near_objects(distance_thresh=8.0).lasting(0.5)'\n")
+    moments = relation("near_objects", {"distance_thresh": 8.0}).lasting(0.5)
+    assert as_json("mine", lake, "close", "--definitions", path)["rows"] == Lake(lake).moments(moments).to_dicts()
+    assert ok("mine", lake, "close", "--definitions", path, "--explain").strip() == moments.sql
+    assert ok("mine", lake, "hard_braking", "--explain").strip() == event("hard_braking").sql
+    assert "Near each other." in ok("mine", lake, "--definitions", path)
+    assert "it defines close" in run("mine", lake, "far", "--definitions", path).stderr
 
 
 def test_mine_without_an_event_lists_them(lake, ok, as_json):

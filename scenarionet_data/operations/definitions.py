@@ -1,0 +1,165 @@
+"""Definitions of moments in a TOML file: one table each, with the composition as an expression of relations and events.
+
+.. code-block:: toml
+
+    [close_behind]
+    doc = "A vehicle in motion is close behind one that is not parked."
+    when = '''
+    (has_velocity(min_velocity=2.0) & following & ~stationary.reversed()).lasting(0.5)
+    '''
+
+The expression is read, not run: names are relations, events and other definitions of the file, and the operators and
+methods are those of :mod:`scenarionet_data.operations.moments`.
+"""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.operations.moments import Moments, RelationSteps, event, relation
+from scenarionet_data.query.named_sql import EVENTS, RELATIONS
+
+_METHODS = ("lasting", "before", "after", "during", "overlaps", "reversed", "at_least")
+
+
+class Definitions(Mapping[str, Moments]):
+    """The moments that a TOML file defines, by name; each is composed when it is asked for.
+
+    Args:
+        path: The file.
+
+    Attributes:
+        docs: What each is, from the file.
+
+    Raises:
+        BadParameter: The file is no TOML, or a table in it is no definition.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._texts: dict[str, str] = {}
+        self.docs: dict[str, str] = {}
+        try:
+            tables = tomllib.loads(path.read_text("utf-8"))
+        except (OSError, ValueError) as error:
+            raise BadParameter(f"{path}: no definitions can be read from it: {error}") from error
+        for name, table in tables.items():
+            if not isinstance(table, dict) or not isinstance(table.get("when"), str) or set(table) - {"when", "doc"}:
+                raise BadParameter(f"{path}: [{name}] wants a text `when`, and perhaps `doc`, and nothing else")
+            if name in RELATIONS.names() or name in EVENTS.names():
+                raise BadParameter(f"{path}: [{name}] has the name of a relation or event; choose another")
+            self._texts[name], self.docs[name] = table["when"], str(table.get("doc", ""))
+
+    def __getitem__(self, name: str) -> Moments:
+        if name not in self._texts:
+            raise KeyError(name)
+        found = _ExpressionReader(self, self._texts, (name,)).value(self._parsed(name))
+        if isinstance(found, RelationSteps):
+            return found.lasting()
+        if not isinstance(found, Moments):
+            raise BadParameter(f"{self.path}: [{name}] is no relation, event or composition of them")
+        return found
+
+    def __iter__(self) -> Any:
+        return iter(self._texts)
+
+    def __len__(self) -> int:
+        return len(self._texts)
+
+    def _parsed(self, name: str) -> ast.expr:
+        try:
+            return ast.parse(self._texts[name].strip(), mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            raise BadParameter(f"{self.path}: [{name}] is no expression: {error}") from error
+
+
+class _ExpressionReader:
+    """Composes moments from the syntax tree of an expression.
+
+    Args:
+        definitions: The file's definitions, for messages.
+        texts: Expressions by name.
+        path: Names of the definitions that are being read, outermost first.
+    """
+
+    def __init__(self, definitions: Definitions, texts: Mapping[str, str], path: tuple[str, ...]) -> None:
+        self._definitions = definitions
+        self._texts = texts
+        self._path = path
+
+    def value(self, node: ast.expr) -> Any:
+        """Return the value of a node: steps, moments, or a constant."""
+        match node:
+            case ast.Constant(value=value) if isinstance(value, str | int | float):
+                return value
+            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as number)):
+                return -number
+            case ast.List(elts=parts):
+                return [self.value(part) for part in parts]
+            case ast.UnaryOp(op=ast.Invert(), operand=part):
+                return ~self._steps(part)
+            case ast.BinOp(left=left, op=ast.BitAnd(), right=right):
+                return self._steps(left) & self._steps(right)
+            case ast.BinOp(left=left, op=ast.BitOr(), right=right):
+                return self._steps(left) | self._steps(right)
+            case ast.Name(id=name):
+                return self._named(name, {}, node)
+            case ast.Call(func=ast.Name(id=name), args=[], keywords=keywords):
+                return self._named(name, self._keywords(keywords), node)
+            case ast.Call(func=ast.Attribute(value=owner, attr=method), args=args, keywords=keywords):
+                return self._call(
+                    self.value(owner), method, [self.value(arg) for arg in args], self._keywords(keywords)
+                )
+        raise self._refused(f"{ast.unparse(node)!r} is none of: name(parameter=value), &, |, ~, {', '.join(_METHODS)}")
+
+    def _named(self, name: str, parameters: dict[str, Any], node: ast.expr) -> RelationSteps | Moments:
+        if name not in self._texts:
+            return event(name, parameters) if name in EVENTS.names() else relation(name, parameters)
+        if parameters:
+            raise self._refused(f"{ast.unparse(node)!r}: definitions have no parameters")
+        if name in self._path:
+            raise self._refused(f"it is defined by itself: {' -> '.join((*self._path, name))}")
+        inner = _ExpressionReader(self._definitions, self._texts, (*self._path, name))
+        found = inner.value(self._definitions._parsed(name))
+        if not isinstance(found, RelationSteps | Moments):
+            raise self._refused(f"[{name}] is no relation, event or composition of them")
+        return found
+
+    def _call(self, owner: Any, method: str, args: list[Any], keywords: dict[str, Any]) -> Any:
+        """Apply a method of steps or moments."""
+        if method not in _METHODS or not isinstance(owner, RelationSteps | Moments):
+            raise self._refused(f"there is no method {method!r}; there are {', '.join(_METHODS)}")
+        if not hasattr(owner, method):
+            kinds = (
+                "spans of time: add .lasting() before it"
+                if method in dir(Moments)
+                else "single steps, not spans of time"
+            )
+            raise self._refused(f".{method}() wants {kinds}")
+        given = [arg.lasting() if isinstance(arg, RelationSteps) else arg for arg in args]
+        try:
+            return getattr(owner, method)(*given, **keywords)
+        except (TypeError, AttributeError) as error:
+            raise self._refused(f".{method}(): {error}") from error
+
+    def _steps(self, node: ast.expr) -> RelationSteps:
+        found = self.value(node)
+        if not isinstance(found, RelationSteps):
+            raise self._refused(
+                f"&, | and ~ combine relations at single steps, found {ast.unparse(node)!r}; "
+                "spans of time are combined by during, overlaps, before and after"
+            )
+        return found
+
+    def _keywords(self, keywords: list[ast.keyword]) -> dict[str, Any]:
+        if any(keyword.arg is None for keyword in keywords):
+            raise self._refused("parameters are given as name=value")
+        return {str(keyword.arg): self.value(keyword.value) for keyword in keywords}
+
+    def _refused(self, why: str) -> BadParameter:
+        return BadParameter(f"{self._definitions.path}: [{self._path[-1]}]: {why}")
