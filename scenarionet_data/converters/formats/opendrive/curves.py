@@ -112,6 +112,8 @@ def _sample(geometry: Element, along: Float64) -> tuple[Float64, Float64]:
     """Points (n, 2) and headings (n,) of a geometry at distances (n,), sorted, from its start."""
     start = np.array([number(geometry, "x"), number(geometry, "y")])
     heading, length = number(geometry, "hdg"), max(number(geometry, "length"), 1e-9)
+    if length > _LONGEST:
+        raise ValueError(f"<geometry>, length: expected up to {_LONGEST:,.0f} m, found {length:g}")
     shape = next((each for each in geometry if each.tag in ("line", "arc", "spiral", "poly3", "paramPoly3")), None)
     if shape is None:
         raise ValueError("<geometry>: expected line, arc, spiral, poly3 or paramPoly3, found none")

@@ -128,11 +128,14 @@ def read_road(element: Element) -> MapRoad:
         lanes: dict[int, RoadLane] = {}
         for side in ("left", "right"):
             border = offset
-            listed = {int(number(each, "id")): each for each in section.findall(f"{side}/lane")}
-            if len(listed) > _MOST_LANES:
-                raise ValueError(f"<laneSection>: expected up to {_MOST_LANES} lanes, found {len(listed):,}")
+            elements = section.findall(f"{side}/lane")
+            sign = 1.0 if side == "left" else -1.0
+            listed = {int(number(each, "id")): each for each in elements if sign * number(each, "id") >= 1.0}
+            if len(listed) != len(elements) or len(listed) > _MOST_LANES:
+                expected = f"up to {_MOST_LANES} lanes with numbers of their own, on the {side} side"
+                raise ValueError(f"<laneSection>: expected {expected}, found {len(listed):,} of {len(elements):,}")
             for lane_id in sorted(listed, key=abs):
-                lane, sign = listed[lane_id], 1.0 if side == "left" else -1.0
+                lane = listed[lane_id]
                 widths, borders = lane.findall("width"), lane.findall("border")
                 if widths or not borders:
                     outer = border + sign * np.maximum(Cubics.read(widths, "sOffset", start).at(at), 0.0)
