@@ -49,7 +49,7 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
     Raises:
         NoSuchSnapshot: The snapshot does not exist; the message lists those that do.
     """
-    there, wanted = files.numbers(FOLDER, ".json"), number
+    there, wanted = numbers(files), number
     if number is None:
         if not there:
             return EMPTY
