@@ -58,6 +58,17 @@ class Definitions(Mapping[str, Moments]):
     def __getitem__(self, name: str) -> Moments:
         if name not in self._texts:
             raise KeyError(name)
+        return self.find(name)
+
+    def find(self, name: str) -> Moments:
+        """Compose the moments of a name.
+
+        Raises:
+            BadParameter: The file does not define them, or their expression is none.
+            UnknownRelation: It names what is neither a relation nor an event.
+        """
+        if name not in self._texts:
+            raise BadParameter(f"{self.path} defines no {name!r}; it defines {', '.join(self) or 'nothing'}")
         found = _ExpressionReader(self, self._texts, (name,)).value(self._parsed(name))
         if isinstance(found, RelationSteps):
             return found.lasting()

@@ -14,7 +14,6 @@ from scenarionet_pipelines.cli.verb import DATABASE, PARAMETERS, SNAPSHOT, LakeV
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
-    from scenarionet_data.operations.moments import Moments
 
 _MAX_ROWS = 50
 
@@ -50,50 +49,34 @@ class MineVerb(LakeVerb):
 
     def run(self) -> None:
         from scenarionet_data import Lake
+        from scenarionet_data.operations.definitions import Definitions
         from scenarionet_data.operations.moments import event
         from scenarionet_data.query.named_sql import EVENTS
 
+        definitions = None if self.definitions is None else Definitions(self.definitions)
         if self.event is None:
-            if self.definitions is None:
+            if definitions is None:
                 show_named(EVENTS, "events", self.as_json)
+            elif self.as_json:
+                print_json({"definitions": [{"name": name, "doc": doc} for name, doc in definitions.docs.items()]})
             else:
-                self._list_definitions(self.definitions)
-            return
-        if self.definitions is None:
+                print_table(definitions.docs.items(), ("moment", "what it is"))
+        elif definitions is None:
             given = EVENTS.load(self.event).parse(pairs(self.parameters, "-p"))
             if self.explain:
                 click.echo(event(self.event, given).sql)
             else:
                 lake = Lake(self.lake, self.snapshot)
                 self._print(lake, lake.mine(self.event, given, self.database))
-            return
-        moments = self._defined(self.definitions, self.event)
-        if self.explain:
-            click.echo(moments.sql)
-        else:
-            lake = Lake(self.lake, self.snapshot)
-            self._print(lake, lake.moments(moments, self.database))
-
-    def _defined(self, path: Path, name: str) -> Moments:
-        """Return the moments of that name in a file of definitions."""
-        from scenarionet_data.errors import BadParameter
-        from scenarionet_data.operations.definitions import Definitions
-
-        if self.parameters:
+        elif self.parameters:
             raise click.UsageError("definitions have no parameters: write them into the file, or leave out -p")
-        definitions = Definitions(path)
-        if name not in definitions:
-            raise BadParameter(f"{path} defines no {name!r}; it defines {', '.join(definitions) or 'nothing'}")
-        return definitions[name]
-
-    def _list_definitions(self, path: Path) -> None:
-        from scenarionet_data.operations.definitions import Definitions
-
-        docs = Definitions(path).docs
-        if self.as_json:
-            print_json({"definitions": [{"name": name, "doc": doc} for name, doc in docs.items()]})
         else:
-            print_table(docs.items(), ("moment", "what it is"))
+            moments = definitions.find(self.event)
+            if self.explain:
+                click.echo(moments.sql)
+            else:
+                lake = Lake(self.lake, self.snapshot)
+                self._print(lake, lake.moments(moments, self.database))
 
     def _print(self, lake: Lake, found: Any) -> None:
         """Print a table of occurrences, and how often they happen."""
