@@ -51,6 +51,13 @@ SIGNED = moment(
     post=along(48.2, -3, heading=np.pi, kind=ObjectType.OTHER, source_type="STOP_SIGN"),
 )
 
+# The other comes the wrong way, on a lane whose first 20 m a bicycle lane covers as well.
+MEETING = moment(
+    "meeting", along(0, 0, 5),
+    [lane("road", (-20, 0), (100, 0)), ("path", MapFeatureType.LANE_BIKE_LANE, {"polyline": [(-20, 0), (0.2, 0)]})],
+    wrong=along(22, 0, -1),
+)  # fmt: skip
+
 # Relation, parameters, scenario, and for each object and other the first and last step of the only span at which it
 # holds.
 CASES = [
@@ -124,6 +131,9 @@ CASES = [
         ("ego", None): (57, 66), ("lead", None): (42, 51), ("oncoming", None): (44, 53),
     }),
     ("following", {}, DRIVING, {("ego", "lead"): (0, 100)}),
+    ("following", {}, MEETING, {}),  # in front of it, but in the opposite direction
+    ("on_lane_type", {}, MEETING, {("ego", None): (0, 100), ("wrong", None): (0, 100)}),  # most of its steps
+    ("on_lane_type", {"lane_type": "BIKE"}, MEETING, {}),
     ("in_same_lane", {}, DRIVING, {("ego", "lead"): (0, 100), ("lead", "ego"): (0, 100)}),
     ("on_relative_side_of_road", {"side": "opposite"}, DRIVING, {
         ("ego", "oncoming"): (0, 100), ("lead", "oncoming"): (0, 100), ("cyclist", "oncoming"): (0, 100),
@@ -142,7 +152,7 @@ CASES = [
 
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory) -> Lake:
-    scenarios = [PASSING, PULLING_UP, BENDING, ONCOMING, SHORT, DRIVING, CHANGING, CROSSING, SIGNED]
+    scenarios = [PASSING, PULLING_UP, BENDING, ONCOMING, SHORT, DRIVING, CHANGING, CROSSING, SIGNED, MEETING]
     return write_lake(tmp_path_factory.mktemp("relations"), scenarios)
 
 
