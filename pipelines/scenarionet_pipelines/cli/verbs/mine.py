@@ -61,22 +61,19 @@ class MineVerb(LakeVerb):
                 print_json({"definitions": [{"name": name, "doc": doc} for name, doc in definitions.docs.items()]})
             else:
                 print_table(definitions.docs.items(), ("moment", "what it is"))
-        elif definitions is None:
-            given = EVENTS.load(self.event).parse(pairs(self.parameters, "-p"))
-            if self.explain:
-                click.echo(event(self.event, given).sql)
-            else:
-                lake = Lake(self.lake, self.snapshot)
-                self._print(lake, lake.mine(self.event, given, self.database))
-        elif self.parameters:
+            return
+        if definitions is not None and self.parameters:
             raise click.UsageError("definitions have no parameters: write them into the file, or leave out -p")
+        given = EVENTS.load(self.event).parse(pairs(self.parameters, "-p")) if definitions is None else {}
+        moments = event(self.event, given) if definitions is None else definitions.find(self.event)
+        if self.explain:
+            click.echo(moments.sql)
+            return
+        lake = Lake(self.lake, self.snapshot)
+        if definitions is None:
+            self._print(lake, lake.mine(self.event, given, self.database))
         else:
-            moments = definitions.find(self.event)
-            if self.explain:
-                click.echo(moments.sql)
-            else:
-                lake = Lake(self.lake, self.snapshot)
-                self._print(lake, lake.moments(moments, self.database))
+            self._print(lake, lake.moments(moments, self.database))
 
     def _print(self, lake: Lake, found: Any) -> None:
         """Print a table of occurrences, and how often they happen."""
