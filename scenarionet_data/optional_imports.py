@@ -1,7 +1,8 @@
-"""Modules that Arrow and Numba import if they find them, which takes longer than what most commands do with Arrow."""
+"""Modules whose import takes longer than what most commands do: hidden from Arrow and Numba, or put off."""
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import sys
 import threading
@@ -66,3 +67,29 @@ def leave_pandas_out() -> None:
         with hidden("pandas"):
             pa.array([])  # Arrow looks for pandas once
         sys.meta_path.insert(0, _TellingArrow())
+
+
+class _Deferred(ModuleType):
+    """A module that is imported when somebody uses one of its names."""
+
+    _lock = threading.Lock()
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "__path__":  # it is no package
+            raise AttributeError(name)
+        with self._lock:
+            if sys.modules.get(self.__name__) is self:
+                del sys.modules[self.__name__]
+        module = importlib.import_module(self.__name__)
+        vars(self).update(vars(module))
+        return getattr(module, name)
+
+
+def defer(name: str) -> None:
+    """Put off the import of a submodule until one of its names is used; do nothing if it is imported already."""
+    if name not in sys.modules:
+        parent, _, child = name.rpartition(".")
+        module = _Deferred(name)
+        module.__spec__ = importlib.util.find_spec(name)
+        sys.modules[name] = module
+        setattr(sys.modules[parent], child, module)

@@ -95,8 +95,7 @@ class DatabaseWriter:
         numbers = np.arange(first, first + count, dtype=np.int32)
         # pa.array would import pandas if installed, which takes 50 MB.
         positions = pa.Array.from_buffers(pa.int32(), count, [None, pa.py_buffer(numbers)])
-        schema = tables.load("members").schema
-        content = rows.append_column("position", positions).select(schema.names).cast(schema)
+        content = tables.load("members").conform(rows.append_column("position", positions))
         with writing(self.path):
             self.table.write_table(content, row_group_size=_ROWS_PER_GROUP)
         self._waiting = waiting.slice(count).to_batches()

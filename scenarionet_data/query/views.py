@@ -39,8 +39,8 @@ def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
         return evaluation_runs.part_files(files, table)
     if table == "shards":
         return list(snapshot.manifests)
-    listed = pc.unique(pc.list_flatten(manifests.column(files, snapshot, "files")))  # shards may share files
-    return sorted(listed.filter(pc.starts_with(listed, f"{table}/")).to_pylist())
+    lists = manifests.column(files, snapshot, "files").chunks
+    return sorted({name for each in lists for name in each.values.to_pylist() if name.startswith(f"{table}/")})
 
 
 @dataclass

@@ -54,6 +54,18 @@ def test_loading_imports_neither_pandas_nor_duckdb(lake):
     assert done.stdout.strip() == "[]"
 
 
+def test_a_module_is_deferred_until_one_of_its_names_is_used():
+    program = (
+        "import sys; from scenarionet_data.schema import tables; import pyarrow as pa; import pyarrow.compute as pc; "
+        "assert 'pyarrow._compute' not in sys.modules; assert pc.__name__ == pc.__spec__.name == 'pyarrow.compute'; "
+        "from pyarrow.compute import field; assert pc.sum(pa.array([1, 2])).as_py() == 3; "
+        "assert pa.compute is sys.modules['pyarrow.compute'] is not pc; assert pc.sum is pa.compute.sum; "
+        "assert hasattr(pc, 'nothing') is False"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 def test_modules_are_hidden_in_one_thread_for_a_while():
     found = []
     sys.modules.pop("this_is_hidden", None)

@@ -34,6 +34,21 @@ def test_help_imports_no_heavy_package():
     assert done.stdout.strip() == "[]"
 
 
+def test_small_questions_import_nothing_that_they_do_not_need(lake, ok):
+    """Numba, Polars and the functions of Arrow take as long to import as a question about a small lake."""
+    ok("filter", lake, "--name", "few")
+    heavy = ["numba", "llvmlite", "polars", "pandas", "pyarrow._compute", "scipy", "rich", "dask", "multiprocessing"]
+    code = (
+        "import sys, scenarionet_pipelines.cli, click.testing as t\n"
+        "for words in (['list'], ['show', '11'], ['sql', 'summary'], ['filter', '--name', 'same']):\n"
+        f"    words.insert(1, {str(lake)!r})\n"
+        "    r = t.CliRunner().invoke(scenarionet_pipelines.cli.cli, words); assert r.exit_code == 0, r.output\n"
+        f"    assert not (found := [name for name in {heavy} if name in sys.modules]), (words, found)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 def test_help_lists_every_verb_with_a_sentence():
     text = run("--help").stdout
     assert len(TOP) <= 17
