@@ -19,7 +19,7 @@ from scenarionet_data.execution.progress import Progress
 from scenarionet_data.export.destination import MAPPING_FILE, SUMMARY_FILE, check_destination, new_directory
 from scenarionet_data.export.pickling import WrittenPickle, dump, twice, write_parts, write_scenarios
 from scenarionet_data.interchange import writer_for
-from scenarionet_data.interchange.base import ExportReport
+from scenarionet_data.interchange.base import ExportReport, FormatWriter
 from scenarionet_data.interchange.files import write_files
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike
@@ -33,7 +33,7 @@ def export(
     *,
     replace: bool = False,
     original: bool = True,
-    file_format: str = "scenarionet",
+    file_format: str | FormatWriter = "scenarionet",
     parameters: Mapping[str, Any] | None = None,
     executor: Executor | None = None,
     on_progress: Progress | None = None,
@@ -48,7 +48,7 @@ def export(
         replace: Replace an existing database of pickles.
         original: Write unchanged scenarios that were converted from pickles as these were, whatever their version;
             False for the current format, which MetaDrive 0.4.3 reads.
-        file_format: ``"scenarionet"`` or a name in ``interchange.WRITERS``.
+        file_format: ``"scenarionet"``, a name in ``interchange.WRITERS``, or a writer.
         parameters: Options of another format, see its writer.
         executor: Writes it in parts, for example on a cluster, which shares the file system of the folder (for a URL,
             of ``$TMPDIR``); requires ``scenarios`` to be a picklable sequence.
@@ -63,8 +63,8 @@ def export(
     if file_format != "scenarionet":
         return write_files(
             cast(Sequence[ScenarioDescription], scenarios),
-            local_path(directory, f"an export as {file_format}"),
-            writer_for(file_format, parameters),
+            local_path(directory, "an export in another format"),
+            writer_for(file_format, parameters) if isinstance(file_format, str) else file_format,
             replace=replace,
             executor=executor or run_serially,
             on_progress=on_progress,

@@ -2,6 +2,7 @@
 
     base      what a writer is, and the report of what a format cannot hold
     files     a database as files of a format: in parts, resumable
+    viewing   what viewers draw of a scenario
     roads     from a lane graph to roads with parallel lanes, for the formats that have roads
 
 Readers are converters (``scenarionet_data.converters``), registered there by name.
@@ -21,9 +22,11 @@ if TYPE_CHECKING:
 
 WRITERS = {
     "gpudrive": "scenarionet_data.interchange.gpudrive.writer:GpuDriveWriter",
+    "mcap": "scenarionet_data.interchange.mcap.writer:McapWriter",
     "opendrive": "scenarionet_data.interchange.opendrive.writer:OpenDriveWriter",
     "openscenario": "scenarionet_data.interchange.openscenario.writer:OpenScenarioWriter",
     "pufferdrive": "scenarionet_data.interchange.pufferdrive.writer:PufferDriveWriter",
+    "rerun": "scenarionet_data.interchange.rerun.writer:RerunWriter",
 }
 """Class of each writer by the name of its format."""
 
@@ -45,7 +48,7 @@ def writer_class(name: str) -> type[Any]:
     try:
         kind: type[Any] = getattr(importlib.import_module(module), attribute)
     except ModuleNotFoundError as error:
-        raise MissingDependency(f"the format {name} needs {error.name}", "", f"pip install {error.name}") from error
+        raise MissingDependency(f"the format {name} needs {error.name}", "viewers") from error
     return kind
 
 

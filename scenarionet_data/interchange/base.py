@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -81,15 +81,12 @@ class Losses:
 
 
 class FormatWriter(Protocol):
-    """Writes scenarios in one format: a frozen dataclass whose fields are the format's options.
+    """Writes scenarios in one format: a frozen dataclass whose fields are the format's options."""
 
-    Class attributes:
-        name: Name of the format.
-        suffixes: Endings of the files of a scenario.
-    """
-
-    name: ClassVar[str]
-    suffixes: ClassVar[tuple[str, ...]]
+    @property
+    def name(self) -> str:
+        """Name of the format."""
+        ...
 
     def write(self, scenario: ScenarioDescription, stem: str, losses: Losses) -> Mapping[str, bytes]:
         """Return the files of one scenario by name; equal scenarios give equal bytes.

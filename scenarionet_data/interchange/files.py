@@ -120,7 +120,7 @@ def _check_destination(target: Path, replace: bool) -> None:
 
 def _draft_for(target: Path, scenarios: Sequence[ScenarioDescription], writer: FormatWriter) -> Path:
     """Return the draft of this export, with what an interrupted run of the same export left in it."""
-    ids = getattr(scenarios, "ids", None)
+    ids = getattr(scenarios, "scenario_ids", None)
     identity = [
         version.__version__,
         writer.name,

@@ -38,6 +38,7 @@ EXTRAS = {
     "cuda": "cameras on a graphics card",
     "iceberg": "publishing lakes as Iceberg tables",
     "ducklake": "publishing lakes as DuckLakes",
+    "viewers": "exports for Foxglove and rerun",
     "vary": "variations drawn evenly, or from distributions",
 }
 """The extras for users and what they are for; the others are for the development of this software."""

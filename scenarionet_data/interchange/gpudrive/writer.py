@@ -20,7 +20,6 @@ class GpuDriveWriter:
     """Writes one JSON file a scenario."""
 
     name: ClassVar[str] = "gpudrive"
-    suffixes: ClassVar[tuple[str, ...]] = (".json",)
 
     def write(self, scenario: ScenarioDescription, stem: str, losses: Losses) -> Mapping[str, bytes]:
         """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.FormatWriter`."""

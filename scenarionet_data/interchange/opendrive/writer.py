@@ -41,7 +41,6 @@ class OpenDriveWriter:
     """Writes the map of each scenario, one file a scenario."""
 
     name: ClassVar[str] = "opendrive"
-    suffixes: ClassVar[tuple[str, ...]] = (".xodr",)
 
     def write(self, scenario: ScenarioDescription, stem: str, losses: Losses) -> Mapping[str, bytes]:
         """Return the file of a scenario's map; see :class:`~scenarionet_data.interchange.base.FormatWriter`."""

@@ -42,7 +42,6 @@ class OpenScenarioWriter:
     """
 
     name: ClassVar[str] = "openscenario"
-    suffixes: ClassVar[tuple[str, ...]] = (".xosc", ".xodr")
     version: str = _VERSIONS[0]
     leave_ego: bool = False
 

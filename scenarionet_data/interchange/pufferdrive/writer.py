@@ -33,7 +33,6 @@ class PufferDriveWriter:
     """
 
     name: ClassVar[str] = "pufferdrive"
-    suffixes: ClassVar[tuple[str, ...]] = (".bin",)
 
     layout: int = 2
     simplify: bool = True

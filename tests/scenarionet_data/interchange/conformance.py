@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,10 @@ class WriterConformance:
 
     name: str
 
+    def contents(self, folder):
+        """Files of a folder by name, as far as they are equal for equal scenarios."""
+        return contents(folder)
+
     def export(self, lake, folder, **options):
         return write_files(ScenarioLoader(lake), folder, writer_for(self.name), **options)
 
@@ -35,7 +40,7 @@ class WriterConformance:
     def test_bytes_do_not_depend_on_the_run_or_the_number_of_processes(self, lake, tmp_path):
         self.export(lake, tmp_path / "a")
         self.export(lake, tmp_path / "b", executor=ProcessExecutor(2))
-        assert contents(tmp_path / "a") == contents(tmp_path / "b")
+        assert self.contents(tmp_path / "a") == self.contents(tmp_path / "b")
 
     def test_an_interrupted_export_goes_on(self, lake, tmp_path, monkeypatch):
         monkeypatch.setattr("scenarionet_data.interchange.files._PART", 2)
@@ -52,7 +57,7 @@ class WriterConformance:
         self.export(lake, tmp_path / "a", on_progress=lambda count, total, scenarios: resumed.append(count))
         assert resumed[0] > done[0]
         self.export(lake, tmp_path / "b")
-        assert contents(tmp_path / "a") == contents(tmp_path / "b")
+        assert self.contents(tmp_path / "a") == self.contents(tmp_path / "b")
 
     def test_nothing_is_overwritten_unasked(self, lake, tmp_path):
         (tmp_path / "own").mkdir()
@@ -67,3 +72,16 @@ class WriterConformance:
     def test_unknown_options_are_refused(self):
         with pytest.raises(BadParameter, match="no option 'colour'"):
             writer_for(self.name, {"colour": "red"})
+
+    def test_another_database_does_not_take_parts_of_an_interrupted_export(self, lake, tmp_path, monkeypatch):
+        monkeypatch.setattr("scenarionet_data.interchange.files._PART", 1)
+        ids = ScenarioLoader(lake).scenario_ids
+
+        def stop(count, total, scenarios):
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            write_files(ScenarioLoader(lake, ids[:2]), tmp_path / "a", writer_for(self.name), on_progress=stop)
+        write_files(ScenarioLoader(lake, ids[3:]), tmp_path / "a", writer_for(self.name))
+        listed = [json.loads(line)["scenario_id"] for line in (tmp_path / "a" / INDEX).read_text().splitlines()]
+        assert listed == ids[3:]

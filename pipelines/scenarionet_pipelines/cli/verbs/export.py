@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, cast
+
 import click
 
 from scenarionet_data.errors import BadParameter
@@ -12,7 +14,14 @@ from scenarionet_pipelines.cli.output import count, print_json, print_table, siz
 from scenarionet_pipelines.cli.verb import PARAMETERS, REPLACE, DatabaseVerb, Distributed, argument, option
 from scenarionet_pipelines.messages import one_line
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scenarionet_data import ScenarioDescription
+    from scenarionet_data.interchange.base import FormatWriter
+
 _FORMATS = ("scenarionet", *WRITERS)
+_WITH_PICTURES = ("mcap", "rerun")
 
 
 class ExportVerb(DatabaseVerb, Distributed):
@@ -21,6 +30,9 @@ class ExportVerb(DatabaseVerb, Distributed):
     The format `scenarionet` is a folder of pickles that ScenarioNet and MetaDrive load unchanged. To read such
     pickles, run `scenarionet convert scenarionet DIR LAKE`. Other formats are files for other simulators; what these
     cannot hold is counted below, and per scenario in DIR/export.jsonl. `-p` sets an option of the format.
+
+    With --run, what a run of `scenarionet sim` did goes out instead of the recording, or with --beside its vehicle as
+    another object of the recording. `mcap` (Foxglove) and `rerun` hold pictures of cameras, too (--camera).
     """
 
     examples = (
@@ -28,11 +40,18 @@ class ExportVerb(DatabaseVerb, Distributed):
         "scenarionet export lake busy_val maps --format pufferdrive -p layout=1",
         "scenarionet export lake busy_val exported/busy_val --workers 4",
         "scenarionet export lake busy_val exported/busy_val --cluster local",
+        "scenarionet export lake busy_val viewed --format rerun --run idm --beside --camera chase",
     )
     directory: str = argument("DIR")
     file_format: str = option("Format of the output.", "--format", choices=_FORMATS, default=_FORMATS[0])
     parameters: tuple[str, ...] = PARAMETERS
     workers: int | None = option("Number of processes. [default: 1]", type=click.IntRange(1), metavar="N")
+    run_name: str | None = option("Write what this run of `scenarionet sim` did.", "--run", metavar="NAME")
+    beside: bool = option("Keep the recording, and add the run's vehicle as an object.")
+    cameras: tuple[str, ...] = option(
+        "Add the pictures of this view: camera, chase, cockpit or orbit; repeatable.", "--camera", metavar="VIEW"
+    )
+    picture_size: int = option("Width of the pictures [pixel].", type=click.IntRange(64, 4096), default=640)
     replace: bool = REPLACE
     current_format: bool = option(
         "Write scenarios that were converted from older pickles in the format of MetaDrive 0.4.3, not as these were."
@@ -42,6 +61,7 @@ class ExportVerb(DatabaseVerb, Distributed):
         from scenarionet_data import ScenarioLoader
         from scenarionet_data.execution.executors import ProcessExecutor
         from scenarionet_data.export import export
+        from scenarionet_data.interchange import writer_for
         from scenarionet_data.interchange.base import Losses
         from scenarionet_pipelines.cli.converter import parse_fields
 
@@ -55,29 +75,54 @@ class ExportVerb(DatabaseVerb, Distributed):
             chosen = parse_fields(writer_class(self.file_format), self.file_format, self.parameters)
         elif self.parameters:
             raise BadParameter(f"-p sets options of other formats than {self.file_format}; leave it out")
+        loader = ScenarioLoader(self.lake, self.database)
+        scenarios: Sequence[ScenarioDescription] = loader
+        if self.run_name is not None:
+            from scenarionet_sim.rollouts.driven import DrivenScenarios
+
+            scenarios = DrivenScenarios(loader, self.lake, self.run_name, self.beside)
+        elif self.beside:
+            raise BadParameter("--beside adds the vehicle of a run; name the run with --run NAME")
+        writer: str | FormatWriter = self.file_format
+        if self.cameras:
+            writer = self.with_pictures(writer_for(self.file_format, chosen))
         with self.execution() as execution, self.progress(f"export {self.database}") as progress:
             report = export(
-                ScenarioLoader(self.lake, self.database),
+                scenarios,
                 self.directory,
                 replace=self.replace,
                 original=not self.current_format,
-                file_format=self.file_format,
+                file_format=writer,
                 parameters=chosen,
                 executor=execution.measured or (ProcessExecutor(self.workers) if self.workers else None),
                 on_progress=progress.update,
             )
         if self.as_json:
             refused = [{"scenario_id": e.scenario_id, "field": e.field, "reason": e.reason} for e in report.refused]
-            written = {"directory": report.directory, "format": self.file_format, "scenarios": report.num_scenarios}
+            summary = {"directory": report.directory, "format": self.file_format, "scenarios": report.num_scenarios}
             rest = {"bytes": report.num_bytes, "refused": refused, "losses": Losses(report.losses).as_json()}
-            print_json(written | rest | worker_facts(execution.stats))
+            print_json(summary | rest | worker_facts(execution.stats))
             return not report.refused
         left_out = f", {len(report.refused):,} left out" if report.refused else ""
-        scenarios = count(report.num_scenarios, "scenario")
-        click.echo(f"{report.directory}: {scenarios}{left_out}, {size(report.num_bytes)}")
+        written = count(report.num_scenarios, "scenario")
+        click.echo(f"{report.directory}: {written}{left_out}, {size(report.num_bytes)}")
         for loss in report.losses:
             click.echo(f"  {loss}")
         print_table(worker_rows(execution.stats, "part"))
         for error in report.refused:
             click.echo(f"left out: {one_line(error)}", err=True)
         return not report.refused
+
+    def with_pictures(self, writer: FormatWriter) -> FormatWriter:
+        """Return a writer that adds the pictures of the cameras.
+
+        Raises:
+            BadParameter: The format holds no pictures, or a view is unknown.
+        """
+        from scenarionet_sim.render.pictured import PictureWriter, WithPictures
+        from scenarionet_sim.render.space import Film
+
+        if writer.name not in _WITH_PICTURES:
+            raise BadParameter(f"{writer.name} holds no pictures; --camera goes with {' and '.join(_WITH_PICTURES)}")
+        width, height = self.picture_size // 2 * 2, self.picture_size * 9 // 32 * 2
+        return WithPictures(cast("PictureWriter", writer), tuple(Film(view, width, height) for view in self.cameras))

@@ -1,0 +1,1 @@
+"""Foxglove: recordings as MCAP."""
