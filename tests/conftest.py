@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 from tests.fixtures import object_store
 from tests.fixtures.object_store import BUCKET, ObjectStore
@@ -18,6 +18,10 @@ from tests.fixtures.object_store import BUCKET, ObjectStore
 # No deadlines: the duration of an example depends on the machine.
 settings.register_profile("quick", deadline=None, max_examples=20)
 settings.register_profile("thorough", deadline=None, max_examples=100)
+# The same examples for each mutant, and none sought that is simpler than one that fails.
+settings.register_profile(
+    "mutants", deadline=None, max_examples=20, derandomize=True, phases=[Phase.explicit, Phase.generate]
+)
 settings.load_profile(os.environ.get("SCENARIONET_HYPOTHESIS", "quick"))
 
 # Compare the arguments of every call of a kernel that skips this otherwise, here and in subprocesses.

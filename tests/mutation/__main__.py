@@ -14,10 +14,11 @@ import argparse
 import ast
 import os
 import random
+import resource
 import shlex
+import shutil
 import subprocess
 import sys
-import time
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +33,8 @@ ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / ".mutants"
 CHECKOUT = FOLDER / "checkout"
 NO_EFFECT = ("core/RemoveDecorator", "core/ExceptionReplacer")
-LONGEST = 10.0  # times as long as without a mutant: tests that take longer loop for ever, which counts as caught
+KERNELS = FOLDER / "kernels"  # machine code without a mutant
+LONGEST = 3.0  # times the processor time without a mutant: tests that take longer loop for ever, which counts as caught
 BAR = 0.9
 
 
@@ -46,8 +48,13 @@ class Area:
     tests: tuple[str, ...]
     needs_torch: bool
 
-    def command(self, module: Path | None = None) -> str:
-        """Return the command that runs the tests until the first one fails, those that import the module first."""
+    def command(self, module: Path | None = None, seconds: int = 0) -> str:
+        """Return the command that runs the tests until the first one fails.
+
+        Args:
+            module: Tests that import it, and those of its package, come first.
+            seconds: Processor time that each half may take; 0 for any.
+        """
         python = ROOT / (".venv-learn" if self.needs_torch else ".venv") / "bin" / "python"
         marks = (
             "learn and not long"
@@ -55,14 +62,15 @@ class Area:
             else "not long and not learn and not integration and not damage and not packaging"
         )
         run = f"{python} -m pytest -x -q -p no:cacheprovider -m '{marks}'"
-        every = f"{run} {' '.join(self.tests)}"
         if module is None:
-            return every
-        name = f"from {'.'.join(module.with_suffix('').parts)} import"
-        files = [path for folder in self.tests for path in sorted(Path(folder).rglob("test_*.py"))]
-        near = [str(path) for path in files if name in path.read_text("utf-8")]
-        first = f"{run} {' '.join(near)} || [ $? = 5 ]"  # 5: all of these tests have other marks
-        return shlex.join(["sh", "-c", f"{first} && {every}" if near else every])
+            return f"{run} {' '.join(self.tests)}"
+        name, mirror = f"from {'.'.join(module.with_suffix('').parts)} import", "tests" / module.parent
+        files = [path for folder in self.tests for path in sorted([Path(folder), *Path(folder).rglob("test_*.py")])]
+        files = [path for path in files if path.is_file()]
+        near = [path for path in files if path.parent == mirror or name in path.read_text("utf-8")]
+        halves = [half for half in (near, [path for path in files if path not in near]) if half]
+        runs = [f"{{ {run} {' '.join(map(str, half))} || [ $? = 5 ]; }}" for half in halves]  # 5: all have other marks
+        return shlex.join(["sh", "-c", f"ulimit -t {seconds or 'unlimited'}; {' && '.join(runs)}"])
 
 
 def read_areas() -> list[Area]:
@@ -209,28 +217,43 @@ def session_for(seed: int, scale: float, areas: list[Area]) -> tuple[WorkDB, dic
 
 
 def check_unmutated(areas: list[Area]) -> dict[str, float]:
-    """Return how long the tests of each area take [s]; raise if some fail. This also compiles the kernels."""
+    """Return the processor time of the tests of each area [s]; raise if some fail. This also compiles the kernels."""
     seconds = {}
     for area in areas:
-        started = time.monotonic()
+        started = children_seconds()
         done = subprocess.run(area.command(), shell=True, capture_output=True, text=True, check=False)
         if done.returncode:
             raise SystemExit(f"{area.name}: the tests fail without a mutant\n{done.stdout[-3000:]}")
-        seconds[area.name] = time.monotonic() - started
+        seconds[area.name] = children_seconds() - started
+        print(f"{area.name}: {seconds[area.name]:.0f} s without a mutant", flush=True)
     return seconds
 
 
+def children_seconds() -> float:
+    """Return the processor time of all processes that this one waited for [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def run(database: WorkDB, areas: dict[Path, Area], seconds: dict[str, float]) -> None:
-    """Run the tests for each mutant in these modules that has no result yet, in so much time without one by area."""
+    """Run the tests for each mutant in these modules that has no result yet, in so much time without one by area.
+
+    Each starts with the machine code that was compiled without a mutant.
+    """
+    os.environ["NUMBA_CACHE_DIR"] = str(FOLDER / "mutated_kernels")
     pending = [item for item in database.pending_work_items if item.mutations[0].module_path in areas]
     for number, item in enumerate(pending, 1):
         mutation = item.mutations[0]
         area = areas[mutation.module_path]
-        limit = LONGEST * seconds[area.name]
-        result = mutate_and_test(item.mutations, area.command(mutation.module_path), limit)
+        limit = round(LONGEST * seconds[area.name])
+        shutil.rmtree(os.environ["NUMBA_CACHE_DIR"], ignore_errors=True)
+        shutil.copytree(KERNELS, os.environ["NUMBA_CACHE_DIR"], copy_function=os.link)
+        began = children_seconds()
+        result = mutate_and_test(item.mutations, area.command(mutation.module_path, limit), 3600.0)
         database.set_result(item.job_id, result)
         word = "caught" if result.is_killed else "SURVIVED"
-        print(f"{number}/{len(pending)} {word} {name_of(mutation)}", flush=True)
+        spent = children_seconds() - began
+        print(f"{number}/{len(pending)} {word} {name_of(mutation)} in {spent:.0f} s", flush=True)
 
 
 def report(database: WorkDB, areas: dict[Path, Area]) -> float:
@@ -265,7 +288,12 @@ def main() -> None:
     if not arguments.report:
         prepare_checkout()
     os.chdir(CHECKOUT)
-    os.environ["PYTHONPATH"] = f"{CHECKOUT}:{CHECKOUT / 'pipelines'}"
+    os.environ |= {
+        "PYTHONPATH": f"{CHECKOUT}:{CHECKOUT / 'pipelines'}",
+        "SCENARIONET_HYPOTHESIS": "mutants",
+        "NUMBA_CACHE_DIR": str(KERNELS),
+    }
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     areas = read_areas()
     database, area_of = session_for(arguments.seed, arguments.scale, areas)
     if not arguments.report:
