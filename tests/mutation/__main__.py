@@ -216,16 +216,15 @@ def session_for(seed: int, scale: float, areas: list[Area]) -> tuple[WorkDB, dic
     return database, {module: area for area in areas for module in area.modules}
 
 
-def check_unmutated(areas: list[Area]) -> dict[str, float]:
-    """Return the processor time of the tests of each area [s]; raise if some fail. This also compiles the kernels."""
-    seconds = {}
-    for area in areas:
-        started = children_seconds()
-        done = subprocess.run(area.command(), shell=True, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise SystemExit(f"{area.name}: the tests fail without a mutant\n{done.stdout[-3000:]}")
-        seconds[area.name] = children_seconds() - started
-        print(f"{area.name}: {seconds[area.name]:.0f} s without a mutant", flush=True)
+def check_unmutated(area: Area) -> float:
+    """Return the processor time of the tests of an area [s]; raise if some fail. This also compiles its kernels."""
+    os.environ["NUMBA_CACHE_DIR"] = str(KERNELS)
+    started = children_seconds()
+    done = subprocess.run(area.command(), shell=True, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"{area.name}: the tests fail without a mutant\n{done.stdout[-3000:]}")
+    seconds = children_seconds() - started
+    print(f"{area.name}: {seconds:.0f} s without a mutant", flush=True)
     return seconds
 
 
@@ -235,20 +234,18 @@ def children_seconds() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def run(database: WorkDB, areas: dict[Path, Area], seconds: dict[str, float]) -> None:
-    """Run the tests for each mutant in these modules that has no result yet, in so much time without one by area.
+def run(database: WorkDB, area: Area) -> None:
+    """Run the tests for each mutant of an area that has no result yet.
 
     Each starts with the machine code that was compiled without a mutant.
     """
+    pending = [item for item in database.pending_work_items if item.mutations[0].module_path in area.modules]
+    limit = round(LONGEST * check_unmutated(area)) if pending else 0
     os.environ["NUMBA_CACHE_DIR"] = str(FOLDER / "mutated_kernels")
-    pending = [item for item in database.pending_work_items if item.mutations[0].module_path in areas]
     for number, item in enumerate(pending, 1):
-        mutation = item.mutations[0]
-        area = areas[mutation.module_path]
-        limit = round(LONGEST * seconds[area.name])
+        mutation, began = item.mutations[0], children_seconds()
         shutil.rmtree(os.environ["NUMBA_CACHE_DIR"], ignore_errors=True)
         shutil.copytree(KERNELS, os.environ["NUMBA_CACHE_DIR"], copy_function=os.link)
-        began = children_seconds()
         result = mutate_and_test(item.mutations, area.command(mutation.module_path, limit), 3600.0)
         database.set_result(item.job_id, result)
         word = "caught" if result.is_killed else "SURVIVED"
@@ -291,15 +288,14 @@ def main() -> None:
     os.environ |= {
         "PYTHONPATH": f"{CHECKOUT}:{CHECKOUT / 'pipelines'}",
         "SCENARIONET_HYPOTHESIS": "mutants",
-        "NUMBA_CACHE_DIR": str(KERNELS),
     }
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     areas = read_areas()
     database, area_of = session_for(arguments.seed, arguments.scale, areas)
     if not arguments.report:
-        chosen = [area for area in areas if arguments.area in area.name]
-        seconds = check_unmutated(chosen)
-        run(database, {path: area for path, area in area_of.items() if area in chosen}, seconds)
+        for area in areas:
+            if arguments.area in area.name:
+                run(database, area)
     sys.exit(report(database, area_of) < BAR)
 
 
