@@ -201,11 +201,8 @@ def prepare_checkout() -> None:
     subprocess.run(["git", "reset", "--quiet", "--hard", head.strip()], cwd=CHECKOUT, check=True)
 
 
-def session_for(seed: int, scale: float, areas: list[Area]) -> tuple[WorkDB, dict[Path, Area]]:
-    """Open the session, and add the mutants that it lacks: all of a new one, or those instead of equivalent ones.
-
-    Also return the area of each module.
-    """
+def session_for(seed: int, scale: float, areas: list[Area]) -> WorkDB:
+    """Open the session, and add the mutants of areas that it lacks: all, or those instead of equivalent ones."""
     drawn: list[WorkItem] = []
     with use_db(FOLDER / "all.sqlite") as scratch:
         for area in areas:
@@ -213,7 +210,7 @@ def session_for(seed: int, scale: float, areas: list[Area]) -> tuple[WorkDB, dic
     database = WorkDB(FOLDER / "session.sqlite", WorkDB.Mode.create)
     known = {place_of(item) for item in database.work_items}
     database.add_work_items([item for item in drawn if place_of(item) not in known])
-    return database, {module: area for area in areas for module in area.modules}
+    return database
 
 
 def check_unmutated(area: Area) -> float:
@@ -291,12 +288,11 @@ def main() -> None:
     }
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     areas = read_areas()
-    database, area_of = session_for(arguments.seed, arguments.scale, areas)
-    if not arguments.report:
-        for area in areas:
-            if arguments.area in area.name:
-                run(database, area)
-    sys.exit(report(database, area_of) < BAR)
+    chosen = [area for area in areas if arguments.area in area.name and not arguments.report]
+    database = session_for(arguments.seed, arguments.scale, chosen)
+    for area in chosen:
+        run(database, area)
+    sys.exit(report(database, {module: area for area in areas for module in area.modules}) < BAR)
 
 
 if __name__ == "__main__":

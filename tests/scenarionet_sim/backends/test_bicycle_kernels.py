@@ -53,6 +53,10 @@ def test_the_friction_circle_limits_the_change_of_the_course():
     assert np.arctan2(moved[VY], moved[VX]) == pytest.approx(course, rel=1e-3)
     assert moved[HEADING] == pytest.approx(course - slip, rel=3e-3)
     assert moved[YAW_RATE] == pytest.approx(20.0 * 2.0 * sin(slip) / WHEELBASE, rel=0.01)  # slower: the wheels slide
+    drag = (
+        0.5 * GRIP * sin(0.5 - atan(2.0 * sin(slip)))
+    )  # of the front axle, which has half the grip, across the wheels
+    assert hypot(moved[VX], moved[VY]) == pytest.approx(20.0 - 0.02 * drag, abs=1e-4)
 
 
 def test_braking_and_bend_share_the_friction_circle():

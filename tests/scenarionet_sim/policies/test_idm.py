@@ -206,13 +206,50 @@ def test_one_step_before_a_red_light_is_the_law_with_the_gap_to_the_front():
     assert speed == pytest.approx(10.0 - 0.1 * braking, abs=2e-4)  # at its desired speed it does not accelerate
 
 
-def test_one_step_behind_a_leader_is_the_law_with_the_gap_between_bumpers():
+@pytest.mark.parametrize(("leader", "dynamic"), [(6.5, 15.0 + 10.0 * 3.5 / 24.0**0.5), (20.0, 0.0)])
+def test_one_step_behind_a_leader_is_the_law_with_the_gap_between_bumpers(leader, dynamic):
+    """By hand: 1.5 s of headway, and closing at 3.5 m/s; a leader that draws away leaves the standstill gap of 2 m."""
     law = Idm(objects=ego)
-    gap, closing = 30.0 - 4.6, 10.0 - 6.0
-    dynamic = 10.0 * law.headway + 10.0 * closing / (2.0 * np.sqrt(law.acceleration * law.deceleration))
-    braking = law.acceleration * ((law.standstill + dynamic) / gap) ** 2
-    speed = speed_after_a_step(make_drive(num_steps=121, others=(Other(30.0, vx=6.0),)))
-    assert speed == pytest.approx(10.0 - 0.1 * braking, abs=2e-4)
+    assert (law.headway, law.acceleration, law.deceleration, law.standstill) == (1.5, 2.0, 3.0, 2.0)
+    braking = 2.0 * ((2.0 + dynamic) / (30.0 - 4.6)) ** 2
+    speed = speed_after_a_step(make_drive(num_steps=121, others=(Other(30.0, vx=leader),)))
+    assert speed == pytest.approx(10.0 - 0.1 * braking, abs=1e-4)
+
+
+def test_a_follower_does_not_count_even_beside_the_centre():
+    assert speed_after_a_step(make_drive(others=(Other(-0.5, 0.5, vx=10.0),))) == pytest.approx(10.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(("height", "is_met"), [(1.55, True), (1.65, False)])
+def test_objects_are_met_up_to_half_of_both_heights(height, is_met):
+    """Both are 1.6 m high, and wider than that."""
+    scenario = make_drive(num_steps=121, others=(Other(12.0, vx=6.0),))
+    scenario.tracks.position[1, :, 2] = height
+    assert (speed_after_a_step(scenario) < 9.9) == is_met
+
+
+def test_an_object_on_a_diagonal_street_is_met():
+    """The same street turned by 45 degrees gives the same step."""
+    scenario = make_drive(num_steps=121, others=(Other(30.0, vx=6.5),))
+    straight, tracks, root = speed_after_a_step(scenario), scenario.tracks, np.sqrt(0.5)
+    for moving in (tracks.position, tracks.velocity):
+        moving[..., 1] = root * moving[..., 0]
+        moving[..., 0] *= root
+    tracks.heading[:] = np.pi / 4
+    assert straight < 9.9
+    assert speed_after_a_step(scenario) == pytest.approx(straight, abs=1e-4)
+
+
+def test_a_long_vehicle_waits_for_its_whole_place():
+    """A bus of 12 m whose front would reach 0.3 m into the ego, 8 m ahead of its centre."""
+    coming = Other(-8.0, first=10)
+    scenario = make_drive(speed=0.0, others=(coming, Other(-40.0, 3.5, vx=5.0)))
+    scenario.tracks.velocity[1], scenario.tracks.size[1] = (1e-3, 0.0), (12.0, 2.5, 3.0)
+    _, present = run(scenario, (Replay(), Idm(objects=lambda world: np.arange(3) == 1)))
+    assert not present[:, 1].any()
+    scenario.tracks.position[1, :, 0] -= 1.0
+    _, present = run(scenario, (Replay(), Idm(objects=lambda world: np.arange(3) == 1)))
+    assert present[9:, 1].all()
 
 
 @kernel(allocates=False)

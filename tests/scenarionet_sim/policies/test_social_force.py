@@ -7,6 +7,7 @@ import pytest
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_sim.arrays.log import YAW_RATE
 from scenarionet_sim.policies.constant_velocity import ConstantVelocity
 from scenarionet_sim.policies.objects import all_objects
 from scenarionet_sim.policies.replay import Replay
@@ -67,6 +68,9 @@ def test_the_law_is_that_of_the_oracle(seed):
             np.testing.assert_allclose(simulation.state.velocity[0, n], velocity, atol=1e-9)
             expected = before.position[0, n] + velocity * 0.1
             np.testing.assert_allclose(simulation.state.position[0, n], expected, atol=1e-9)
+            if np.linalg.norm(velocity) > 0.3:  # it turns to where it goes
+                turn = np.angle(np.exp(1j * (np.arctan2(velocity[1], velocity[0]) - before.heading[0, n])))
+                assert simulation.state.motion[0, n, YAW_RATE] == pytest.approx(turn / 0.1, abs=1e-6)
 
 
 def test_alone_it_goes_as_recorded():
