@@ -51,6 +51,16 @@ def test_the_advantage_of_three_agents_by_hand():
     np.testing.assert_allclose(found, [1.0, -2.0 * root + root, eighth], atol=1e-6)
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_mean_angle_stays_below_ninety_degrees(side):
+    """At 90 degrees the inverse hyperbolic tangent of the mean would be infinite."""
+    distribution = AngleDistribution(0.1)
+    with torch.no_grad():
+        distribution.parameters_[0] = 50.0 * side
+    mean = float(distribution.draw(torch.zeros(1)).detach())
+    assert 1e-7 < 1.0 - side * mean < 2e-6
+
+
 def test_the_meta_gradient_of_three_agents_by_hand():
     """Derivatives written out for a policy with one weight; nothing of it comes from automatic differentiation."""
     new, old, clip = 0.8, 0.7, 0.2

@@ -85,6 +85,25 @@ def test_rewards_of_the_neighbourhood_leave_the_agent_out_and_those_of_all_do_no
     np.testing.assert_allclose(of_all, [3.5 / 3] * 3, rtol=1e-6)
 
 
+def test_copo_learns_its_angle_from_the_advantages_of_its_own_the_neighbours_and_all():
+    """Without a look ahead, and where all values are 0, advantages are rewards; the mean angle is 90 tanh(1/2)."""
+    config = CopoConfig(**SMALL, neighbourhood=10.0, reward_scale=0.5, gamma=1e-9, global_gamma=1e-9, angle_rate=0.0)
+    learner, given = CopoLearner(Scripted(), config), []
+    learner.critic, learner.social_critic = Constant(0.0), Constant(0.0)
+    learner.critic.forward = lambda seen: torch.zeros(len(seen), 1)
+    learner._learn, learner._learn_social_values = lambda batch: {}, lambda *_: 0.0
+    learner._learn_angle = lambda old, batch, social, mean, deviation: given.append(social)
+    with torch.no_grad():
+        learner.angle.parameters_[0] = 0.5
+    rollout = learner._collect()
+    rollout.rewards[1, 2, 2] = 9.0  # so that the advantages of all are not all the same
+    learned = learner._update(rollout)
+    np.testing.assert_allclose(given[0].own, [0.5, 1.0, 2.0] * 2, rtol=1e-6)
+    np.testing.assert_allclose(given[0].neighbour, [1.0, 0.5, 0.0] * 2, rtol=1e-6)
+    assert (np.diff(given[0].all)[:4] == 0.0).all() and given[0].all[5] > 1.0 > 0.0 > given[0].all[0]
+    assert learned["angle"] == pytest.approx(90.0 * math.tanh(0.5))
+
+
 def test_the_replay_bootstraps_from_last_observations_but_not_after_terminal_states():
     learner = Td3Learner(Scripted(), Td3Config(hidden=(4,), worlds=1, horizon=1, reward_scale=0.5, replay=3))
     learner.round()
@@ -95,12 +114,21 @@ def test_the_replay_bootstraps_from_last_observations_but_not_after_terminal_sta
     assert replay["rewards"].tolist() == [0.5, 1.0, 2.0]
 
 
-@pytest.mark.parametrize("goes_on", [0.0, 1.0])
-def test_the_target_of_td3_is_the_smaller_of_both_critics_at_the_clipped_action(goes_on):
-    """The slow policy says 0.5, its noise is cut to at most 0.2; critics add up observation and actions."""
+def test_td3_acts_at_random_and_learns_nothing_until_it_is_warm():
+    learner = Td3Learner(Scripted(), Td3Config(hidden=(4,), worlds=1, horizon=50, minibatch=8, warm_up=200, replay=300))
+    assert learner.round() == (150, {})
+    actions = learner._replay.tensors["actions"][:150]
+    assert actions.min() < -0.9 and actions.max() > 0.9 and abs(actions.mean()) < 0.15  # uniform between -1 and 1
+    steps, learned = learner.round()
+    assert steps == 150 and "critic_loss" in learned
+
+
+@pytest.mark.parametrize(("goes_on", "slow"), [(0.0, 0.5), (1.0, 0.5), (1.0, -0.5)])
+def test_the_target_of_td3_is_the_smaller_of_both_critics_at_the_clipped_action(goes_on, slow):
+    """The slow policy's noise is cut to at most 0.2; critics add up observation and actions."""
     config = Td3Config(hidden=(4,), worlds=1, minibatch=64, gamma=0.9, target_noise=100.0, target_clip=0.2, delay=10)
     learner = Td3Learner(Scripted(), config)
-    learner.networks |= {"slow_policy": Halves(), "slow_first": Sum(), "slow_second": Sum(2.0)}
+    learner.networks |= {"slow_policy": Constant(slow), "slow_first": Sum(), "slow_second": Sum(2.0)}
     nothing = torch.zeros(1)
     learner._replay.add(
         seen=torch.ones(1, 1), actions=torch.zeros(1, 2), rewards=nothing + 3.0, after=nothing[None] + 7.0,
@@ -109,14 +137,18 @@ def test_the_target_of_td3_is_the_smaller_of_both_critics_at_the_clipped_action(
     target = float(learner._update()["value"])
     if not goes_on:
         assert target == 3.0
-    else:  # of 64 pairs of actions near 0.3 or 0.7 each, so their sum is 1 on average
-        assert target == pytest.approx(3.0 + 0.9 * (7.0 + 1.0), abs=0.9 * 0.15)
-        assert target != 3.0 + 0.9 * (7.0 + 1.0)
+    else:  # of 64 pairs of actions 0.2 beside what the policy says, so their sum is twice that on average
+        assert target == pytest.approx(3.0 + 0.9 * (7.0 + 2.0 * slow), abs=0.9 * 0.15)
+        assert target != 3.0 + 0.9 * (7.0 + 2.0 * slow)
 
 
-class Halves(nn.Module):
+class Constant(nn.Module):
+    def __init__(self, value):
+        super().__init__()
+        self.value = value
+
     def forward(self, observations):
-        return torch.full((len(observations), 2), 0.5)
+        return torch.full((len(observations), 2), self.value)
 
 
 def test_the_slow_networks_follow_and_the_policy_learns_with_a_delay():
@@ -154,6 +186,17 @@ def test_the_reward_of_gail_is_the_discriminators_belief(reward, expected):
     np.testing.assert_allclose(rewards, expected, rtol=1e-6)
     assert learned["discriminator_loss"] == pytest.approx(-math.log(3 / 4) - math.log(1 / 4))
     assert learned["discriminator_accuracy"] == 0.5
+
+
+def test_the_gradient_penalty_moves_the_discriminator():
+    """The logit f (s + s') has the gradient (f, f), so the penalty is (√2 f - 1)², its derivative 2 √2 (√2 f - 1)."""
+    learner = GailLearner(Scripted(), GailConfig(**SMALL, seats=3), 0, EXPERTS)
+    discriminator = learner.discriminators["discriminator"] = Sum(2.0)
+    penalty = learner._penalty(torch.zeros(4, 2, 1), torch.ones(4, 2, 1))
+    penalty.backward()
+    root = math.sqrt(2.0)
+    assert float(penalty.detach()) == pytest.approx((2.0 * root - 1.0) ** 2)
+    assert float(discriminator.factor.grad) == pytest.approx(2.0 * root * (2.0 * root - 1.0))
 
 
 @pytest.mark.parametrize("kind", [GailConfig, AirlConfig])

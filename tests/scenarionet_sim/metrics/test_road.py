@@ -38,6 +38,8 @@ def test_the_road_goes_on_where_the_map_ends(roads):
     """The lane to the east ends at x = 100, the one to the west begins there."""
     ends = np.array([box(99, 0), box(107, 0), box(113, 0), box(99, 3.5), box(-1, 0), box(99, -3.0)])
     assert is_off_road(ends, roads).tolist() == [False, False, True, False, False, True]
+    tolerated = np.array([box(99, 0), box(108.2, 0), box(108.4, 0)])  # fronts 10.2 and 10.4 m behind the end
+    assert is_off_road(tolerated, roads).tolist() == [False, False, True]
 
 
 def test_red_light():

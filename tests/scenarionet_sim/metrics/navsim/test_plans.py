@@ -25,7 +25,7 @@ from scenarionet_sim.metrics.navsim import (
     two_stage_score,
 )
 from scenarionet_sim.worlds.world import World
-from tests.fixtures.drives import make_drive
+from tests.fixtures.drives import Other, make_drive
 
 STEPS = 41
 TIME = 0.1 * np.arange(STEPS)
@@ -147,6 +147,18 @@ def test_time_to_collision_looks_ahead_by_nine_tenths_of_a_second(scene, gap, sc
     assert parts(driven, scene, ahead)["time_to_collision_within_bound"] == 1.0
     assert parts(stopping, scene, ahead)["time_to_collision_within_bound"] == score, "it closes in at 5 m/s"
     assert parts(replace(driven, speed=np.zeros(STEPS)), scene, one(4.0))["time_to_collision_within_bound"] == 1.0
+
+
+def test_a_standing_plan_has_no_time_to_collision(scene):
+    assert parts(steady(0.0), scene, one(4.0))["time_to_collision_within_bound"] == 1.0
+    assert parts(steady(0.1), scene, one(4.0))["time_to_collision_within_bound"] == 0.0
+
+
+def test_recorded_boxes_around_a_plan():
+    world = World.from_scenario(make_drive(others=(Other(20.0, vx=5.0), Other(9.0, first=30))))
+    boxes = SurroundingBoxes.recorded(world, 0, 20, 5)
+    assert boxes.position.shape == (6, 1, 2) and boxes.size.tolist() == pytest.approx(np.array([[4.6, 1.9]]))
+    assert boxes.position[:, 0, 0].tolist() == pytest.approx([30.0, 30.5, 31.0, 31.5, 32.0, 32.5])
 
 
 def test_time_to_collision_beside_counts_between_lanes_only(scene):

@@ -28,6 +28,7 @@ def test_speed_limit():
     time = 0.1 * np.arange(11)
     assert speed_limit_score(np.zeros(11), time) == 1.0
     assert speed_limit_score(np.array([0.0] * 10 + [2.23]), time) == pytest.approx(0.9)
+    assert speed_limit_score(np.array([0.0] * 10 + [2.23]), time + 5.0) == pytest.approx(0.9), "from any time on"
     assert speed_limit_score(np.full(11, 5.0), time) == 0.0
     assert speed_limit_score(np.full(1, 5.0), time[:1]) == 1.0
 

@@ -12,7 +12,13 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id, strings
 from scenarionet_sim.evaluation.evaluation import evaluate
-from scenarionet_sim.metrics.wosac import read_submission, rollouts_of_run, score_submission, write_submission
+from scenarionet_sim.metrics.wosac import (
+    log_rollouts,
+    read_submission,
+    rollouts_of_run,
+    score_submission,
+    write_submission,
+)
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 
@@ -52,6 +58,13 @@ def test_submission_of_a_run_is_read_back_and_scored(lake: Lake, scenario: Scena
     assert report.note.startswith("1 of 1 scenarios have other than 32 rollouts, for example") and " 3: " in report.note
     whole = replace(report, scenarios=tuple(replace(each, num_rollouts=32) for each in report.scenarios))
     assert whole.note is None
+
+
+def test_the_recording_as_rollouts_begins_a_step_after_the_present(scenario: ScenarioDescription):
+    for now in (10, 11):
+        found = log_rollouts(replace(scenario, current_timestep=now), 2)
+        assert found.position.shape == (2, 2, 90 - now, 3)
+        assert found.position[0, 1, 0, 0] == pytest.approx(now + 1.0), "the ego at 10 m/s"
 
 
 def test_run_without_the_episode_of_the_challenge_is_refused(lake: Lake):
