@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from scenarionet_data import Lake
+from scenarionet_data.execution.worker import worker_name
+from tests.fixtures.lakes import content
 from tests.scenarionet_pipelines.cluster.conftest import Dask
 from tests.scenarionet_pipelines.cluster.test_dask_executor import THREADS
 from tests.scenarionet_pipelines.conftest import run
@@ -36,6 +38,14 @@ def _plain(value: Any) -> Any:
     if isinstance(value, set):
         return sorted(value)
     return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def test_convert_on_a_local_cluster(tmp_path, as_json):
+    """Two worker processes, as users start them by name."""
+    found = as_json("convert", "pg", "0:6", tmp_path / "far", "--cluster", "local", "--workers", 2, "--quiet")
+    assert found["converted"] == 6 and worker_name() not in found["workers"]
+    as_json("convert", "pg", "0:6", tmp_path / "near", "--quiet")
+    assert content(tmp_path / "far") == content(tmp_path / "near")
 
 
 @pytest.mark.long
