@@ -13,7 +13,6 @@ from scenarionet_sim.render.pictured import WithPictures
 from scenarionet_sim.render.space import Film
 from scenarionet_sim.rollouts.driven import DrivenScenarios
 
-
 pytestmark = pytest.mark.integration
 
 
