@@ -20,7 +20,7 @@ LAYERS = (
     "errors", "version", "public_names", "cards", "optional_imports", "compiled", "arrays", "schema", "scenario",
     "building", "statistics", "codec", "ingest", "procedural", "converters", "execution", "interchange", "storage",
     "databases", "query", "operations", "loader", "samples", "forecasts", "quality", "packs", "export",
-    "publishing", "maintenance", "conversion", "variations", "lake", "plots", "display", "testing",
+    "publishing", "maintenance", "conversion", "variations", "logical", "lake", "plots", "display", "testing",
 )  # fmt: skip
 """Parts of scenarionet_data; each imports only itself and parts before it."""
 SIMULATOR_LAYERS = (

@@ -133,6 +133,7 @@ def test_examples_import_public_names_by_one_line_per_package():
     public = {
         "scenarionet_data.testing",
         "scenarionet_data.forecasts",
+        "scenarionet_data.logical",
         "scenarionet_data.operations.moments",
         "scenarionet_pipelines.cluster",
         "scenarionet_sim.learning.config",

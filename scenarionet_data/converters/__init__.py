@@ -20,6 +20,7 @@ _BUILTIN = {
     "argoverse2": "scenarionet_data.converters.argoverse2:Argoverse2",
     "gpudrive": "scenarionet_data.interchange.gpudrive.reader:GpuDrive",
     "interaction": "scenarionet_data.converters.interaction:Interaction",
+    "logical": "scenarionet_data.logical.converter:Logical",
     "lyft": "scenarionet_data.converters.lyft:Lyft",
     "nuplan": "scenarionet_data.converters.nuplan:NuPlan",
     "nuscenes": "scenarionet_data.converters.nuscenes:NuScenes",

@@ -30,7 +30,6 @@ from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
 from scenarionet_data.procedural.roadmap import Lane, RoadMap
 from scenarionet_data.scenario.description import (
     Lights,
-    MapFeatures,
     ScenarioDescription,
     Source,
     Tracks,
@@ -176,7 +175,7 @@ def describe(episode: Episode, seed: int, shard: Shard, dt: float) -> ScenarioDe
         source=Source(str(seed), str(seed), Procedural.licence, city="pg", crs="pg"),
         tracks=_tracks(episode, origin),
         lights=_lights(episode, origin),
-        map=_map_features(episode.road_map, origin),
+        map=map_features(episode.road_map).build(origin, has_z=False),
         extras={"seed": seed, "blocks": [block.name for block in episode.road_map.blocks]},
     )
 
@@ -223,7 +222,7 @@ def _lights(episode: Episode, origin: Float64) -> Lights:
     )
 
 
-def _map_features(road_map: RoadMap, origin: Float64) -> MapFeatures:
+def map_features(road_map: RoadMap) -> MapBuilder:
     """Collect lanes, lines and areas, block by block."""
     builder = MapBuilder()
     entries: dict[str, list[str]] = {}
@@ -238,7 +237,7 @@ def _map_features(road_map: RoadMap, origin: Float64) -> MapFeatures:
             builder.add(line.id, line.type, polyline=line.points, controlled_lanes=line.controlled_lanes)
         for area in block.areas:
             builder.add(area.id, area.type, polygon=area.outline, controlled_lanes=area.controlled_lanes)
-    return builder.build(origin, has_z=False)
+    return builder
 
 
 def _add_lane(builder: MapBuilder, lane: Lane, road_map: RoadMap, entries: list[str], exits: list[str]) -> None:

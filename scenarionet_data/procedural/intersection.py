@@ -7,6 +7,7 @@ by arm 2 straight on and by arm 3 a left turn.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,6 +68,30 @@ def _cross(
 ) -> None:
     approach = add_road(block, "a", socket, ((rng.uniform(25.0, 55.0), 0.0),))
     side = int(rng.integers(1, len(socket.forward) + 1))
+    cross(block, approach, arms, side, lambda: rng.uniform(25.0, 60.0), leave=leave, has_lights=has_lights)
+
+
+def cross(
+    block: Block,
+    approach: Socket,
+    arms: tuple[int, ...],
+    side: int,
+    length: Callable[[], float],
+    *,
+    leave: int = 2,
+    has_lights: bool = False,
+) -> None:
+    """Add a crossing to the end of a road.
+
+    Args:
+        block: Gets the lanes, lines and areas.
+        approach: The end of the road, which is arm 0.
+        arms: Numbers of the arms.
+        side: Lanes of arms 1 and 3 in each direction.
+        length: Returns the length of the next arm [m].
+        leave: The arm that is the exit of the block.
+        has_lights: Whether lights control it.
+    """
     placed = _place_arms(block, approach, arms, side)
     turns = _add_turns(block, placed, has_lights)
     for turn in turns:
@@ -75,7 +100,7 @@ def _cross(
         if turn.end == 0:
             block.link((turn.lane.id,), approach.backward[turn.end_lane])
     for arm in placed[1:]:
-        end = add_road(block, f"arm{arm.number}", _open(arm, turns), ((rng.uniform(25.0, 60.0), 0.0),))
+        end = add_road(block, f"arm{arm.number}", _open(arm, turns), ((length(), 0.0),))
         if arm.number == leave:
             block.exit = end
     _add_surface(block, placed, turns)

@@ -24,7 +24,7 @@ _MORE = 1.05
 
 
 def check_limits(
-    parent: ScenarioDescription,
+    parent: ScenarioDescription | None,
     changed: ScenarioDescription,
     origins: IntP,
     acceleration: float = ACCELERATION,
@@ -33,7 +33,7 @@ def check_limits(
     """Refuse a variation that cannot be; its field is the reason: ``acceleration``, ``jerk`` or ``contact``.
 
     Args:
-        parent: The recorded scenario.
+        parent: The recorded scenario; None if nothing of it was recorded.
         changed: The variation.
         origins: (N,) as :func:`~scenarionet_data.variations.changes.change` returns them.
         acceleration, jerk: Limits [m/s^2], [m/s^3].
@@ -44,9 +44,9 @@ def check_limits(
     rows = np.flatnonzero(origins < 0)
     if not len(rows):
         return
-    of_parent, steps = -1 - origins[rows], max(round(_WINDOW / parent.dt), 1)
+    of_parent, steps = -1 - origins[rows], max(round(_WINDOW / changed.dt), 1)
     found = peaks(changed.tracks, rows, changed.timestamps, steps)
-    recorded = peaks(parent.tracks, of_parent, parent.timestamps, steps)
+    recorded = (found[0] * 0.0,) * 2 if parent is None else peaks(parent.tracks, of_parent, parent.timestamps, steps)
     for name, limit, unit, peak, before in zip(
         ("acceleration", "jerk"), (acceleration, jerk), ("m/s^2", "m/s^3"), found, recorded, strict=True
     ):
@@ -58,7 +58,7 @@ def check_limits(
     valid = changed.tracks.valid
     for step in sorted({0, changed.current_timestep, *valid[rows].argmax(axis=1).tolist()}):
         touching = _contact(changed.tracks, rows[valid[rows, step]], step)
-        if touching and not _touched_before(parent, touching):
+        if touching and (parent is None or not _touched_before(parent, touching)):
             a, b = touching
             raise InvalidScenario(
                 changed.id, "contact", f"tracks {a} and {b} touch at timestep {step}, where one starts"

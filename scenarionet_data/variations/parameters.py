@@ -1,8 +1,8 @@
 """Parameters of variations: what is changed, how its values are distributed, and values drawn from that.
 
-A distribution is a text: ``0.8:1.2`` (uniform), ``0,1`` (one of these), ``1.5`` (always), or the name of a continuous
-distribution of SciPy with its arguments, ``norm(0, 2)``. All are drawn by the inverse of their distribution function,
-from points of the unit cube: random ones, Sobol's or a Latin hypercube.
+A distribution is a text: ``0.8:1.2`` (uniform), ``0,1`` (one of these), ``10:50:5`` (one of 10, 15, ..., 50),
+``1.5`` (always), or the name of a continuous distribution of SciPy with its arguments, ``norm(0, 2)``. All are drawn by
+the inverse of their distribution function, from points of the unit cube: random ones, Sobol's or a Latin hypercube.
 """
 
 from __future__ import annotations
@@ -33,16 +33,66 @@ _EDGE = 1e-9  # unbounded distributions are infinite at 0 and 1
 
 
 @dataclass(frozen=True)
-class VariedParameter:
-    """One parameter.
-
-    Attributes:
-        name: ``TARGET.CHANGE``; the target is ``ego``, ``nearest``, ``lights`` or the id of a track.
-        distribution: See the module.
-    """
+class DistributedParameter:
+    """A name and the distribution of its values, see the module."""
 
     name: str
     distribution: str
+
+    def __post_init__(self) -> None:
+        self.at(np.array([0.0, 0.5, 1.0]))
+
+    def at(self, quantiles: Float64) -> Float64:
+        """Return the values at quantiles (n,) in [0, 1].
+
+        Raises:
+            BadParameter: The distribution is none, is upside down, or gives NaN.
+            MissingDependency: It needs SciPy.
+        """
+        text, inner = self.distribution.strip(), quantiles.clip(_EDGE, 1 - _EDGE)
+        if call := _CALL.fullmatch(text):
+            values = np.asarray(_scipy_distribution(self.name, call[1])(*self._numbers(call[2], ",")).ppf(inner))
+        elif (choices := self.choices) is not None:
+            values = choices[(inner * len(choices)).astype(np.int64)]
+        else:
+            bounds = self._numbers(text, ":")
+            if len(bounds) != 2 or bounds[0] > bounds[1]:
+                raise BadParameter(f"{self.name}={text}: wanted LOW:HIGH with LOW at most HIGH")
+            values = bounds[0] + (bounds[1] - bounds[0]) * quantiles
+        if not np.isfinite(values).all():
+            raise BadParameter(f"{self.name}={text} gives {values[~np.isfinite(values)][0]}; correct its arguments")
+        return values
+
+    @property
+    def choices(self) -> Float64 | None:
+        """The values (k,), if it has only some: ``1,2,5`` or, from low to high by steps, ``10:50:5``."""
+        if _CALL.fullmatch(self.distribution.strip()):
+            return None
+        if ":" not in self.distribution:
+            return np.array(self._numbers(self.distribution, ","))
+        bounds = self._numbers(self.distribution, ":")
+        if len(bounds) != 3:
+            return None
+        low, high, step = bounds
+        if low > high or step <= 0:
+            raise BadParameter(f"{self.name}={self.distribution}: wanted LOW:HIGH:STEP with LOW at most HIGH, STEP > 0")
+        return np.asarray(low + step * np.arange(math.floor((high - low) / step + 1e-9) + 1), np.float64)
+
+    def _numbers(self, text: str, separator: str) -> list[float]:
+        try:
+            numbers = [float(word) for word in text.split(separator)]
+        except ValueError:
+            numbers = [math.nan]
+        if not all(map(math.isfinite, numbers)):
+            raise BadParameter(
+                f"{self.name}={self.distribution}: wanted LOW:HIGH, values A,B,C, or a distribution such as norm(0, 2)"
+            )
+        return numbers
+
+
+@dataclass(frozen=True)
+class VariedParameter(DistributedParameter):
+    """A parameter of a variation: ``TARGET.CHANGE``; the target is ``ego``, ``nearest``, ``lights`` or a track's id."""
 
     def __post_init__(self) -> None:
         if not self.target or self.change not in (("start",) if self.target == LIGHTS else CHANGES):
@@ -52,7 +102,7 @@ class VariedParameter:
             )
         if (self.target, self.change) == ("ego", "remove"):
             raise BadParameter("ego.remove: a scenario needs its ego; remove another road user")
-        self.at(np.array([0.0, 0.5, 1.0]))
+        super().__post_init__()
 
     @property
     def target(self) -> str:
@@ -65,39 +115,12 @@ class VariedParameter:
         return self.name.rpartition(".")[2]
 
     def at(self, quantiles: Float64) -> Float64:
-        """Return the values at quantiles (n,) in [0, 1].
-
-        Raises:
-            BadParameter: The distribution is none, is upside down, or gives NaN or values that its change cannot have.
-            MissingDependency: It needs SciPy.
-        """
-        text, inner = self.distribution.strip(), quantiles.clip(_EDGE, 1 - _EDGE)
-        if call := _CALL.fullmatch(text):
-            values = np.asarray(_scipy_distribution(self.name, call[1])(*self._numbers(call[2], ",")).ppf(inner))
-        elif ":" in text:
-            bounds = self._numbers(text, ":")
-            if len(bounds) != 2 or bounds[0] > bounds[1]:
-                raise BadParameter(f"{self.name}={text}: wanted LOW:HIGH with LOW at most HIGH")
-            values = bounds[0] + (bounds[1] - bounds[0]) * quantiles
-        else:
-            choices = np.array(self._numbers(text, ","))
-            values = choices[(inner * len(choices)).astype(np.int64)]
-        if not np.isfinite(values).all():
-            raise BadParameter(f"{self.name}={text} gives {values[~np.isfinite(values)][0]}; correct its arguments")
+        """Return the values at quantiles, as :meth:`DistributedParameter.at`; of a factor they must be above 0."""
+        values = super().at(quantiles)
         if self.change in ("speed", "pace", "size") and values.min() <= 0:
+            text = self.distribution
             raise BadParameter(f"{self.name}={text} gives {values.min():.4g}; {self.change} is a factor above 0")
         return values
-
-    def _numbers(self, text: str, separator: str) -> list[float]:
-        try:
-            numbers = [float(word) for word in text.split(separator)]
-        except ValueError:
-            numbers = [math.nan]
-        if not all(map(math.isfinite, numbers)):
-            raise BadParameter(
-                f"{self.name}={self.distribution}: wanted LOW:HIGH, values A,B,C, or a distribution such as norm(0, 2)"
-            )
-        return numbers
 
 
 def _scipy_distribution(name: str, kind: str) -> Any:
@@ -124,12 +147,16 @@ def parse_parameters(given: Mapping[str, Any]) -> tuple[VariedParameter, ...]:
     """
     if not given:
         raise BadParameter("no parameters: a variation changes something, for example ego.speed=0.8:1.2")
-    texts = {name: ":".join(map(str, v)) if isinstance(v, list | tuple) else str(v) for name, v in given.items()}
-    return tuple(VariedParameter(name, text) for name, text in texts.items())
+    return tuple(VariedParameter(name, distribution_text(value)) for name, value in given.items())
+
+
+def distribution_text(value: Any) -> str:
+    """Return a distribution as text: a pair (low, high) is a range."""
+    return ":".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
 def draw(
-    parameters: Sequence[VariedParameter], number: int, seed: int = 0, method: Method = "random", parent: str = ""
+    parameters: Sequence[DistributedParameter], number: int, seed: int = 0, method: Method = "random", parent: str = ""
 ) -> Float64:
     """Return values (number, parameters), the same for the same arguments.
 

@@ -1,0 +1,183 @@
+"""Concrete scenarios of a logical one as a dataset: RAW is its file, or the name of one of the library."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from scenarionet_data.building import MapBuilder, make_tracks
+from scenarionet_data.converters.base import Budgets, Converter
+from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.shard import RawItem, Shard
+from scenarionet_data.logical.description import LogicalScenario, RoadSpec, parse_logical, read_logical
+from scenarionet_data.logical.motion import Motions, move
+from scenarionet_data.logical.roads import draw_road
+from scenarionet_data.scenario.description import (
+    Lights,
+    MapFeatures,
+    ScenarioDescription,
+    Source,
+    make_scenario_id,
+)
+from scenarionet_data.variations.limits import ACCELERATION, JERK, check_limits
+
+BLOCK = 256  # scenarios per shard
+_ORIGIN = np.zeros(3)  # the frame of the road, which all concrete scenarios share
+
+
+@dataclass(frozen=True)
+class LogicalOptions(Options):
+    """Which concrete scenarios are made."""
+
+    number: int = field(default=1000, metadata={"doc": "number of scenarios"})
+    seed: int = field(default=0, metadata={"doc": "seed of the random numbers"})
+    method: Literal["random", "sobol", "latin", "grid"] = field(
+        default="random", metadata={"doc": "how values are drawn; grid: every combination of given values"}
+    )
+    text: str = field(default="", metadata={"doc": "the file, which replaces RAW's"})
+
+
+_Record = tuple[RawItem, LogicalScenario, Motions, int]
+"""An item, and its row in the motions of a shard."""
+
+
+class Logical(Converter[_Record]):
+    """Concrete scenarios of a logical one."""
+
+    name: ClassVar[str] = "logical"
+    version: ClassVar[str] = "1"
+    release: ClassVar[str] = "v"
+    licence: ClassVar[str] = "Apache-2.0 (generated)"
+    raw: ClassVar[str] = "a logical scenario, *.toml, or its name in the library (cut_in, cut_out, deceleration, ...)"
+    Options = LogicalOptions
+    budgets: ClassVar[Budgets] = Budgets(velocity_median=0.05, velocity_p99=0.5)
+
+    def shards(self, raw: str, split: str, version: str, options: LogicalOptions) -> Iterator[Shard]:
+        """Draw the parameters and list blocks of scenarios."""
+        logical = parse_logical(options.text, "logical") if options.text else read_logical(raw)
+        rows = logical.draw(options.number, options.seed, options.method)
+        options = LogicalOptions(
+            seed=options.seed, method=options.method, text=logical.text, max_bad_rows=options.max_bad_rows
+        )
+        move(logical, rows[:1])  # what is wrong in the file is one error and not one of each scenario
+        for first in range(0, len(rows), BLOCK):
+            items = tuple(
+                RawItem(f"{logical.name}-{first + k:06d}", json.dumps(row))
+                for k, row in enumerate(rows[first : first + BLOCK].tolist())
+            )
+            name = f"{logical.name}-{first:07d}"
+            yield Shard(self.name, version, split, name, "", items, options)
+
+    def files(self, shard: Shard) -> Iterator[list[str]]:  # noqa: ARG002
+        """Nothing: the file is part of the options."""
+        yield []
+
+    def maps(self, raw: str, version: str, options: LogicalOptions) -> Iterator[Shard]:
+        """The road, which all scenarios share."""
+        shard = next(iter(self.shards(raw, "", version, options)))
+        logical = _parsed(shard)
+        item = RawItem(logical.name, hashlib.blake2b(repr(logical.road).encode(), digest_size=8).hexdigest())
+        yield Shard(self.name, version, "", map_id(logical), "", (item,), shard.options)
+
+    def map_features(self, shard: Shard) -> MapBuilder:
+        """Draw the road."""
+        return draw_road(parse_logical(shard.options_as(LogicalOptions).text, shard.items[0].name).road).features
+
+    def records(self, shard: Shard) -> Iterator[_Record]:
+        """Move the road users of all scenarios of a shard at once."""
+        logical = _parsed(shard)
+        rows = np.array([json.loads(item.fingerprint) for item in shard.items])
+        motions = move(logical, rows)
+        return ((item, logical, motions, k) for k, item in enumerate(shard.items))
+
+    def scenario(self, shard: Shard, record: _Record) -> ScenarioDescription:
+        """Make a scenario, and check that it can be."""
+        item, logical, motions, k = record
+        values = dict(zip((each.name for each in logical.parameters), json.loads(item.fingerprint), strict=True))
+        scenario = concrete(logical, motions, k, make_scenario_id(shard.dataset, shard.version, item.name), values)
+        check_limits(None, scenario, -1 - np.arange(len(scenario.tracks)), ACCELERATION, JERK)
+        return dataclasses.replace(scenario, split=shard.split)
+
+
+def _parsed(shard: Shard) -> LogicalScenario:
+    return _cached(shard.options_as(LogicalOptions).text, shard.items[0].name.rpartition("-")[0])
+
+
+@lru_cache(maxsize=8)
+def _cached(text: str, name: str) -> LogicalScenario:
+    return parse_logical(text, name)
+
+
+def map_id(logical: LogicalScenario) -> str:
+    """Return the key of the road, which depends on nothing else."""
+    return f"road-{hashlib.blake2b(repr(logical.road).encode(), digest_size=6).hexdigest()}"
+
+
+def concrete(
+    logical: LogicalScenario, motions: Motions, row: int, scenario_id: str, values: dict[str, float]
+) -> ScenarioDescription:
+    """Return one of the concrete scenarios whose motions were computed.
+
+    Args:
+        logical: The logical scenario.
+        motions: Of some concrete ones.
+        row: Which of them.
+        scenario_id: Its id.
+        values: Its parameters.
+
+    Raises:
+        InvalidScenario: The ego leaves its route.
+    """
+    valid = motions.valid[row]
+    if not valid[0].all():
+        step = int(valid[0].argmin())
+        raise InvalidScenario(
+            scenario_id, "route", f"the ego is beyond its route at timestep {step}; lengthen the road"
+        )
+    steps = valid.shape[1]
+    dataset, version, _ = scenario_id.split("/")
+    features, crop = _built_road(logical.road)
+    return ScenarioDescription(
+        id=scenario_id,
+        dataset=dataset,
+        version=version,
+        split="test",
+        timestamps=np.arange(steps, dtype=np.float64) * logical.dt,
+        dt=logical.dt,
+        current_timestep=min(round(1.0 / logical.dt), steps - 1),
+        ego_id="ego",
+        origin=_ORIGIN,
+        has_z=False,
+        source=Source(scenario_id.rpartition("/")[2], logical.name, Logical.licence, city="logical", crs="road"),
+        tracks=make_tracks(
+            [each.id for each in logical.actors],
+            [each.object_type for each in logical.actors],
+            np.concatenate([motions.position[row], np.zeros((*valid.shape, 1))], axis=-1),
+            motions.heading[row],
+            motions.velocity[row],
+            motions.size[row],
+            valid,
+            origin=_ORIGIN,
+        ),
+        lights=Lights.empty(steps),
+        map=features,
+        map_id=map_id(logical),
+        map_crop=crop,
+        extras={"parent": f"logical/{logical.name}", "parameters": values},
+    )
+
+
+@lru_cache(maxsize=4)
+def _built_road(spec: RoadSpec) -> tuple[MapFeatures, tuple[float, float, float, float]]:
+    """Features of a road, and the window around all of it."""
+    features = draw_road(spec).features
+    low, high = np.nanmin(features.bounds[:, :2], axis=0) - 1.0, np.nanmax(features.bounds[:, 2:], axis=0) + 1.0
+    return features.build(_ORIGIN, has_z=False), (*low.tolist(), *high.tolist())
