@@ -249,10 +249,10 @@ def _check(logical: LogicalScenario) -> None:
         raise BadParameter(f"{logical.name}: the first road user is {seen[0]!r}; wanted 'ego'")
 
 
-Table = TypeVar("Table")
+Spec = TypeVar("Spec")
 
 
-def _record(kind: type[Table], given: Any, place: str) -> Table:
+def _record(kind: type[Spec], given: Any, place: str) -> Spec:
     """Make a dataclass from a table of TOML: numbers become texts where expressions are wanted."""
     known = {each.name: str(each.type) for each in fields(kind)}  # type: ignore[arg-type]
     wrong = sorted(set(given) - set(known)) if isinstance(given, dict) else [given]
