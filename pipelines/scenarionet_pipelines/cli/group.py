@@ -34,10 +34,13 @@ _EXPLAINED = (ScenarioNetError, click.ClickException, click.Abort, SystemExit)
 
 @cache
 def find_verb(name: str) -> VerbCommand:
-    """Import a verb by its name, with its group: ``CopyVerb`` of ``verbs/db/copy.py`` is ``db copy``."""
+    """Import a verb by its name, with its group: ``db tag`` is ``TagVerb`` in ``verbs/db`` or ``verbs/db/tag.py``."""
     *group, word = name.split()
-    module = importlib.import_module(".".join(("scenarionet_pipelines.cli.verbs", *group, word)))
-    return VerbCommand(word, getattr(module, f"{word.title()}Verb"))
+    place, kind = ".".join(("scenarionet_pipelines.cli.verbs", *group)), f"{word.title()}Verb"
+    module = importlib.import_module(place)
+    if not hasattr(module, kind):
+        module = importlib.import_module(f"{place}.{word}")
+    return VerbCommand(word, getattr(module, kind))
 
 
 class Verbs(click.Group):

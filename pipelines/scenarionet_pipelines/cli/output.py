@@ -32,7 +32,13 @@ def _plain(value: Any) -> Any:
 
 
 def print_table(rows: Iterable[Iterable[Any]], columns: Iterable[str] = (), max_cell: int | None = None) -> None:
-    """Print rows with aligned columns; numeric columns are right-aligned.
+    """Print rows as :func:`table` arranges them."""
+    for line in table(rows, columns, max_cell):
+        click.echo(line)
+
+
+def table(rows: Iterable[Iterable[Any]], columns: Iterable[str] = (), max_cell: int | None = None) -> list[str]:
+    """Return rows as lines with aligned columns; numeric columns are right-aligned.
 
     Args:
         rows: Cells of each row.
@@ -46,13 +52,15 @@ def print_table(rows: Iterable[Iterable[Any]], columns: Iterable[str] = (), max_
     body = [[shorten(text, longest if " " in text else None) for text in row] for row in texts]
     lines = [head, *body] if head else body
     if not lines:
-        return
+        return []
     words = [*zip(*lines, strict=True)]
     widths = [max(min(len(text), max_cell or len(text)) for text in column) for column in words]
     is_right = [all(map(is_number, column[bool(head) :])) for column in words]
+    arranged = []
     for line in lines:
         cells = [t.rjust(w) if r else t.ljust(w) for t, w, r in zip(line, widths, is_right, strict=True)]
-        click.echo("  ".join(cells).rstrip())
+        arranged.append("  ".join(cells).rstrip())
+    return arranged
 
 
 def cell(value: Any) -> str:

@@ -7,15 +7,20 @@ rest: ``bool`` is a flag, ``tuple`` may be repeated, and a type without ``None``
 from __future__ import annotations
 
 import types
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from inspect import signature
+from itertools import islice
 from typing import TYPE_CHECKING, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 import click
 
 from scenarionet_pipelines.cli.deprecated import current_options
+from scenarionet_pipelines.cli.output import print_json
 
 if TYPE_CHECKING:
+    from scenarionet_data import Database, Lake
     from scenarionet_pipelines.cli.execution import Execution
     from scenarionet_pipelines.cli.progress import ProgressDisplay
 
@@ -91,7 +96,7 @@ REPLACE = option("Overwrite existing output.")
 
 
 class Verb:
-    """A verb; its subclass ``CopyVerb`` in ``verbs/db/copy.py`` is ``scenarionet db copy``.
+    """A verb; its subclass ``TagVerb`` in ``verbs/db/tag.py`` is ``scenarionet db tag``.
 
     Attributes:
         examples: Complete command lines, shown by ``--help``; a test parses each.
@@ -104,6 +109,24 @@ class Verb:
         """Do it and print the result; return False for a problem with data, exit code 1."""
         raise NotImplementedError
 
+    def given(self, function: Callable[..., Any]) -> dict[str, Any]:
+        """Return the values of the arguments and options that a function has parameters of the same name for."""
+        names = signature(function).parameters
+        return {name: value for name, value in vars(self).items() if name in names}
+
+    def say(self, content: Mapping[str, Any], text: str | Iterable[str]) -> None:
+        """Print the result: one JSON object with ``--json``, otherwise a line or lines of text."""
+        if self.as_json:
+            print_json(content)
+        else:
+            for line in [text] if isinstance(text, str) else text:
+                click.echo(line)
+
+    def complain(self, problems: Iterable[str], limit: int | None = 5) -> None:
+        """Print the first problems on standard error, at most ``limit``; ``--json`` has all of them in the object."""
+        for problem in islice(problems, 0 if self.as_json else limit):
+            click.echo(problem, err=True)
+
     @classmethod
     def reworded(cls, words: list[str]) -> list[str]:
         """Return words as typed in the form that click parses."""
@@ -114,6 +137,12 @@ class LakeVerb(Verb):
     """A verb about a lake."""
 
     lake: str = argument()
+
+    def open(self) -> Lake:
+        """Open the lake, at the snapshot that ``--snapshot`` names."""
+        from scenarionet_data import Lake
+
+        return Lake(self.lake, vars(self).get("snapshot"))
 
 
 class DatabaseVerb(LakeVerb):
@@ -134,6 +163,10 @@ class CombinationVerb(LakeVerb, Saving):
 
     databases: tuple[str, ...] = DATABASES
     allow_empty: bool = ALLOW_EMPTY
+
+    def combined(self, operation: Callable[..., Database]) -> Database:
+        """Return what an operation makes of the databases."""
+        return operation(*self.databases, name=self.name, replace=self.replace, allow_empty=self.allow_empty)
 
 
 class Progressing(Verb):

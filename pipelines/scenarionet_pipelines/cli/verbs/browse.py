@@ -5,7 +5,6 @@ from __future__ import annotations
 import click
 
 from scenarionet_pipelines.cli.interrupt import stop
-from scenarionet_pipelines.cli.output import print_json
 from scenarionet_pipelines.cli.parameters import seconds
 from scenarionet_pipelines.cli.verb import SNAPSHOT, LakeVerb, option
 
@@ -37,17 +36,14 @@ class BrowseVerb(LakeVerb):
     snapshot: int | None = SNAPSHOT
 
     def run(self) -> None:
-        from scenarionet_data import Lake
         from scenarionet_pipelines.web.question_workers import Limits
         from scenarionet_pipelines.web.server import Server
 
         limits = Limits(seconds(self.timeout, "--timeout"), int(1e9 * self.memory))
-        opened = Lake(self.lake, self.snapshot)
+        opened = self.open()
         with Server(opened, self.host, self.port, is_writable=self.write, limits=limits) as server:
-            if self.as_json:
-                print_json({"address": server.address, "lake": str(opened.root), "is_writable": self.write})
-            else:
-                click.echo(f"{opened.root} at {server.address} (stop with Ctrl-C)")
+            content = {"address": server.address, "lake": str(opened.root), "is_writable": self.write}
+            self.say(content, f"{opened.root} at {server.address} (stop with Ctrl-C)")
             if self.host not in _LOOPBACK:
                 access = "read the lake and save databases" if self.write else "read the lake"
                 click.echo(

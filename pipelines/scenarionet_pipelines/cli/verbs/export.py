@@ -10,7 +10,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.interchange import WRITERS, writer_class
 from scenarionet_data.storage.files.places import is_url
 from scenarionet_pipelines.cli.execution import worker_facts, worker_rows
-from scenarionet_pipelines.cli.output import count, print_json, print_table, size
+from scenarionet_pipelines.cli.output import count, size, table
 from scenarionet_pipelines.cli.verb import PARAMETERS, REPLACE, DatabaseVerb, Distributed, argument, option
 from scenarionet_pipelines.messages import one_line
 
@@ -97,20 +97,14 @@ class ExportVerb(DatabaseVerb, Distributed):
                 executor=execution.measured or (ProcessExecutor(self.workers) if self.workers else None),
                 on_progress=progress.update,
             )
-        if self.as_json:
-            refused = [{"scenario_id": e.scenario_id, "field": e.field, "reason": e.reason} for e in report.refused]
-            summary = {"directory": report.directory, "format": self.file_format, "scenarios": report.num_scenarios}
-            rest = {"bytes": report.num_bytes, "refused": refused, "losses": Losses(report.losses).as_json()}
-            print_json(summary | rest | worker_facts(execution.stats))
-            return not report.refused
+        refused = [{"scenario_id": e.scenario_id, "field": e.field, "reason": e.reason} for e in report.refused]
+        written = {"directory": report.directory, "format": self.file_format, "scenarios": report.num_scenarios}
+        rest = {"bytes": report.num_bytes, "refused": refused, "losses": Losses(report.losses).as_json()}
         left_out = f", {len(report.refused):,} left out" if report.refused else ""
-        written = count(report.num_scenarios, "scenario")
-        click.echo(f"{report.directory}: {written}{left_out}, {size(report.num_bytes)}")
-        for loss in report.losses:
-            click.echo(f"  {loss}")
-        print_table(worker_rows(execution.stats, "part"))
-        for error in report.refused:
-            click.echo(f"left out: {one_line(error)}", err=True)
+        whole = f"{report.directory}: {count(report.num_scenarios, 'scenario')}{left_out}, {size(report.num_bytes)}"
+        lines = [whole, *(f"  {loss}" for loss in report.losses), *table(worker_rows(execution.stats, "part"))]
+        self.say(written | rest | worker_facts(execution.stats), lines)
+        self.complain((f"left out: {one_line(error)}" for error in report.refused), limit=None)
         return not report.refused
 
     def with_pictures(self, writer: FormatWriter) -> FormatWriter:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scenarionet_pipelines.cli.databases import print_created
+from scenarionet_pipelines.cli.databases import described
 from scenarionet_pipelines.cli.verb import ALLOW_EMPTY, DATABASE, LakeVerb, Saving, option
 
 
@@ -33,17 +33,7 @@ class FilterVerb(LakeVerb, Saving):
     allow_empty: bool = ALLOW_EMPTY
 
     def run(self) -> None:
-        from scenarionet_data import Lake
-
+        lake = self.open()
         listed = [*self.ids, *(Path(self.file).read_text("utf-8").split() if self.file else ())]
-        created = Lake(self.lake).filter(
-            self.where,
-            name=self.name,
-            database=self.database,
-            filters=self.filters,
-            events=self.events,
-            ids=listed if self.ids or self.file else None,
-            replace=self.replace,
-            allow_empty=self.allow_empty,
-        )
-        print_created(created, self.as_json)
+        chosen = self.given(lake.filter) | {"ids": listed if self.ids or self.file else None}
+        self.say(*described(lake.filter(**chosen)))

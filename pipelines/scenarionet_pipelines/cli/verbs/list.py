@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from scenarionet_pipelines.cli.output import count, print_json, print_table
+from scenarionet_pipelines.cli.output import count, table
 from scenarionet_pipelines.cli.verb import SNAPSHOT, LakeVerb
 
 if TYPE_CHECKING:
@@ -24,13 +23,8 @@ class ListVerb(LakeVerb):
     snapshot: int | None = SNAPSHOT
 
     def run(self) -> None:
-        from scenarionet_data import Lake
-
-        found = describe(Lake(self.lake, self.snapshot))
-        if self.as_json:
-            print_json(found)
-        else:
-            print_content(found)
+        found = describe(self.open())
+        self.say(found, content_lines(found))
 
 
 def describe(lake: Lake) -> dict[str, Any]:
@@ -55,33 +49,25 @@ def describe(lake: Lake) -> dict[str, Any]:
     }
 
 
-def print_content(found: dict[str, Any]) -> None:
-    """Print the content of a lake as tables."""
-    click.echo(f"{found['lake']}, snapshot {found['snapshot']}")
+def content_lines(found: dict[str, Any]) -> Iterator[str]:
+    """Yield the content of a lake as tables."""
+    yield f"{found['lake']}, snapshot {found['snapshot']}"
     splits = found["splits"]
     if splits:
-        click.echo()
-        print_table([row.values() for row in splits], [name.replace("_", " ") for name in splits[0]])
+        yield from ("", *table([row.values() for row in splits], [name.replace("_", " ") for name in splits[0]]))
     else:
-        click.echo("No scenarios yet: scenarionet convert DATASET RAW LAKE")
+        yield "No scenarios yet: scenarionet convert DATASET RAW LAKE"
     if found["quarantined"]:
-        number = count(found["quarantined"], "scenario")
-        click.echo(f"\n{number} in quarantine: scenarionet sql LAKE quarantine_reasons")
+        yield f"\n{count(found['quarantined'], 'scenario')} in quarantine: scenarionet sql LAKE quarantine_reasons"
     if found["defects"]:
         number = count(found["defects"], "row")
-        click.echo(f"\n{number} or features dropped or assumed: scenarionet sql LAKE defect_reasons")
+        yield f"\n{number} or features dropped or assumed: scenarionet sql LAKE defect_reasons"
     if found["databases"]:
-        click.echo()
-        databases = [
-            (
-                db["reference"], db["count"],
-                f"{db['operation']} of {', '.join(db['parents']) or 'the lake'} at snapshot {db['snapshot']}",
-                db["created_at"],
-            )
-            for db in found["databases"]
-        ]  # fmt: skip
-        print_table(databases, ("database", "scenarios", "made by", "at"))
+        databases = []
+        for db in found["databases"]:
+            made = f"{db['operation']} of {', '.join(db['parents']) or 'the lake'} at snapshot {db['snapshot']}"
+            databases.append((db["reference"], db["count"], made, db["created_at"]))
+        yield from ("", *table(databases, ("database", "scenarios", "made by", "at")))
     if found["snapshots"]:
-        click.echo()
         snapshots = [(s["number"], s["operation"], s["created_at"]) for s in reversed(found["snapshots"])]
-        print_table(snapshots, ("snapshot", "made by", "at"))
+        yield from ("", *table(snapshots, ("snapshot", "made by", "at")))

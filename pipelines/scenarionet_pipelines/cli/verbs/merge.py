@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
-import click
-
-from scenarionet_pipelines.cli.databases import print_created
-from scenarionet_pipelines.cli.output import count, print_json
+from scenarionet_pipelines.cli.databases import described
+from scenarionet_pipelines.cli.output import count
 from scenarionet_pipelines.cli.verb import CombinationVerb
 
 
@@ -24,16 +20,9 @@ class MergeVerb(CombinationVerb):
     )
 
     def run(self) -> None:
-        from scenarionet_data import Lake
-
-        opened = Lake(self.lake)
-        created = opened.merge(*self.databases, name=self.name, replace=self.replace, allow_empty=self.allow_empty)
-        repeated = sum(len(opened.database(parent)) for parent in created.lineage.parents) - len(created)
-        if self.as_json:
-            print_json(
-                {"name": created.name, "reference": created.reference, "repeated": repeated} | asdict(created.lineage)
-            )
-            return
-        print_created(created, self.as_json)
-        if repeated:
-            click.echo(f"left out: {count(repeated, 'repeated scenario')}")
+        lake = self.open()
+        created = self.combined(lake.merge)
+        repeated = sum(len(lake.database(parent)) for parent in created.lineage.parents) - len(created)
+        content, line = described(created)
+        left_out = [f"left out: {count(repeated, 'repeated scenario')}"] if repeated else []
+        self.say(content | {"repeated": repeated}, [line, *left_out])

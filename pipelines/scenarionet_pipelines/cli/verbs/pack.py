@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 import click
 
-from scenarionet_pipelines.cli.output import count, print_json, print_table, size
+from scenarionet_pipelines.cli.output import count, size, table
 from scenarionet_pipelines.cli.verb import Progressing, argument, option
 from scenarionet_pipelines.messages import one_line
 
@@ -46,11 +46,8 @@ class PackVerb(Progressing):
             done = Lake(lake).pack(
                 database, out, tar=self.tar, publishable=self.publishable, on_progress=progress.update
             )
-        if self.as_json:
-            print_json(asdict(done))
-        else:
-            content = f"{count(done.num_scenarios, 'scenario')}, {count(done.num_files, 'file')}"
-            click.echo(f"{done.path}: {done.reference}, {content}, {size(done.num_bytes)}")
+        content = f"{count(done.num_scenarios, 'scenario')}, {count(done.num_files, 'file')}"
+        self.say(asdict(done), f"{done.path}: {done.reference}, {content}, {size(done.num_bytes)}")
         return True
 
     def verify(self, path: str) -> bool:
@@ -59,10 +56,8 @@ class PackVerb(Progressing):
 
         with self.progress(f"verify {path}", "file") as progress:
             found = verify_pack(path, progress.update)
-        if self.as_json:
-            print_json(asdict(found) | {"is_whole": found.is_whole})
-        else:
-            print_table((damage.file, one_line(damage.reason)) for damage in found.damages)
-            verdict = "intact" if found.is_whole else count(len(found.damages), "file") + " broken"
-            click.echo(f"{path}: {', '.join(found.references)}, {count(found.num_files, 'file')}: {verdict}")
+        verdict = "intact" if found.is_whole else count(len(found.damages), "file") + " broken"
+        whole = f"{path}: {', '.join(found.references)}, {count(found.num_files, 'file')}: {verdict}"
+        damages = table((damage.file, one_line(damage.reason)) for damage in found.damages)
+        self.say(asdict(found) | {"is_whole": found.is_whole}, [*damages, whole])
         return found.is_whole

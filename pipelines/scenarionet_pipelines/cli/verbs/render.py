@@ -62,11 +62,11 @@ class RenderVerb(LakeVerb, Progressing):
     replace: bool = REPLACE
 
     def run(self) -> None:
-        from scenarionet_data import Lake, ScenarioLoader, resample
+        from scenarionet_data import ScenarioLoader, resample
         from scenarionet_data.plots import Drawing, Scene
 
         path = output_path(self.file, "a picture or video", replace=self.replace)
-        opened = Lake(self.lake, self.snapshot)
+        opened = self.open()
         scenario = ScenarioLoader(opened, [opened.describe(self.scenario_id)["scenario_id"]])[0]
         if self.view in _IN_SPACE and self.color_by is not None:
             raise BadParameter(f"--color-by draws trajectories from above; leave it out with --view {self.view}")
@@ -105,10 +105,10 @@ class RenderVerb(LakeVerb, Progressing):
                 drawing = Drawing(self.view, self.width, self.size, self.speed, self.color_by)
                 frames = drawing.save(path, scene, moments, now, on_frame)
         num_bytes = path.stat().st_size
-        if self.as_json:
-            output.print_json({"scenario_id": scenario.id, "file": self.file, "frames": frames, "bytes": num_bytes})
-        else:
-            click.echo(f"{self.file}: {scenario.id}, {output.count(frames, 'frame')}, {output.size(num_bytes)}")
+        self.say(
+            {"scenario_id": scenario.id, "file": self.file, "frames": frames, "bytes": num_bytes},
+            f"{self.file}: {scenario.id}, {output.count(frames, 'frame')}, {output.size(num_bytes)}",
+        )
 
     def film(
         self,

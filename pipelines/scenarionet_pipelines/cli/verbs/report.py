@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import click
-
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli import output
 from scenarionet_pipelines.cli.parameters import output_path
-from scenarionet_pipelines.cli.verb import REPLACE, SNAPSHOT, LakeVerb, Progressing, argument, option
+from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASES, REPLACE, SNAPSHOT, LakeVerb, Progressing, option
 
 
 class ReportVerb(LakeVerb, Progressing):
@@ -23,26 +21,24 @@ class ReportVerb(LakeVerb, Progressing):
         "scenarionet report lake busy_train busy_val -o splits.html --replace",
         "scenarionet report lake -o quick.html --no-check",
     )
-    databases: tuple[str, ...] = argument("[DATABASE]...", required=False)
+    databases: tuple[str, ...] = OPTIONAL_DATABASES
     file: str = option("The .html file to write.", "-o", "--output", metavar="FILE")
     is_checked: bool = option("Check the quality rules.", "--check/--no-check", default=True)
     snapshot: int | None = SNAPSHOT
     replace: bool = REPLACE
 
     def run(self) -> None:
-        from scenarionet_data import Lake
         from scenarionet_pipelines.report import gather, write
 
         path = output_path(self.file, "a report", replace=self.replace)
         if path.suffix not in (".html", ".htm"):
             raise BadParameter(f"{self.file}: the file name of a report has to end in .html")
         with self.progress(f"report {path.name}", "percent") as progress:
-            opened = Lake(self.lake, self.snapshot)
-            contents = gather(opened, self.databases, is_checked=self.is_checked, on_progress=progress.update)
+            contents = gather(self.open(), self.databases, is_checked=self.is_checked, on_progress=progress.update)
             write(contents, path)
         num_bytes, count = path.stat().st_size, sum(section.statistics.count for section in contents.sections)
-        if self.as_json:
-            names = [section.name for section in contents.sections]
-            output.print_json({"file": self.file, "bytes": num_bytes, "databases": names, "scenarios": count})
-        else:
-            click.echo(f"{self.file}: {output.count(count, 'scenario')}, {output.size(num_bytes)}")
+        names = [section.name for section in contents.sections]
+        self.say(
+            {"file": self.file, "bytes": num_bytes, "databases": names, "scenarios": count},
+            f"{self.file}: {output.count(count, 'scenario')}, {output.size(num_bytes)}",
+        )

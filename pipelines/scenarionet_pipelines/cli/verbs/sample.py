@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarionet_pipelines.cli.databases import print_created
+from scenarionet_pipelines.cli.databases import described
 from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, LakeVerb, Saving, option
 
 
@@ -33,18 +33,5 @@ class SampleVerb(LakeVerb, Saving):
     )
 
     def run(self) -> None:
-        from scenarionet_data import Lake
-
-        created = Lake(self.lake).sample(
-            self.database,
-            name=self.name,
-            n=self.n,
-            fraction=self.fraction,
-            seed=self.seed,
-            weights=self.weights,
-            stratify=self.stratify,
-            balance=self.balance,
-            levels=self.levels,
-            replace=self.replace,
-        )
-        print_created(created, self.as_json)
+        lake = self.open()
+        self.say(*described(lake.sample(**self.given(lake.sample))))

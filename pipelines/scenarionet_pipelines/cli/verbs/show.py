@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from scenarionet_pipelines.cli.output import print_json, print_table
+from scenarionet_pipelines.cli.output import table
 from scenarionet_pipelines.cli.parameters import output_path
 from scenarionet_pipelines.cli.verb import REPLACE, SNAPSHOT, LakeVerb, argument, option
 
@@ -27,10 +27,9 @@ class ShowVerb(LakeVerb):
     replace: bool = REPLACE
 
     def run(self) -> None:
-        from scenarionet_data import Lake
         from scenarionet_data.schema import tables
 
-        opened = Lake(self.lake, self.snapshot)
+        opened = self.open()
         facts = opened.describe(self.scenario_id)
         if self.picture:
             from scenarionet_data import ScenarioLoader
@@ -39,10 +38,7 @@ class ShowVerb(LakeVerb):
             path = output_path(self.picture, "a picture", replace=self.replace)
             write_figure(path, scenario_figure(ScenarioLoader(opened, [facts["scenario_id"]])[0]))
             click.echo(f"wrote {self.picture}", err=True)
-        if self.as_json:
-            print_json(facts)
-            return
         metadata = tables.load("metadata")
         units = {column.name: column.unit for column in (*metadata.columns, *metadata.derived)}
         rows = [(name, value, units.get(name, "")) for name, value in facts.items() if value is not None]
-        print_table(rows, max_cell=100)
+        self.say(facts, table(rows, max_cell=100))

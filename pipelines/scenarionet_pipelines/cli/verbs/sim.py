@@ -8,15 +8,13 @@ import click
 
 from scenarionet_pipelines.cli.execution import worker_facts, worker_rows
 from scenarionet_pipelines.cli.interrupt import keeping
-from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
+from scenarionet_pipelines.cli.output import count, duration, table
 from scenarionet_pipelines.cli.parameters import look_in_current_folder
 from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, Distributed, LakeVerb, option
 from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_sim.evaluation.evaluation import Evaluation
-
-_MAX_EXAMPLES = 5
 
 
 class SimVerb(LakeVerb, Distributed):
@@ -92,18 +90,7 @@ class SimVerb(LakeVerb, Distributed):
         from scenarionet_sim.evaluation.references import POLICIES, run_references
 
         look_in_current_folder(self.policy)
-        evaluation = plan_evaluation(
-            self.lake,
-            self.database,
-            self.policy,
-            traffic=self.traffic,
-            backend=self.backend,
-            seed=self.seed,
-            num_rollouts=self.num_rollouts,
-            episode=self.episode,
-            tracker=self.tracker,
-            route=self.route,
-        )
+        evaluation = plan_evaluation(**self.given(plan_evaluation))
         run = self.name or default_name(evaluation, self.database)
         workers = 1 if self.policy in MANUAL else self.num_workers
         references: dict[str, str] = {}
@@ -138,20 +125,16 @@ class SimVerb(LakeVerb, Distributed):
         beside = dict(zip(references, others, strict=True))
         failed = f"results JOIN metadata USING (scenario_id) WHERE run = '{run}' AND success IS NOT TRUE"
         failures = f'scenarionet sql {self.lake} "SELECT * FROM {failed}"'
-        if self.as_json:
-            broken = [{"scenario_id": scenario_id, "reason": reason} for scenario_id, reason in report.broken]
-            done = {"run": report.run, "skipped": report.skipped, "seconds": report.seconds, "broken": broken}
-            counts = {"scenarios": report.scenarios, "references": beside, "next": failures}
-            print_json(facts | done | counts | worker_facts(execution.stats))
-            return not report.broken
-        if report.skipped:
-            click.echo(f"skipped    {count(report.skipped, 'scenario')} finished by an earlier command")
+        broken = [{"scenario_id": scenario_id, "reason": reason} for scenario_id, reason in report.broken]
+        done = {"run": report.run, "skipped": report.skipped, "seconds": report.seconds, "broken": broken}
+        counts = {"scenarios": report.scenarios, "references": beside, "next": failures}
         rows = [(key, value, *(each.get(key) for each in others)) for key, value in facts.items() if value is not None]
-        print_table(rows[1:], ("", "this run", *beside))
-        print_table(worker_rows(execution.stats, "part"))
-        for scenario_id, reason in report.broken[:_MAX_EXAMPLES]:
-            click.echo(f"could not be simulated: {scenario_id}: {one_line(reason)}", err=True)
-        click.echo(f"run {report.run}, took {duration(report.seconds)}. Failures: {failures}")
+        lines = table(rows[1:], ("", "this run", *beside)) + table(worker_rows(execution.stats, "part"))
+        if report.skipped:
+            lines.insert(0, f"skipped    {count(report.skipped, 'scenario')} finished by an earlier command")
+        lines.append(f"run {report.run}, took {duration(report.seconds)}. Failures: {failures}")
+        self.say(facts | done | counts | worker_facts(execution.stats), lines)
+        self.complain(f"could not be simulated: {each}: {one_line(reason)}" for each, reason in report.broken)
         return not report.broken
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import click
-
 from scenarionet_data.errors import BadParameter
-from scenarionet_pipelines.cli.output import count, print_json
+from scenarionet_pipelines.cli.output import count
 from scenarionet_pipelines.cli.parameters import pairs
 from scenarionet_pipelines.cli.verb import ALLOW_EMPTY, NEW_VERSION, OPTIONAL_DATABASE, LakeVerb, option
 
@@ -54,31 +52,15 @@ class SplitVerb(LakeVerb):
         return repeated
 
     def run(self) -> None:
-        from scenarionet_data import Lake
-
-        wanted = {}
+        lake, wanted = self.open(), {}
         for part, word in pairs(self.fractions, "--fractions").items():
             try:
                 wanted[part] = float(word)
             except ValueError as error:
                 raise BadParameter(f"--fractions {part} expects a number such as 0.9, found {word!r}") from error
-        made = Lake(self.lake).split(
-            self.database,
-            wanted or None,
-            seed=self.seed,
-            by=self.by,
-            stratify=self.stratify,
-            along=self.along,
-            levels=self.levels,
-            each=self.each,
-            name=self.name,
-            strict=self.strict,
-            replace=self.replace,
-            allow_empty=self.allow_empty,
-        )
-        if self.as_json:
-            print_json({part: {"reference": db.reference, "count": len(db)} for part, db in made.items()})
-            return
+        made = lake.split(**self.given(lake.split) | {"fractions": wanted or None})
         total = max(1, sum(map(len, made.values())))
-        for found in made.values():
-            click.echo(f"{found.reference}: {count(len(found), 'scenario')} ({len(found) / total:.1%})")
+        self.say(
+            {part: {"reference": db.reference, "count": len(db)} for part, db in made.items()},
+            [f"{db.reference}: {count(len(db), 'scenario')} ({len(db) / total:.1%})" for db in made.values()],
+        )

@@ -44,7 +44,6 @@ class SqlVerb(LakeVerb):
     snapshot: int | None = SNAPSHOT
 
     def run(self) -> None:
-        from scenarionet_data import Lake
         from scenarionet_data.query.named_sql import ANALYTICS
 
         if not self.query:
@@ -53,7 +52,7 @@ class SqlVerb(LakeVerb):
         if self.output:
             check_suffix(self.output, "-o")
         words = pairs(self.parameters, "-p")
-        opened = Lake(self.lake, self.snapshot)
+        opened = self.open()
         query, values = self.query, {name: parse_value(word) for name, word in words.items()}
         if _NAME.fullmatch(query):
             named = ANALYTICS.load(query)

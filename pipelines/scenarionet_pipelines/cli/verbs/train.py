@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import click
-
 from scenarionet_pipelines.cli.interrupt import keeping
-from scenarionet_pipelines.cli.output import count, duration, print_json, print_table, size
+from scenarionet_pipelines.cli.output import count, duration, size, table
 from scenarionet_pipelines.cli.parameters import pairs
 from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, PARAMETERS, Progressing, argument, option
 from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_sim.learning.training import TrainingReport
-
-_MAX_EXAMPLES = 5
 
 
 class TrainVerb(Progressing):
@@ -65,43 +62,29 @@ class TrainVerb(Progressing):
             from scenarionet_data.errors import MissingDependency
 
             raise MissingDependency("learning needs torch", "learn") from error
-        training = plan_training(
-            self.lake,
-            self.database,
-            self.algorithm,
-            config=config,
-            seed=self.seed,
-            tests=self.tests,
-            observations=self.observations,
-            name=self.name,
-        )
-        run = self.name or f"{self.database or 'all'}-{self.algorithm}-seed{self.seed}".replace("@", ".").replace(
-            ":", "."
-        )
+        training = plan_training(**self.given(plan_training), config=config)
+        named = f"{self.database or 'all'}-{self.algorithm}-seed{self.seed}"
+        run = self.name or named.replace("@", ".").replace(":", ".")
         with self.progress(f"train {run}", "step") as progress, keeping(lambda: f"checkpoints are kept in run {run}"):
             report = run_training(training, run, lambda row: progress.update(row["steps"], config.steps))
         if self.onnx is not None:
             load_driver(open_files(self.lake), f"runs/{run}").export_onnx(self.onnx)
         query = f"SELECT steps, success, route_completion, cost FROM training WHERE run = '{run}' ORDER BY steps"
         curve = f'scenarionet sql {self.lake} "{query}"'
-        if self.as_json:
-            print_json(vars(report) | {"speed": report.speed, "next": curve})
-            return
-        print_training(report)
-        click.echo(f"run {run}: {count(report.steps, 'step')}, took {duration(report.seconds)}. Curve: {curve}")
+        whole = f"run {run}: {count(report.steps, 'step')}, took {duration(report.seconds)}. Curve: {curve}"
+        self.say(vars(report) | {"speed": report.speed, "next": curve}, [*report_lines(report), whole])
+        self.complain(f"left out: {each}: {one_line(reason)}" for each, reason in report.skipped.items())
 
 
-def print_training(report: TrainingReport) -> None:
-    """Print the results of the last round and of the tests, where time and memory went, and what was left out."""
+def report_lines(report: TrainingReport) -> Iterator[str]:
+    """Yield the results of the last round and of the tests, and where time and memory went."""
     if report.resumed:
-        click.echo(f"continued  after {count(report.resumed, 'step')} of an earlier command")
+        yield f"continued  after {count(report.resumed, 'step')} of an earlier command"
     names = ("success", "out_of_road", "timeout", "route_completion", "cost", "speed")
     if report.last:
         rows = {"training": report.last, **report.tests}
-        print_table([(title, *(row.get(key) for key in names)) for title, row in rows.items()], ("", *names))
+        yield from table([(title, *(row.get(key) for key in names)) for title, row in rows.items()], ("", *names))
         total = sum(report.times.values()) or 1.0
         shares = ", ".join(f"{activity} {seconds / total:.0%}" for activity, seconds in report.times.items())
-        click.echo(f"speed      {report.speed:,.0f} steps/s: {shares}")
-        click.echo(f"memory     {size(report.memory)} of experience; disk: at most {size(report.disk)} of checkpoints")
-    for scenario_id, reason in list(report.skipped.items())[:_MAX_EXAMPLES]:
-        click.echo(f"left out: {scenario_id}: {one_line(reason)}", err=True)
+        yield f"speed      {report.speed:,.0f} steps/s: {shares}"
+        yield f"memory     {size(report.memory)} of experience; disk: at most {size(report.disk)} of checkpoints"

@@ -9,7 +9,7 @@ import click
 
 from scenarionet_data.storage.files.places import local_path
 from scenarionet_pipelines.cli.output import cell, print_json, print_table
-from scenarionet_pipelines.cli.verb import SNAPSHOT, LakeVerb, argument, option
+from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASES, SNAPSHOT, LakeVerb, option
 
 if TYPE_CHECKING:
     from scenarionet_data.operations.comparison import DatabaseStatistics
@@ -27,16 +27,14 @@ class StatsVerb(LakeVerb):
         "scenarionet db stats lake busy_train busy_val",
         "scenarionet db stats lake busy_train busy_val -o stats.svg",
     )
-    databases: tuple[str, ...] = argument("[DATABASE]...", required=False)
+    databases: tuple[str, ...] = OPTIONAL_DATABASES
     output: str | None = option("Draw a chart to a .png, .svg or .pdf file.", "-o", "--output", metavar="FILE")
     snapshot: int | None = SNAPSHOT
 
     def run(self) -> None:
-        from scenarionet_data import Lake
-
         if self.output:
             local_path(self.output, "a chart")
-        found = Lake(self.lake, self.snapshot).compare(*self.databases)
+        found = self.open().compare(*self.databases)
         if self.output:
             from scenarionet_data.plots import write_comparison
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-import click
-
 from scenarionet_data.errors import BadParameter
-from scenarionet_pipelines.cli.output import count, print_json, print_table
+from scenarionet_pipelines.cli.output import count, table
 from scenarionet_pipelines.cli.verb import LakeVerb, argument, option
 
 if TYPE_CHECKING:
@@ -43,19 +41,14 @@ class TagVerb(LakeVerb):
     force: bool = option("With --drop: even if databases use the column; those cannot be rebuilt.")
 
     def run(self) -> None:
-        from scenarionet_data import Lake
-
-        opened = Lake(self.lake)
+        opened = self.open()
         given = {"--where": self.where, "--event": self.event, "--sql": self.query, "--file": self.file}
         chosen = [(spelling, value) for spelling, value in given.items() if value is not None]
         if (self.drop and (self.name or chosen or self.column or self.replace)) or (self.force and not self.drop):
             raise BadParameter("--drop NAME takes no other option than --force")
         if self.drop:
             opened.untag(self.drop, force=self.force)
-            if self.as_json:
-                print_json({"dropped": self.drop})
-            else:
-                click.echo(f"dropped {self.drop}")
+            self.say({"dropped": self.drop}, f"dropped {self.drop}")
             return
         if self.name is None and not chosen:
             self.show_columns(opened)
@@ -70,20 +63,17 @@ class TagVerb(LakeVerb):
             tags = {"--where": opened.tag_where, "--event": opened.tag_event, "--sql": opened.tag_by_sql}
             ((spelling, value),) = chosen
             tagged = tags[spelling](self.name, value, replace=self.replace)
-        if self.as_json:
-            print_json(asdict(tagged) | {"reference": tagged.reference})
-        else:
-            click.echo(f"{tagged.reference}: {tagged.type} for {tagged.count:,} of {count(len(opened), 'scenario')}")
+        values = f"{tagged.type} for {tagged.count:,} of {count(len(opened), 'scenario')}"
+        self.say(asdict(tagged) | {"reference": tagged.reference}, f"{tagged.reference}: {values}")
 
     def show_columns(self, lake: Lake) -> None:
         """List the user columns of a lake."""
         from scenarionet_data.databases import user_columns
 
         found = [user_columns.read(lake.files, name, version) for name, version in lake.user_columns.items()]
-        if self.as_json:
-            print_json({"user_columns": [asdict(each) | {"reference": each.reference} for each in found]})
-        elif found:
-            rows = [(each.reference, each.type, each.count, each.source, each.created_at) for each in found]
-            print_table(rows, ("column", "type", "scenarios", "from", "at"), max_cell=60)
-        else:
-            click.echo("no user columns; add one: scenarionet db tag LAKE NAME --where ...")
+        rows = [(each.reference, each.type, each.count, each.source, each.created_at) for each in found]
+        lines = table(rows, ("column", "type", "scenarios", "from", "at"), max_cell=60) if found else []
+        self.say(
+            {"user_columns": [asdict(each) | {"reference": each.reference} for each in found]},
+            lines or "no user columns; add one: scenarionet db tag LAKE NAME --where ...",
+        )

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from scenarionet_pipelines.cli.output import count, print_json, print_table
+from scenarionet_pipelines.cli.output import count, table
 from scenarionet_pipelines.cli.verb import Distributed, LakeVerb, argument, option
 from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_sim.metrics.wosac import Score
-
-_MAX_EXAMPLES = 5
 
 
 class ScoreVerb(LakeVerb, Distributed):
@@ -88,32 +86,28 @@ class ScoreVerb(LakeVerb, Distributed):
         floor = summary(self.lake, fan, by, event=self.event).to_pylist()
         if self.output is not None:
             pq.write_table(scores.table, self.output)
-        if self.as_json:
-            precision = [
-                {"object_type": kind, "seconds": seconds, "kind": name, "value": value}
-                for (kind, seconds, name), value in scores.precision.items()
-            ]
-            print_json({"by": means, "floor": floor, "precision": precision, "findings": scores.findings})
-            return
+        precision: list[dict[str, Any]] = [
+            {"object_type": kind, "seconds": seconds, "kind": name, "value": value}
+            for (kind, seconds, name), value in scores.precision.items()
+        ]
         measured = [name for name in (means[0] if means else ()) if any(row[name] is not None for row in means)]
         beside = [*means, *(row | {"by": f"six constant velocities, {row['by']}"} for row in floor)]
         rows = [(name, *(row[name] for row in beside)) for name in measured[1:]]
-        print_table(rows, ("", *(row["by"] for row in beside)))
-        for (kind, seconds, name), value in scores.precision.items():
-            click.echo(f"{name} of {kind} at {seconds:g} s: {value:.4g}")
-        for reason, (number, example) in scores.findings.items():
-            click.echo(f"{count(number, 'prediction')} {reason}, for example {example}", err=True)
+        lines = table(rows, ("", *(row["by"] for row in beside)))
+        lines += ["{kind} of {object_type} at {seconds:g} s: {value:.4g}".format(**each) for each in precision]
+        self.say({"by": means, "floor": floor, "precision": precision, "findings": scores.findings}, lines)
+        found = scores.findings.items()
+        self.complain(f"{count(n, 'prediction')} {reason}, for example {example}" for reason, (n, example) in found)
 
     def score_rollouts(self) -> bool:
         """Score a submission, or the rollouts of a run; return whether every scenario could be scored."""
-        from scenarionet_data import Lake
         from scenarionet_data.execution.executors import executor_for
         from scenarionet_sim.metrics.wosac import rollouts_of_run, score_submission, write_submission
 
         with self.execution() as execution, self.progress("score") as progress, TemporaryDirectory() as folder:
             submission = self.rollouts or self.output or f"{folder}/submission.binproto"
             if self.run_name is not None:
-                write_submission(submission, rollouts_of_run(Lake(self.lake), self.run_name))
+                write_submission(submission, rollouts_of_run(self.open(), self.run_name))
             report = score_submission(
                 self.lake,
                 submission,
@@ -122,17 +116,13 @@ class ScoreVerb(LakeVerb, Distributed):
                 executor=execution.executor or executor_for(self.num_workers),
                 on_progress=progress.update,
             )
-        if self.as_json:
-            print_json(asdict(report) | {"note": report.note})
-            return not report.broken
         columns = [numbers(each) for each in (report.submitted, report.ceiling, report.floor)]
         rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
-        print_table(rows, ("", "submission", "recording", "constant velocity"))
-        for scenario_id, reason in report.broken[:_MAX_EXAMPLES]:
-            click.echo(f"could not be scored: {scenario_id}: {one_line(reason)}", err=True)
-        if report.note is not None:
-            click.echo(f"note: {report.note}", err=True)
-        click.echo(f"{count(len(report.scenarios) - len(report.broken), 'scenario')} scored")
+        lines = table(rows, ("", "submission", "recording", "constant velocity"))
+        lines.append(f"{count(len(report.scenarios) - len(report.broken), 'scenario')} scored")
+        self.say(asdict(report) | {"note": report.note}, lines)
+        self.complain(f"could not be scored: {each}: {one_line(reason)}" for each, reason in report.broken)
+        self.complain([] if report.note is None else [f"note: {report.note}"])
         return not report.broken
 
 

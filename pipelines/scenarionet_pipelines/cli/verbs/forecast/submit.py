@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from scenarionet_pipelines.cli.output import count, print_json
+from scenarionet_pipelines.cli.output import count
 from scenarionet_pipelines.cli.verb import LakeVerb, argument, option
 
 
@@ -45,20 +45,5 @@ class SubmitVerb(LakeVerb):
         if self.kind == "argoverse2":
             write_argoverse2(self.lake, found, self.output)
         else:
-            entry = WaymoEntry(
-                self.account,
-                self.method,
-                self.num_parameters,
-                authors=self.authors,
-                affiliation=self.affiliation,
-                description=self.description,
-                link=self.link,
-                uses_lidar=self.uses_lidar,
-                uses_camera=self.uses_camera,
-                uses_public_pretraining=self.uses_public_pretraining,
-            )
-            write_waymo(self.lake, found, self.output, entry)
-        if self.as_json:
-            print_json({"path": self.output, "targets": len(found)})
-        else:
-            click.echo(f"wrote {count(len(found), 'target')} to {self.output}")
+            write_waymo(self.lake, found, self.output, WaymoEntry(**self.given(WaymoEntry)))
+        self.say({"path": self.output, "targets": len(found)}, f"wrote {count(len(found), 'target')} to {self.output}")

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from scenarionet_pipelines.cli.output import print_json, print_table
+from scenarionet_pipelines.cli.output import table
 from scenarionet_pipelines.cli.verb import Verb, argument
 from scenarionet_pipelines.messages import one_line
 
@@ -30,13 +30,11 @@ class ConvertersVerb(Verb):
         from scenarionet_data import converters
 
         found = [describe(name) for name in converters.names()]
-        if self.as_json:
-            print_json({"converters": found})
-            return
+        lines = []
         for properties in found:
-            click.echo(click.style(properties["name"], bold=True))
-            print_table([("", key, properties[key]) for key in ("error", *_PROPERTIES) if key in properties])
-        click.echo("Options of a converter: scenarionet info converters NAME")
+            lines.append(click.style(properties["name"], bold=True))
+            lines += table([("", key, properties[key]) for key in ("error", *_PROPERTIES) if key in properties])
+        self.say({"converters": found}, [*lines, "Options of a converter: scenarionet info converters NAME"])
 
     def explain(self, name: str) -> None:
         """Print what a converter expects, and its options."""
@@ -51,14 +49,11 @@ class ConvertersVerb(Verb):
         properties = {"name": name} | {key: getattr(found, key) for key in _PROPERTIES}
         properties["split"] = ACCEPTED.get(name, ("any label",))
         properties["where"] = ["file", "name", *found.properties]
-        if self.as_json:
-            print_json(properties | {"options": options})
-            return
-        print_table((properties | {key: ", ".join(properties[key]) for key in ("split", "where")}).items())
-        click.echo()
-        if options:
-            print_table([option.values() for option in options], ("option", "type", "default", ""))
-        click.echo(f"Use: scenarionet convert {name} RAW LAKE" + (" -p OPTION=VALUE" if options else ""))
+        lines = table((properties | {key: ", ".join(properties[key]) for key in ("split", "where")}).items())
+        head = ("option", "type", "default", "")
+        lines += ["", *(table([option.values() for option in options], head) if options else [])]
+        lines.append(f"Use: scenarionet convert {name} RAW LAKE" + (" -p OPTION=VALUE" if options else ""))
+        self.say(properties | {"options": options}, lines)
 
 
 def describe(name: str) -> dict[str, Any]:

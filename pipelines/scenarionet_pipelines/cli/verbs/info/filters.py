@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import click
-
 from scenarionet_pipelines.cli.named import show_named
-from scenarionet_pipelines.cli.output import print_json
 from scenarionet_pipelines.cli.verb import Verb, option
 
 
@@ -29,9 +26,7 @@ class FiltersVerb(Verb):
 
         metadata = tables.load("metadata")
         columns = [c for c in (*metadata.columns, *metadata.derived) if c.name not in ADDRESS_COLUMNS]
-        if self.as_json:
-            print_json({"columns": [{"name": c.name, "type": c.type, "unit": c.unit, "doc": c.doc} for c in columns]})
-            return
-        for column in columns:
-            unit = f" [{column.unit}]" if column.unit else ""
-            click.echo(f"{column.name}{unit}\n    {column.doc}")
+        self.say(
+            {"columns": [{"name": c.name, "type": c.type, "unit": c.unit, "doc": c.doc} for c in columns]},
+            [f"{c.name}{f' [{c.unit}]' if c.unit else ''}\n    {c.doc}" for c in columns],
+        )

@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.execution import worker_facts, worker_rows
-from scenarionet_pipelines.cli.output import count, print_json, print_table
+from scenarionet_pipelines.cli.output import count, table
 from scenarionet_pipelines.cli.table_file import check_suffix, write_table
 from scenarionet_pipelines.cli.verb import NEW_VERSION, OPTIONAL_DATABASE, SNAPSHOT, Distributed, LakeVerb, option
 from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from scenarionet_data import Lake
     from scenarionet_data.execution.executors import Executor
@@ -63,7 +61,6 @@ class CheckVerb(LakeVerb, Distributed):
     snapshot: int | None = SNAPSHOT
 
     def run(self) -> bool:
-        from scenarionet_data import Lake
         from scenarionet_data.quality.checks import run_checks
         from scenarionet_data.quality.passing import save_passing
         from scenarionet_data.quality.scorecard import make_scorecard
@@ -73,7 +70,7 @@ class CheckVerb(LakeVerb, Distributed):
         for path, spelling in ((self.output, "-o"), (self.broken, "--broken")):
             if path:
                 check_suffix(path, spelling)
-        opened = Lake(self.lake, self.snapshot)
+        opened = self.open()
         with self.execution() as execution:
             with self.progress(f"check {self.lake}", "check") as progress:
                 findings = run_checks(
@@ -89,20 +86,15 @@ class CheckVerb(LakeVerb, Distributed):
 
                 write_table(polars.DataFrame(rows), path)
         is_ok = all(result.is_met or not (result.is_hard or self.strict) for result in findings.results)
-        if self.as_json:
-            content: dict[str, Any] = {"checks": [asdict(result) for result in findings.results]}
-            content |= {"scorecard": card.to_dict()} if card else {}
-            content |= {"good": {"reference": made.reference} | asdict(made.lineage)} if made else {}
-            print_json(content | {"is_ok": is_ok} | worker_facts(execution.stats))
-            return is_ok
-        if card:
-            print_scorecard(card)
-        else:
-            print_results(findings.results)
+        content: dict[str, Any] = {"checks": [asdict(result) for result in findings.results]}
+        content |= {"scorecard": card.to_dict()} if card else {}
+        content |= {"good": {"reference": made.reference} | asdict(made.lineage)} if made else {}
+        lines = [*(scorecard_lines(card) if card else result_lines(findings.results))]
         if made:
             total = sum(findings.totals["scenarios"].to_pylist())
-            click.echo(f"\n{made.reference}: {len(made):,} of {count(total, 'scenario')}")
-        print_table(worker_rows(execution.stats, "part"))
+            lines.append(f"\n{made.reference}: {len(made):,} of {count(total, 'scenario')}")
+        lines += table(worker_rows(execution.stats, "part"))
+        self.say(content | {"is_ok": is_ok} | worker_facts(execution.stats), lines)
         return is_ok
 
     def replay(self, lake: Lake, executor: Executor | None) -> list[tuple[str, str]]:
@@ -122,34 +114,31 @@ def verdict(mark: CheckResult | RuleScore) -> str:
     return "FAILED" if mark.is_hard else "doubtful"
 
 
-def print_results(results: Sequence[CheckResult]) -> None:
-    """Print the verdict of each check, then examples of what breaks it."""
-    print_table((verdict(result), result.name, result.doc) for result in results)
+def result_lines(results: Sequence[CheckResult]) -> Iterator[str]:
+    """Yield the verdict of each check, then examples of what breaks it."""
+    yield from table((verdict(result), result.name, result.doc) for result in results)
     for result in results:
         if not result.examples:
             continue
         broken = [count(result.num_scenarios, "scenario")] if result.num_scenarios else []
         broken += [count(result.num_others, "map or shard").replace("shards", "shard")] if result.num_others else []
         within = ", within the budget" if result.is_met else ""
-        click.echo(f"\n{result.name}: {' and '.join(broken)}{within}, for example")
-        print_table(("", scenario_id or "-", detail) for scenario_id, detail in result.examples)
+        yield f"\n{result.name}: {' and '.join(broken)}{within}, for example"
+        yield from table(("", scenario_id or "-", detail) for scenario_id, detail in result.examples)
 
 
-def print_scorecard(card: Scorecard) -> None:
-    """Print what each split holds, and how many of its scenarios break each rule."""
+def scorecard_lines(card: Scorecard) -> Iterator[str]:
+    """Yield what each split holds, and how many of its scenarios break each rule."""
     for number, split in enumerate(card.partitions):
-        click.echo(("\n" if number else "") + "/".join((split.dataset, split.version, split.split)))
+        yield ("\n" if number else "") + "/".join((split.dataset, split.version, split.split))
         coverage = split.coverage
         published = f"{coverage.text} ({coverage.release.source})" if coverage else "no published counts for this split"
         budgets = ", ".join(f"{name} {value:g}" for name, value in asdict(split.budgets).items())
         holds = f"{count(split.scenarios, 'scenario')}, {split.quarantined:,} in quarantine"
-        print_table([("", "holds", holds), ("", "split", published), ("", "budgets", budgets)])
-        print_table(
-            (
-                "", verdict(mark), mark.check, mark.broken, f"{mark.share:.2%}",
-                one_line(": ".join(mark.examples[0])) if mark.examples else "",
-            )
-            for mark in split.rules
-        )  # fmt: skip
-    for check, detail in card.others:
-        click.echo(f"\n{check}: {detail}")
+        yield from table([("", "holds", holds), ("", "split", published), ("", "budgets", budgets)])
+        rows = []
+        for mark in split.rules:
+            example = one_line(": ".join(mark.examples[0])) if mark.examples else ""
+            rows.append(("", verdict(mark), mark.check, mark.broken, f"{mark.share:.2%}", example))
+        yield from table(rows)
+    yield from (f"\n{check}: {detail}" for check, detail in card.others)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-import click
-
 from scenarionet_pipelines.cli.interrupt import keeping
-from scenarionet_pipelines.cli.output import count, duration, print_json, print_table, size
+from scenarionet_pipelines.cli.output import count, duration, size, table
 from scenarionet_pipelines.cli.parameters import pairs
 from scenarionet_pipelines.cli.verb import Distributed, LakeVerb, option
 from scenarionet_pipelines.messages import one_line
@@ -54,31 +53,24 @@ class CompactVerb(LakeVerb, Distributed):
 
             with keeping(kept):
                 done = compact(
-                    self.lake,
-                    self.profile,
-                    where=chosen,
-                    workers=self.num_workers,
-                    executor=execution.executor,
+                    self.lake, self.profile, where=chosen, workers=self.num_workers, executor=execution.executor,
                     on_progress=progress.update,
-                )
-        if self.as_json:
-            failed = [{"shard": name, "reason": reason} for name, reason in done.failed]
-            print_json(asdict(done) | {"failed": failed})
-        else:
-            self.show(done)
+                )  # fmt: skip
+        failed = [{"shard": name, "reason": reason} for name, reason in done.failed]
+        self.say(asdict(done) | {"failed": failed}, self.lines(done))
         return not (done.failed or done.left)
 
     def show_plan(self, bins: list[Bin]) -> None:
         """Print what would be rewritten."""
         scenarios, shards = sum(each.num_scenarios for each in bins), sum(len(each.records) for each in bins)
-        if self.as_json:
-            print_json({"profile": self.profile, "bins": len(bins), "shards": shards, "scenarios": scenarios})
-            return
         what = f"{count(scenarios, 'scenario')} of {count(shards, 'shard')}, in {count(len(bins), 'bin')}"
-        click.echo(f"would rewrite {what}" if bins else f"nothing to do: all files fit the profile {self.profile}")
+        self.say(
+            {"profile": self.profile, "bins": len(bins), "shards": shards, "scenarios": scenarios},
+            f"would rewrite {what}" if bins else f"nothing to do: all files fit the profile {self.profile}",
+        )
 
-    def show(self, done: Compaction) -> None:
-        """Print what was rewritten, and what to do next."""
+    def lines(self, done: Compaction) -> Iterator[str]:
+        """Yield what was rewritten, and what to do next."""
         rows = [
             ("rewritten", f"{count(done.scenarios, 'scenario')} of {count(done.shards, 'shard')} for {done.profile}"),
             ("files", f"{done.files_before:,} before, {done.files_after:,} now"),
@@ -87,10 +79,10 @@ class CompactVerb(LakeVerb, Distributed):
         if done.left:
             rows += [("left", f"{count(done.left, 'shard')} changed by another process in the meantime")]
         rows += [("failed", f"{name} and the rest of its file: {one_line(reason)}") for name, reason in done.failed]
-        print_table([*rows, ("took", duration(done.seconds))] if done.shards or len(rows) > 3 else [])
+        yield from table([*rows, ("took", duration(done.seconds))] if done.shards or len(rows) > 3 else [])
         if done.failed:
-            click.echo(f"Find the damage: scenarionet maintain fsck {self.lake}")
+            yield f"Find the damage: scenarionet maintain fsck {self.lake}"
         elif done.shards:
-            click.echo(f"Delete the old files: scenarionet maintain vacuum {self.lake} --keep-last 1")
+            yield f"Delete the old files: scenarionet maintain vacuum {self.lake} --keep-last 1"
         else:
-            click.echo(f"nothing to do: all files fit the profile {done.profile}")
+            yield f"nothing to do: all files fit the profile {done.profile}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from scenarionet_pipelines.cli.output import print_json, print_table
+from scenarionet_pipelines.cli.output import table
 from scenarionet_pipelines.cli.verb import Progressing
 
 
@@ -25,10 +25,6 @@ class CompileVerb(Progressing):
 
         with self.progress("compile", "task") as progress:
             report = compile_kernels(progress.update)
-        if self.as_json:
-            print_json(asdict(report))
-            return
         rows = [(task.task, task.compiled, task.cached, round(task.seconds, 1)) for task in report.tasks]
-        print_table(rows, ("task", "compiled", "cached", "seconds"))
-        for folder in report.folders:
-            print_table([("cache", folder)])
+        lines = table(rows, ("task", "compiled", "cached", "seconds"))
+        self.say(asdict(report), lines + [f"cache  {folder}" for folder in report.folders])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from scenarionet_pipelines.cli.output import print_json, print_table
+from scenarionet_pipelines.cli.output import table
 from scenarionet_pipelines.cli.verb import Verb, argument
 from scenarionet_pipelines.messages import one_line
 
@@ -29,11 +29,9 @@ class DoctorVerb(Verb):
 
         findings = examine(self.lake)
         num_bad = sum(finding.state == "bad" for finding in findings)
-        if self.as_json:
-            print_json({"findings": [asdict(finding) for finding in findings], "is_healthy": not num_bad})
-        else:
-            print_table(
-                (_MARKS[f.state], f.topic, f.subject, one_line(f.found) + (f"; {f.remedy}" if f.remedy else ""))
-                for f in findings
-            )
+        rows = (
+            (_MARKS[f.state], f.topic, f.subject, one_line(f.found) + (f"; {f.remedy}" if f.remedy else ""))
+            for f in findings
+        )
+        self.say({"findings": [asdict(finding) for finding in findings], "is_healthy": not num_bad}, table(rows))
         return not num_bad

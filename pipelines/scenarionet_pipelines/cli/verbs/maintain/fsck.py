@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
-from scenarionet_pipelines.cli.output import count, print_json, print_table, size
+from scenarionet_pipelines.cli.output import count, size, table
 from scenarionet_pipelines.cli.verb import LakeVerb, Progressing, option
 from scenarionet_pipelines.messages import one_line
 
@@ -55,12 +56,8 @@ class FsckVerb(LakeVerb, Progressing):
         with self.progress(f"fsck {self.lake}", "file") as progress:
             found = fsck(self.lake, is_deep=self.deep, workers=self.workers, on_progress=progress.update)
         again = repair(self.lake, found) if self.is_repair and not found.is_whole else []
-        if self.as_json:
-            print_json(asdict(found) | {"is_whole": found.is_whole, "convert_again": again})
-            return found.is_whole
-        self.show(found)
-        if again:
-            click.echo(f"convert again: {', '.join(again[:_SHOWN])}")
+        lines = [*self.lines(found), *([f"convert again: {', '.join(again[:_SHOWN])}"] if again else [])]
+        self.say(asdict(found) | {"is_whole": found.is_whole, "convert_again": again}, lines)
         return found.is_whole
 
     def upgrade(self) -> bool:
@@ -71,32 +68,27 @@ class FsckVerb(LakeVerb, Progressing):
             raise click.UsageError("--upgrade does not repair: run --deep --repair first")
         with self.progress(f"upgrade {self.lake}", "file") as progress:
             done = upgrade(self.lake, workers=self.workers or 1, on_progress=progress.update)
-        if self.as_json:
-            print_json(asdict(done) | {"is_complete": done.is_complete})
-        elif not done.check.is_whole:
-            self.show(done.check)
-            click.echo("nothing was upgraded: repair these problems first")
-        else:
-            rows = [("rewritten", count(done.shards, "shard")), ("sealed", count(done.sealed, "other file"))]
-            rows += [("failed", f"{name}: {one_line(reason)}") for name, reason in done.failed[:_SHOWN]]
-            if done.left:
-                kept = f"{count(done.left, 'shard')} that other jobs kept changing: run the same command again"
-                rows.append(("left", kept))
-            print_table(rows)
+        rows = [("rewritten", count(done.shards, "shard")), ("sealed", count(done.sealed, "other file"))]
+        rows += [("failed", f"{name}: {one_line(reason)}") for name, reason in done.failed[:_SHOWN]]
+        if done.left:
+            kept = f"{count(done.left, 'shard')} that other jobs kept changing: run the same command again"
+            rows.append(("left", kept))
+        nothing = "nothing was upgraded: repair these problems first"
+        lines = table(rows) if done.check.is_whole else [*self.lines(done.check), nothing]
+        self.say(asdict(done) | {"is_complete": done.is_complete}, lines)
         return done.is_complete
 
-    def show(self, found: Fsck) -> None:
-        """Print the problems and what was checked."""
+    def lines(self, found: Fsck) -> Iterator[str]:
+        """Yield the problems and what was checked."""
         for problem in found.problems[:_SHOWN]:
-            click.echo(f"{problem.file}\n  {one_line(problem.reason)}\n  {problem.remedy.replace('LAKE', self.lake)}")
+            yield f"{problem.file}\n  {one_line(problem.reason)}\n  {problem.remedy.replace('LAKE', self.lake)}"
         if len(found.problems) > _SHOWN:
-            click.echo(f"... and {len(found.problems) - _SHOWN:,} more; --json lists them all")
+            yield f"... and {len(found.problems) - _SHOWN:,} more; --json lists them all"
         verdict = "intact" if found.is_whole else count(len(found.problems), "problem")
-        rows = [
-            ("checked", f"{count(found.num_files, 'file')} of {count(len(found.snapshots), 'snapshot')}: {verdict}")
-        ]
+        files = f"{count(found.num_files, 'file')} of {count(len(found.snapshots), 'snapshot')}"
+        rows = [("checked", f"{files}: {verdict}")]
         rows += [("left over", f"{count(n.num_files, 'file')}, {size(n.size)}, {n.text}") for n in found.notes]
         if found.unsealed:
             text = f"{count(len(found.unsealed), 'file')} of an older version, of which not every byte can be verified"
             rows.append(("unsealed", f"{text}: `scenarionet maintain fsck {self.lake} --upgrade` seals them"))
-        print_table(rows)
+        yield from table(rows)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from scenarionet_pipelines.cli.output import count, print_json, print_table, size
+from scenarionet_pipelines.cli.output import count, size, table
 from scenarionet_pipelines.cli.parameters import seconds
 from scenarionet_pipelines.cli.verb import LakeVerb, Progressing, option
 
@@ -42,21 +42,14 @@ class VacuumVerb(LakeVerb, Progressing):
         age = None if self.older_than is None else seconds(self.older_than, "--older-than", allow_zero=True)
         if self.yes:
             with self.progress(f"vacuum {self.lake}", "file") as progress:
-                done = vacuum(
-                    self.lake,
-                    keep_last=self.keep_last,
-                    older_than=age,
-                    on_progress=progress.update,
-                )
+                done = vacuum(self.lake, keep_last=self.keep_last, older_than=age, on_progress=progress.update)
         else:
             done = plan_vacuum(self.lake, keep_last=self.keep_last, older_than=age)
         young = sum(listed.size for listed in done.young)
-        if self.as_json:
-            content = {"is_done": done.is_done, "expired": done.expired, "kept": done.kept, "needed": done.needed}
-            tables = {name: {"files": number, "bytes": held} for name, (number, held) in done.tables.items()}
-            content |= {"files": [listed.name for listed in done.files], "bytes": done.size, "tables": tables}
-            print_json(content | {"young": {"files": len(done.young), "bytes": young}})
-            return
+        content = {"is_done": done.is_done, "expired": done.expired, "kept": done.kept, "needed": done.needed}
+        tables = {name: {"files": number, "bytes": held} for name, (number, held) in done.tables.items()}
+        content |= {"files": [listed.name for listed in done.files], "bytes": done.size, "tables": tables}
+        content |= {"young": {"files": len(done.young), "bytes": young}}
         would = "" if done.is_done else "would "
         rows = [(would + ("expire" if would else "expired"), numbered(done.expired)), ("kept", numbered(done.kept))]
         rows += [
@@ -69,13 +62,8 @@ class VacuumVerb(LakeVerb, Progressing):
         ]
         if done.young:
             rows += [("left", f"{count(len(done.young), 'file')}, {size(young)}: unused, but younger than a day")]
-        print_table(rows)
-        if done.is_done:
-            click.echo(f"freed {size(done.size)}")
-        elif done.expired or done.files:
-            click.echo(f"add --yes to delete; frees {size(done.size)}")
-        else:
-            click.echo("nothing to do")
+        left = f"add --yes to delete; frees {size(done.size)}" if done.expired or done.files else "nothing to do"
+        self.say(content, [*table(rows), f"freed {size(done.size)}" if done.is_done else left])
 
 
 def numbered(snapshots: tuple[int, ...]) -> str:

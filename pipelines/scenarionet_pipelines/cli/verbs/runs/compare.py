@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from scenarionet_pipelines.cli.output import count, print_json, print_table
+from scenarionet_pipelines.cli.output import count, table
 from scenarionet_pipelines.cli.verb import LakeVerb, argument, option
 
 if TYPE_CHECKING:
@@ -47,13 +48,10 @@ class CompareVerb(LakeVerb):
     fail_if: str | None = option("Exit with 1 if it holds for the last run, as 'crashed > 0.01'.", metavar="SQL")
 
     def run(self) -> bool:
-        from scenarionet_data import Lake
         from scenarionet_sim.evaluation.comparison import JUDGED_BY, compare_runs
 
-        opened = Lake(self.lake)
-        found = compare_runs(
-            opened, *self.runs, where=self.where, by=self.by, event=self.event, judged_by=self.judge or JUDGED_BY
-        )
+        opened, judged_by = self.open(), self.judge or JUDGED_BY
+        found = compare_runs(opened, *self.runs, where=self.where, by=self.by, event=self.event, judged_by=judged_by)
         for name, changed in ((self.better, found.better), (self.worse, found.worse)):
             if name is not None and changed:
                 saved = opened.filter(ids=[scenario_id for scenario_id, _ in changed], name=name, replace=True)
@@ -66,20 +64,17 @@ class CompareVerb(LakeVerb):
             write(found, opened, self.html)
             click.echo(f"wrote {self.html}", err=True)
         failed = self.fail_if is not None and found.holds(self.fail_if, opened)
-        if self.as_json:
-            worse, better, measures = found.verdict()
-            verdict = {"worse": worse, "better": better, "measures": measures}
-            print_json(asdict(found) | {"failed": failed, "verdict": verdict})
-        else:
-            print_comparison(found)
+        worse, better, measures = found.verdict()
+        verdict = {"worse": worse, "better": better, "measures": measures}
+        self.say(asdict(found) | {"failed": failed, "verdict": verdict}, comparison_lines(found))
         if failed:
             click.echo(f"failed: {self.fail_if} holds for {found.runs[-1]}", err=True)
         return not failed
 
 
-def print_comparison(found: RunComparison) -> None:
-    """Print the mean of each metric by run and group, the scenarios that got worst, and the verdict."""
-    from scenarionet_pipelines.report.changes import change_text
+def comparison_lines(found: RunComparison) -> Iterator[str]:
+    """Yield the mean of each metric by run and group, the scenarios that got worst, and the verdict."""
+    from scenarionet_pipelines.report.changes import change_text, mean_text
 
     has_groups = len({each.group for each in found.metrics}) > 1
     heads = ["group"] * has_groups + ["", *found.runs, *(f"change to {run}" for run in found.runs[1:])]
@@ -87,18 +82,15 @@ def print_comparison(found: RunComparison) -> None:
     for each in found.metrics:
         if not any(each.scenarios):
             continue
-        means = [
-            f"{m:.4g} (n = {n:,})" if m is not None else "-" for m, n in zip(each.means, each.scenarios, strict=True)
-        ]
+        means = map(mean_text, each.means, each.scenarios)
         rows.append([each.group] * has_groups + [each.metric, *means, *map(change_text, each.changes[1:])])
-    print_table(rows, heads)
-    for note in found.notes:
-        click.echo(f"note: {note}")
+    yield from table(rows, heads)
+    yield from (f"note: {note}" for note in found.notes)
     last = found.runs[-1]
     changed = f"{count(len(found.better), 'scenario')} better, {len(found.worse):,} worse in {last}"
-    click.echo(f"{changed} by {found.judged_by}")
-    print_table([(scenario_id, f"{change:+.4g}") for scenario_id, change in found.worse[:_WORST]])
+    yield f"{changed} by {found.judged_by}"
+    yield from table([(scenario_id, f"{change:+.4g}") for scenario_id, change in found.worse[:_WORST]])
     worse, better, measures = found.verdict()
     for word, metrics in (("better", better), ("worse", worse)):
         named = f": {', '.join(metrics)}" if metrics else ""
-        click.echo(f"{last} is significantly {word} in {len(metrics)} of {count(measures, 'measure')}{named}")
+        yield f"{last} is significantly {word} in {len(metrics)} of {count(measures, 'measure')}{named}"

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from scenarionet_pipelines.cli.interrupt import keeping
-from scenarionet_pipelines.cli.output import count, print_json
+from scenarionet_pipelines.cli.output import count
 from scenarionet_pipelines.cli.verb import Distributed, argument, option
 
 
@@ -69,10 +69,8 @@ class ExperimentVerb(Distributed):
                 on_progress=lambda done, total, _: progress.update(done, total),
             )  # fmt: skip
         page = write_page(Lake(self.lake), comparison, self.out, begun.read_text("utf-8"))
-        if self.as_json:
-            print_json({"experiment": self.name, "size": self.size, "trainings": total, "page": str(page)})
-        else:
-            click.echo(f"{page}: {count(total, 'training')}")
+        content = {"experiment": self.name, "size": self.size, "trainings": total, "page": str(page)}
+        self.say(content, f"{page}: {count(total, 'training')}")
 
 
 def commit() -> str:

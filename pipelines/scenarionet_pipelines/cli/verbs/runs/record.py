@@ -7,7 +7,7 @@ import time
 import click
 
 from scenarionet_pipelines.cli.interrupt import keeping
-from scenarionet_pipelines.cli.output import count, duration, print_json
+from scenarionet_pipelines.cli.output import count, duration
 from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, Distributed, LakeVerb, option
 
 
@@ -32,7 +32,6 @@ class RecordVerb(LakeVerb, Distributed):
     seed: int = option("Seed of the sensor noise.", default=0)
 
     def run(self) -> None:
-        from scenarionet_data import Lake
         from scenarionet_sim import record
         from scenarionet_sim.sensors.camera import Camera
 
@@ -43,27 +42,21 @@ class RecordVerb(LakeVerb, Distributed):
             self.progress(f"record {run}", "part") as progress,
             keeping(lambda: f"finished scenarios are kept in run {run}"),
         ):
-            skipped = record(
-                self.lake,
-                self.database,
-                name=run,
-                agents=self.agents,
-                seed=self.seed,
-                cameras=(Camera(*pixels(self.camera)),) if self.camera else (),
-                workers=self.num_workers,
-                executor=execution.executor,
-                on_progress=progress.update,
-            )
+            skipped = record(**self.given(record) | {
+                "name": run, "cameras": (Camera(*pixels(self.camera)),) if self.camera else (),
+                "workers": self.num_workers, "executor": execution.executor, "on_progress": progress.update,
+            })  # fmt: skip
         query = "SELECT count(*), count(DISTINCT scenario_id) FROM observations WHERE run = $run"
-        rows, scenarios = Lake(self.lake).sql(query, {"run": run}).row(0)
+        rows, scenarios = self.open().sql(query, {"run": run}).row(0)
         took = time.monotonic() - started
-        if self.as_json:
-            print_json({"run": run, "scenarios": scenarios, "skipped": skipped, "observations": rows, "seconds": took})
-        else:
-            click.echo(f"{run}: {count(rows, 'observation')} of {count(scenarios, 'scenario')}, took {duration(took)}")
-            click.echo(
-                f"Query them: scenarionet sql {self.lake} \"SELECT * FROM observations WHERE run = '{run}' LIMIT 3\""
-            )
+        rest = f"SELECT * FROM observations WHERE run = '{run}' LIMIT 3"
+        self.say(
+            {"run": run, "scenarios": scenarios, "skipped": skipped, "observations": rows, "seconds": took},
+            [
+                f"{run}: {count(rows, 'observation')} of {count(scenarios, 'scenario')}, took {duration(took)}",
+                f'Query them: scenarionet sql {self.lake} "{rest}"',
+            ],
+        )
 
 
 def pixels(size: str) -> tuple[int, int]:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import click
-
-from scenarionet_pipelines.cli.output import print_json
 from scenarionet_pipelines.cli.verb import SNAPSHOT, LakeVerb, argument
 
 
@@ -23,10 +20,5 @@ class FilesVerb(LakeVerb):
     snapshot: int | None = SNAPSHOT
 
     def run(self) -> None:
-        from scenarionet_data import Lake
-
-        paths = Lake(self.lake, self.snapshot).paths(self.table)
-        if self.as_json:
-            print_json({"table": self.table, "files": paths})
-        else:
-            click.echo("\n".join(paths), nl=bool(paths))
+        paths = self.open().paths(self.table)
+        self.say({"table": self.table, "files": paths}, paths)

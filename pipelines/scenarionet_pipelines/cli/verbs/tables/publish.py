@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 import click
 
-from scenarionet_pipelines.cli.output import count, print_json, print_table
+from scenarionet_pipelines.cli.output import count, table
 from scenarionet_pipelines.cli.verb import LakeVerb, option
 
 
@@ -27,19 +27,13 @@ class PublishVerb(LakeVerb):
     ducklake: str | None = option("Write a DuckLake; needs DuckDB's extension ducklake.", metavar="FOLDER")
 
     def run(self) -> None:
-        from scenarionet_data import Lake
-
         if (self.iceberg is None) == (self.ducklake is None):
             raise click.UsageError("give one of --iceberg FOLDER and --ducklake FOLDER")
-        lake = Lake(self.lake)
+        lake = self.open()
         done = lake.publish(self.ducklake, "ducklake") if self.ducklake else lake.publish(self.iceberg or "", "iceberg")
-        if self.as_json:
-            print_json(asdict(done))
-            return
-        print_table((name, count(rows, "row"), done.locations[name]) for name, rows in done.num_rows.items())
-        click.echo(f"{done.path}: snapshot {done.snapshot} as {done.catalog}")
+        lines = table((name, count(rows, "row"), done.locations[name]) for name, rows in done.num_rows.items())
+        lines.append(f"{done.path}: snapshot {done.snapshot} as {done.catalog}")
         if not done.is_kept:
-            click.echo(
-                f"note: vacuum may delete files of snapshot {done.snapshot} once it is old; a database keeps it: "
-                f"scenarionet filter {self.lake} --name published"
-            )
+            old = f"vacuum may delete files of snapshot {done.snapshot} once it is old"
+            lines.append(f"note: {old}; a database keeps it: scenarionet filter {self.lake} --name published")
+        self.say(asdict(done), lines)
