@@ -40,7 +40,7 @@ def reading(path: Path | str) -> Iterator[None]:
         yield
     except FileGone:
         raise
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise damaged(path, _reason(error)) from error
 
 

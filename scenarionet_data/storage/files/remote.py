@@ -184,7 +184,8 @@ class RemoteLakeFiles(LakeFiles):
         while len(end) < (needed := min(seals.needed(end), size)):
             size, end = self._last(name, needed)
         try:
-            return size, end, seals.check_end(end, size, self.place(name), self.url(name))
+            found = seals.check_end(end, size, self.place(name), self.url(name))
+            return size, end, found or seals.open_end(self.verified(name), self.place(name))
         except LakeError:  # not kept, so that a file that has been restored is read
             self._copies.discard(f"{name}.end", str(FOOTER))
             self._copies.discard(f"{name}.end", str(needed))

@@ -2,8 +2,8 @@
 
 Version 0.2 put digests of the footer and of all other bytes before the footer, each followed by the file's name.
 Version 0.1 had no seals: files of tables that are named by their content are compared with the digest in the name; of
-the others, footer and page headers are checked against themselves and the size of the file, because Arrow may end the
-process over a damaged one, and rows are compared with their folder.
+the others, Arrow reads every row before anything else looks at the footer, whose errors Arrow then raises instead of
+ending the process, and rows are compared with their folder.
 """
 
 from __future__ import annotations
@@ -12,16 +12,12 @@ import hashlib
 import re
 from io import BufferedReader
 from pathlib import Path
-from typing import Any
 
 import pyarrow.parquet as pq
 from xxhash import xxh3_128, xxh3_128_digest
 
-from scenarionet_data.storage.files.errors import damaged
-from scenarionet_data.storage.integrity.file_end import MARK, TAIL, WINDOW, FileEnd, Place
-from scenarionet_data.storage.integrity.footers.checks import check_footer
-from scenarionet_data.storage.integrity.footers.pages import check_chunk
-from scenarionet_data.storage.integrity.footers.thrift import Malformed
+from scenarionet_data.storage.files.errors import damaged, reading
+from scenarionet_data.storage.integrity.file_end import MARK, WINDOW, FileEnd, Place
 
 _NAMED_BY_CONTENT = re.compile(r"(?:tracks|lights|maps|quarantine|defects)/.*-([0-9a-f]{16})\.parquet")
 _MAGIC = b"SNSEAL\x00\x01"
@@ -46,7 +42,7 @@ def verify(file: BufferedReader, tail: bytes, end: FileEnd, place: Place, url: P
     Raises:
         LakeError: It is damaged, or not the file that was published at this place.
     """
-    digest = _digest_of_body(tail, end, place, url)
+    digest = verify_footer(tail, end, place, url)
     file.seek(0)
     if digest is not None:
         body, left = xxh3_128(), end.body - _SEAL
@@ -58,24 +54,19 @@ def verify(file: BufferedReader, tail: bytes, end: FileEnd, place: Place, url: P
     elif by_content := _NAMED_BY_CONTENT.fullmatch(place.name):
         is_whole = hashlib.file_digest(file, "sha256").hexdigest().startswith(by_content[1])
     else:
-        _check_pages(memoryview(file.read()), _check_footer(end, url), url)
-        if place.name.startswith("metadata/"):
-            _check_partition(file, place.name, url)
+        _read_rows(file, place.name, url)
         return False
     if not is_whole:
         raise damaged(url, "its bytes differ from those that were written under this name")
     return True
 
 
-def check_end(tail: bytes, end: FileEnd, place: Place, url: Path | str) -> FileEnd:
-    """Verify as much of such a file in an object store as its last bytes allow; see :func:`verify`."""
-    if _digest_of_body(tail, end, place, url) is None:
-        _check_footer(end, url)
-    return end
+def verify_footer(tail: bytes, end: FileEnd, place: Place, url: Path | str) -> bytes | None:
+    """Digest of all bytes before the seal of version 0.2, whose footer is verified; None for a file without one.
 
-
-def _digest_of_body(tail: bytes, end: FileEnd, place: Place, url: Path | str) -> bytes | None:
-    """Digest of all bytes before the seal of version 0.2, whose footer is verified; None for a file without one."""
+    Raises:
+        LakeError: The footer or the seal is damaged, or the file is of another lake.
+    """
     if not place.may_be_older:
         raise damaged(url, "it has no seal of this lake: its seal is destroyed, or it is of another lake")
     before = tail[: -len(end.footer)][-_SEAL:]
@@ -89,29 +80,22 @@ def _digest_of_body(tail: bytes, end: FileEnd, place: Place, url: Path | str) ->
     return digests[_DIGEST:]
 
 
-def _check_footer(end: FileEnd, url: Path | str) -> list[dict[str, Any]]:
-    try:
-        return check_footer(end.footer[:-TAIL], end.body)
-    except Malformed as error:
-        raise damaged(url, f"its footer is damaged, {error}") from error
+def _read_rows(file: BufferedReader, name: str, url: Path | str) -> None:
+    """Read every row, and check that those of a metadata file belong to its folder: two files may have been exchanged.
 
-
-def _check_pages(content: memoryview, columns: list[dict[str, Any]], url: Path | str) -> None:
-    """Check the sizes of all pages, which are allocated before they are read."""
-    for column in columns:
-        try:
-            check_chunk(content, column)
-        except Malformed as error:
-            raise damaged(url, f"its column {column['path'][0]} is damaged, {error}") from error
-
-
-def _check_partition(file: BufferedReader, name: str, url: Path | str) -> None:
-    """Check that the rows of a metadata file belong to its folder: two files may have been exchanged."""
-    wanted = dict(part.split("=", 1) for part in name.split("/") if "=" in part)
-    file.seek(0)
-    content = pq.ParquetFile(file)
-    if not set(wanted).issubset(content.schema_arrow.names):
-        raise damaged(url, "it is a file of another table")
-    rows = content.read(list(wanted), use_threads=False)
+    Raises:
+        LakeError: Arrow cannot read it, it has other rows than its footer says, or rows of another folder.
+    """
+    wanted = dict(part.split("=", 1) for part in name.split("/") if "=" in part) if name.startswith("metadata/") else {}
+    with reading(url):
+        content = pq.ParquetFile(file)
+        footer = content.metadata
+        said, held = footer.num_rows, [footer.row_group(number).num_rows for number in range(footer.num_row_groups)]
+        if said != sum(held) or min(held, default=0) < 0:  # of so many rows Arrow allocates the values
+            raise damaged(url, f"its footer says {said:,} rows, its row groups {sum(held):,}")
+        rows = content.read(use_threads=False)
+        rows.validate(full=True)
+        if not set(wanted).issubset(rows.column_names):
+            raise damaged(url, "it is a file of another table")
     if any(set(rows[column].to_pylist()) - {value} for column, value in wanted.items()):
         raise damaged(url, "its rows belong to another folder")

@@ -159,8 +159,8 @@ def parsed(end: FileEnd, url: Path | str) -> pq.FileMetaData:
         return pq.read_metadata(pa.BufferReader(end.footer))
 
 
-def check_end(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd:
-    """The verified end of a file of which only the last bytes have been read.
+def check_end(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd | None:
+    """The verified end of a file of which only the last bytes have been read; None for a file that has to be read.
 
     Args:
         end: Its last bytes: at least :func:`needed`, or the whole file.
@@ -172,7 +172,7 @@ def check_end(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd:
         LakeError: It is damaged, or not the file that was published at this place.
     """
     found = _checked(end, size, place, url)
-    return found if found.digest else older_files.check_end(end, found, place, url)
+    return found if found.digest or older_files.verify_footer(end, found, place, url) else None
 
 
 def _checked(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd:

@@ -25,8 +25,6 @@ from scenarionet_data.arrays.columns import FIRST, SIZE, ColumnBlock, ColumnLayo
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.compiled.checking import unchecked
-from scenarionet_data.storage.integrity.footers.pages import check_headers
-from scenarionet_data.storage.integrity.footers.thrift import Malformed
 from scenarionet_data.storage.read.parquet import page_kernels as pages
 from scenarionet_data.storage.read.parquet.footer import Reservation, RowGroup, StoredGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.row_group_kernels import read_row_group
@@ -188,8 +186,6 @@ def read_by_arrow(groups: Sequence[RowGroup], layout: ColumnLayout) -> Columns:
     """
     runs: list[list[RowGroup]] = []
     for group in groups:
-        if not group.footer.digests:
-            _check_pages(group, layout)
         if runs and runs[-1][0].footer is group.footer and runs[-1][0].content is group.content:
             runs[-1].append(group)
         else:
@@ -206,17 +202,6 @@ def read_by_arrow(groups: Sequence[RowGroup], layout: ColumnLayout) -> Columns:
         except (OSError, pa.ArrowException) as error:
             raise UnreadableFile(footer.url, str(error)) from error
     return from_arrow(pa.concat_tables(tables, promote_options="default"), layout)
-
-
-def _check_pages(group: RowGroup, layout: ColumnLayout) -> None:
-    """Check the page headers of a row group without a digest before Arrow reads them, which believes them."""
-    for column, chunk in zip(layout.columns, group.footer.stored(group.number).chunks.tolist(), strict=True):
-        if column.name in group.footer.present:
-            try:
-                start, end = chunk[pages.CHUNK_START] - group.base, chunk[pages.CHUNK_END] - group.base
-                check_headers(group.content.data, start, end, chunk[pages.NUM_VALUES], chunk[pages.CHUNK_SIZE])
-            except Malformed as error:
-                raise UnreadableFile(group.footer.url, f"column {column.name}: {error}") from error
 
 
 class _Window(io.RawIOBase):
