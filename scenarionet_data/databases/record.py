@@ -11,7 +11,6 @@ from typing import Any
 
 import pyarrow as pa
 
-from scenarionet_data.databases import versions as numbered
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import damaged, writing
@@ -22,9 +21,38 @@ _FOLDER = "databases"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
 
 
-versions = partial(numbered.numbers, _FOLDER)
-next_version = partial(numbered.following, _FOLDER)
-drop = partial(numbered.drop, _FOLDER)
+DROPPED = "dropped/"
+"""Folder of marks: one for each version that was dropped, so that ``name@version`` means one content for ever."""
+
+
+def numbers(kind: str, files: LakeFiles, name: str, suffix: str = ".parquet") -> list[int]:
+    """Return the versions of a database or user column in ascending order; empty if there are none.
+
+    Args:
+        kind: ``databases`` or ``layers``; behind DROPPED, versions that were dropped.
+        files: The lake.
+        name: The database, or the user column.
+        suffix: Of the files.
+    """
+    return files.numbers(f"{kind}/{name}", suffix)
+
+
+def following(kind: str, files: LakeFiles, name: str) -> int:
+    """Return the number of the next version, which none had before, not even one that was dropped."""
+    return 1 + max([0, *files.numbers(f"{kind}/{name}"), *files.numbers(f"{DROPPED}{kind}/{name}", "")])
+
+
+def drop_versions(kind: str, files: LakeFiles, name: str, version: int | None = None) -> None:
+    """Remove all versions, or one."""
+    there = numbers(kind, files, name)
+    for number in there if version is None else [version]:
+        files.publish_new(f"{DROPPED}{kind}/{name}/{number}", b"")
+    files.remove(f"{kind}/{name}" if version is None or there == [version] else f"{kind}/{name}/{version}.parquet")
+
+
+versions = partial(numbers, _FOLDER)
+next_version = partial(following, _FOLDER)
+drop = partial(drop_versions, _FOLDER)
 
 
 @dataclass(frozen=True)

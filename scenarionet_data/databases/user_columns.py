@@ -19,7 +19,6 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from scenarionet_data.databases import record as records
-from scenarionet_data.databases import versions as numbered
 from scenarionet_data.errors import BadParameter, UserColumnNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import damaged, writing
@@ -31,9 +30,9 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _RESERVED = {"weight", "position", "place", "parent"}
 """Columns of database members that ``metadata`` does not have."""
 
-versions = partial(numbered.numbers, _FOLDER)
-next_version = partial(numbered.following, _FOLDER)
-drop = partial(numbered.drop, _FOLDER)
+versions = partial(records.numbers, _FOLDER)
+next_version = partial(records.following, _FOLDER)
+drop = partial(records.drop_versions, _FOLDER)
 
 
 @dataclass(frozen=True)

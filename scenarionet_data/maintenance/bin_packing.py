@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.places import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
-from scenarionet_data.storage.write import layouts, rewriting
+from scenarionet_data.storage.write import layouts
 from scenarionet_data.storage.write.layouts import Layout
 
 _SCENARIOS_PER_BIN = 1024
@@ -71,7 +72,15 @@ def _bins(records: Iterable[ShardRecord], profile: Layout) -> Iterator[list[Shar
     for record in records:
         units[layouts.unit_of(record)].append(record)
     loose = [unit for unit in units.values() if not _has_good_layout(unit, profile, _MIN_FILL)]
-    for together in _packed(loose):
+    bins, count = list[list[list[ShardRecord]]](), 0
+    for unit in loose:
+        size = sum(record.num_scenarios for record in unit)
+        if not bins or count + size > _SCENARIOS_PER_BIN:
+            bins.append([])
+            count = 0
+        bins[-1].append(unit)
+        count += size
+    for together in bins:
         is_alone = len(together) == 1
         if not (is_alone and _has_good_layout(together[0], profile, 0.0)):
             yield [record for unit in together for record in unit]
@@ -86,26 +95,11 @@ def _has_good_layout(unit: list[ShardRecord], profile: Layout, filled: float) ->
     return layouts.layout_of(unit[0]) == profile and (is_least if not filled else is_filled)
 
 
-def _packed(units: list[list[ShardRecord]]) -> Iterator[list[list[ShardRecord]]]:
-    """Group consecutive units into bins."""
-    together: list[list[ShardRecord]] = []
-    count = 0
-    for unit in units:
-        size = sum(record.num_scenarios for record in unit)
-        if together and count + size > _SCENARIOS_PER_BIN:
-            yield together
-            together, count = [], 0
-        together.append(unit)
-        count += size
-    if together:
-        yield together
-
-
 def content_sizes(records: Iterable[ShardRecord]) -> dict[str, int]:
     """Size of each file of tracks, lights and maps of some shards."""
     return {
         name: size
         for record in records
         for name, size in zip(record.files, record.sizes, strict=True)
-        if name.split("/")[0] in rewriting.TABLES
+        if name.split("/")[0] in tables.LOADED
     }

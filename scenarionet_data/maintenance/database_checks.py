@@ -11,7 +11,8 @@ from functools import cached_property
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data.databases import pack_origins, versions
+from scenarionet_data.databases import pack_origins
+from scenarionet_data.databases import record as records
 from scenarionet_data.databases.record import Lineage
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance.findings import Findings
@@ -184,8 +185,8 @@ def _versions(files: LakeFiles, folder: str, found: Findings) -> Iterator[str]:
     """File of every version of every database or user column."""
     for name in files.folders(folder):
         found.refuse_folders(files, f"{folder}/{name}")
-        dropped = versions.numbers(versions.DROPPED + folder, files, name, "")
-        for number in versions.numbers(folder, files, name):
+        dropped = records.numbers(records.DROPPED + folder, files, name, "")
+        for number in records.numbers(folder, files, name):
             file = f"{folder}/{name}/{number}.parquet"
             if number in dropped:
                 found.damages.append(Damage(file, "it was dropped, and has come back, for example from a copy"))

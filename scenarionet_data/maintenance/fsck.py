@@ -17,6 +17,7 @@ from scenarionet_data.maintenance import content_checks, database_checks, run_ch
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.maintenance.repair_advice import Inputs, remedy
 from scenarionet_data.maintenance.vacuuming import list_files
+from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import IDENTITY, LakeFiles
 from scenarionet_data.storage.files.places import LakeFilesLike, open_files
 from scenarionet_data.storage.integrity.file_checks import Damage, Written
@@ -25,7 +26,6 @@ from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
-from scenarionet_data.storage.write.rewriting import TABLES
 
 
 @dataclass(frozen=True)
@@ -110,9 +110,23 @@ def fsck(
             Problem(each.file, _reason(each), remedy(each.file, Inputs([]))) for each in found.damages
         )
         return Fsck((), 0, tuple(problems), ())
-    readable = _read_snapshots(files, found)
-    lists = _read_manifests(files, readable, found, is_deep=is_deep)
-    written = _written(lists)
+    readable: dict[int, Snapshot] = {}
+    found.refuse_folders(files, snapshots.FOLDER)
+    for number in snapshots.numbers(files):
+        name = snapshots.file_name(number)
+        with found.of(name):
+            readable[number], is_sealed = snapshots.parse(files, number)
+            found.saw(name, is_older=not is_sealed)
+    manifest_names = sorted({name for snapshot in readable.values() for name in snapshot.manifests})
+    lists: dict[str, pa.Table] = {}  # files that each intact manifest lists
+    for name in manifest_names:
+        with found.of(name):
+            if is_deep:
+                files.verify(name)
+            lists[name] = manifests.read_files(files, name)
+            found.saw(name, is_older=not files.end(name).digest)
+    together = _together(lists, lists)
+    written = listed(together) | dict.fromkeys(pc.unique(together["metadata_file"]).drop_null().to_pylist(), Written())
     merged = dict.fromkeys((name for snapshot in readable.values() for name in snapshot.metadata), Written())
     verifier = Verifier(files, is_deep=is_deep, workers=workers or os.cpu_count() or 1)
     found.damages += verifier.files(merged | written, on_progress and (lambda done, total: on_progress(done, total, 0)))
@@ -127,9 +141,11 @@ def fsck(
     newest = [name for name in (readable[max(readable)].manifests if readable else ()) if name in lists]
     inputs = Inputs(manifests.read(files, name) for name in (newest if found.damages else ()))
     problems = dict.fromkeys(Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in found.damages)
-    named = set(merged).union(written, lists) if len(lists) == len(_manifest_names(readable)) else None
-    notes, unsealed = _notes(files, named), _unverified(found.older, written, listed(_together(lists, newest)))
-    return Fsck(tuple(readable), len(merged | written), tuple(problems), notes, unsealed)
+    named = set(merged).union(written, lists) if len(lists) == len(manifest_names) else None
+    # Data files of the newest snapshot are read in parts.
+    current = {name for name in listed(_together(lists, newest)) if name.split("/")[0] in tables.LOADED}
+    older = (name for name in found.older if name in current or not written.get(name, Written()).checksum)
+    return Fsck(tuple(readable), len(merged | written), tuple(problems), _notes(files, named), tuple(sorted(older)))
 
 
 def repair(lake: LakeFilesLike, found: Fsck) -> list[str]:
@@ -157,36 +173,6 @@ def repair(lake: LakeFilesLike, found: Fsck) -> list[str]:
     return [record.name for record in hit]
 
 
-def _read_snapshots(files: LakeFiles, found: Findings) -> dict[int, Snapshot]:
-    """Read all snapshots; return the readable ones."""
-    readable: dict[int, Snapshot] = {}
-    found.refuse_folders(files, snapshots.FOLDER)
-    for number in snapshots.numbers(files):
-        name = snapshots.file_name(number)
-        with found.of(name):
-            readable[number], is_sealed = snapshots.parse(files, number)
-            found.saw(name, is_older=not is_sealed)
-    return readable
-
-
-def _read_manifests(
-    files: LakeFiles, readable: dict[int, Snapshot], found: Findings, *, is_deep: bool
-) -> dict[str, pa.Table]:
-    """Read all manifests; return the files that each intact one lists."""
-    lists: dict[str, pa.Table] = {}
-    for name in _manifest_names(readable):
-        with found.of(name):
-            if is_deep:
-                files.verify(name)
-            lists[name] = manifests.read_files(files, name)
-            found.saw(name, is_older=not files.end(name).digest)
-    return lists
-
-
-def _manifest_names(readable: dict[int, Snapshot]) -> list[str]:
-    return sorted({name for snapshot in readable.values() for name in snapshot.manifests})
-
-
 def _check_references(
     files: LakeFiles, readable: dict[int, Snapshot], bases: set[int], verifier: Verifier, found: Findings
 ) -> None:
@@ -199,13 +185,6 @@ def _check_references(
                 found.damages += verifier.references(readable[number], shards)
 
 
-def _written(lists: Mapping[str, pa.Table]) -> dict[str, Written]:
-    """Recorded properties of every file of a shard."""
-    together = _together(lists, lists)
-    metadata = pc.unique(together["metadata_file"]).drop_null()
-    return listed(together) | dict.fromkeys(metadata.to_pylist(), Written())
-
-
 def _together(lists: Mapping[str, pa.Table], names: Iterable[str]) -> pa.Table:
     """Files listed by several manifests."""
     return pa.concat_tables([manifests.NO_FILES, *(lists[name] for name in names)])
@@ -214,12 +193,6 @@ def _together(lists: Mapping[str, pa.Table], names: Iterable[str]) -> pa.Table:
 def _reason(damage: Damage) -> str:
     """Return the reason without the remedy at the end of an error message."""
     return damage.reason.partition("; ")[0]
-
-
-def _unverified(older: set[str], written: Mapping[str, Written], newest: Iterable[str]) -> tuple[str, ...]:
-    """Unsealed files without a recorded checksum, and data files of the newest snapshot, which are read in parts."""
-    current = {name for name in newest if name.split("/")[0] in TABLES}
-    return tuple(sorted(name for name in older if name in current or not written.get(name, Written()).checksum))
 
 
 def _notes(files: LakeFiles, named: set[str] | None) -> tuple[Note, ...]:

@@ -19,25 +19,17 @@ def check(files: LakeFiles, found: Findings, *, is_deep: bool) -> None:
             continue  # the seals of the others cover its id
         for table in files.folders(f"results/{run}"):
             if table in evaluation_runs.RUN_TABLES:
-                _check_parts(files, f"results/{run}/{table}", table, found, is_deep=is_deep)
-        _check_checkpoints(files, f"results/{run}/checkpoints", found, is_deep=is_deep)
+                found.refuse_folders(files, f"results/{run}/{table}")
+                for name in files.names(f"results/{run}/{table}", ".parquet"):
+                    with found.of(name):
+                        intact = check_file(files, name, Written(), table=table, is_deep=is_deep)
+                        found.saw(name, is_older=intact.is_older)
+        found.refuse_folders(files, f"results/{run}/checkpoints")
+        for name in files.names(f"results/{run}/checkpoints") if is_deep else ():
+            with found.of(name):
+                checkpoints.verify_file(files, name)
         with found.of(description):
             _check_complete(files, run, found)
-
-
-def _check_parts(files: LakeFiles, folder: str, table: str, found: Findings, *, is_deep: bool) -> None:
-    found.refuse_folders(files, folder)
-    for name in files.names(folder, ".parquet"):
-        with found.of(name):
-            intact = check_file(files, name, Written(), table=table, is_deep=is_deep)
-            found.saw(name, is_older=intact.is_older)
-
-
-def _check_checkpoints(files: LakeFiles, folder: str, found: Findings, *, is_deep: bool) -> None:
-    found.refuse_folders(files, folder)
-    for name in files.names(folder) if is_deep else ():
-        with found.of(name):
-            checkpoints.verify_file(files, name)
 
 
 def _check_complete(files: LakeFiles, run: str, found: Findings) -> None:

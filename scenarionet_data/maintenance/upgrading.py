@@ -23,6 +23,7 @@ from scenarionet_data.maintenance.bin_packing import Bin
 from scenarionet_data.maintenance.compaction import COMMIT_EVERY, ROUNDS, BinResult, lost_bin
 from scenarionet_data.maintenance.fsck import Fsck, fsck
 from scenarionet_data.packs.contents import SUMS, renew_sums
+from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.places import LakeFilesLike, open_files
@@ -135,7 +136,7 @@ def _unsealed_bins(files: LakeFiles) -> Iterable[Bin]:
     for record in manifests.shards(files, snapshots.read(files)):
         units[record.dataset, record.version, record.split, layouts.unit_of(record)].append(record)
     for records in units.values():
-        names = {name for record in records for name in record.files if name.split("/")[0] in rewriting.TABLES}
+        names = {name for record in records for name in record.files if name.split("/")[0] in tables.LOADED}
         if any(not files.end(name).digest for name in sorted(names)):
             yield Bin(str(files.root), layouts.layout_of(records[0]).name, tuple(records))
 
@@ -154,25 +155,20 @@ def _commit(files: LakeFiles, finished: list[Rewritten], report: Upgrade) -> int
 
 
 def _seal_others(files: LakeFiles, report: Upgrade, on_progress: Progress | None) -> None:
-    """Seal the unsealed files that were found by the check, except data files."""
-    names = [name for name in report.check.unsealed if name.split("/")[0] not in rewriting.TABLES]
+    """Replace the unsealed files that were found by the check, except data files, each by itself with a seal."""
+    names = [name for name in report.check.unsealed if name.split("/")[0] not in tables.LOADED]
     for done, name in enumerate(names, start=1):
         if files.has(name):  # otherwise a vacuum has deleted it in the meantime
-            _seal(files, name)
+            source, temporary = files.path(name), files.temporary()
+            with writing(temporary, temporary):
+                if name.endswith(".json"):
+                    content, _ = seals.read_json(source.read_bytes(), files.place(name))
+                    temporary.write_bytes(seals.seal_json(content, files.place_to_write(name)))
+                else:
+                    copy_sealed(files, name, temporary, files.place_to_write(name))
+                shutil.copystat(source, temporary)  # the age of a snapshot is the time of its publication
+            files.publish(temporary, name)
+            snapshots.remove_expired(files, name)
             report.sealed += 1
         if on_progress:
             on_progress(done, len(names), 0)
-
-
-def _seal(files: LakeFiles, name: str) -> None:
-    """Replace a file by itself with a seal, under the same name and with the same time of publication."""
-    source, temporary = files.path(name), files.temporary()
-    with writing(temporary, temporary):
-        if name.endswith(".json"):
-            content, _ = seals.read_json(source.read_bytes(), files.place(name))
-            temporary.write_bytes(seals.seal_json(content, files.place_to_write(name)))
-        else:
-            copy_sealed(files, name, temporary, files.place_to_write(name))
-        shutil.copystat(source, temporary)  # the age of a snapshot is the time of its publication
-    files.publish(temporary, name)
-    snapshots.remove_expired(files, name)

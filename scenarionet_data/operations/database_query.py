@@ -221,7 +221,7 @@ class DatabaseQuery:
             snapshot=self.view.snapshot.number,
             created_at=snapshots.now(),
             count=0,
-            created_with=version.name_and_version(),
+            created_with=version.NAME_AND_VERSION,
             user_columns=sorted(user_columns),
         )
 

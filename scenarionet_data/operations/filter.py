@@ -93,14 +93,14 @@ def find_scenarios(
     check_expression(where)
     if not isinstance(parameters or {}, Mapping):
         raise BadParameter(f"parameters: wanted values by name, as {{'min': 10}}, found {parameters!r}")
-    named = FILTERS.resolve(filters)
+    named = FILTERS.resolve(filters) if filters else []
     if ids is not None:
         if isinstance(ids, str):
             raise BadParameter(f"ids: wanted a list of ids, found the text {ids!r}; put it into a list")
         named.append((FILTERS.load("ids"), {"ids": list(ids)}))
         _check_ids(query, list(ids))
     happening = []
-    for event, values in EVENTS.resolve(events):
+    for event, values in EVENTS.resolve(events) if events else ():
         occurs = f"scenario_id IN (SELECT scenario_id FROM (\n{event.text}\n))"
         happening.append((replace(event, text=occurs), values))
     conditions, bound = _combined(where, [*named, *happening], parameters or {})

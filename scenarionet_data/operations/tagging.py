@@ -73,7 +73,7 @@ class Tagging(LakeView):
                 source=source,
                 snapshot=self.snapshot.number,
                 created_at=snapshots.now(),
-                created_with=software.name_and_version(),
+                created_with=software.NAME_AND_VERSION,
             )
             if user_columns.publish(self.files, values, column):
                 return column

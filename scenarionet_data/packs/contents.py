@@ -6,7 +6,7 @@ import hashlib
 import json
 import shutil
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,20 +24,12 @@ from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import IDENTITY, LakeFiles, sha256
-from scenarionet_data.storage.read.scenario_rows import ScenarioRows
+from scenarionet_data.storage.integrity.seals import Sealed
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
-from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition, with_files
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
-from scenarionet_data.storage.write.relocation import (
-    MAP_FOOTER,
-    addresses,
-    copy_groups,
-    copy_rows,
-    copy_sealed,
-    provenance,
-    with_addresses,
-)
+from scenarionet_data.storage.write.relocation import MAP_FOOTER, FileWriter, copy_groups, copy_sealed, provenance
 from scenarionet_data.storage.write.shard_writer import SCENARIOS_PER_FILE
 from scenarionet_data.storage.write.table_file import publish_data, publish_table
 
@@ -81,8 +73,10 @@ class PackWriter:
         self._view = view
         self._database = database
         self._target = target
-        self._shards = _shards_by_file(view)
-        self._rows = {table: ScenarioRows(view.files, table) for table in ("tracks", "lights", "maps")}
+        self._shards: dict[str, list[dict[str, Any]]] = defaultdict(list)  # by file; several list a compacted one
+        for row in manifests.shard_table(view.files, view.snapshot).to_pylist():
+            for name in row["files"]:
+                self._shards[name].append(row)
 
     def write(self) -> None:
         """Write all files, SHA256SUMS last."""
@@ -91,36 +85,27 @@ class PackWriter:
         rows = self._view.engine.arrow(query, tables={"members": members})
         records = [self._write_shard(f"packed-{k}", group) for k, group in enumerate(self._by_shard(rows))]
         records += self._write_shared_maps(rows)
-        self._write_user_columns(rows["scenario_id"].combine_chunks())
+        files = self._view.files
+        used = user_columns.parse(self._database.lineage.user_columns).items()
+        existing = {(name, version) for name, version in used if version in user_columns.versions(files, name)}
+        for name, version in sorted(existing | self._view.user_columns.items()):
+            ids = rows["scenario_id"].combine_chunks()
+            path = user_columns.copy_rows(files, self._target, name, version, ids)
+            self.sums[path] = sha256(self._target.path(path))
         self._write_lists(records)
         ancestors = lineage_tree(self._view, self._database).ancestors()
         lineages = {each.reference: each.lineage for each in ancestors if each.lineage is not None}
         self._publish(pack_origins.write(self._target, self._database.reference, lineages), pack_origins.FILE)
-        self._publish_text(make_card(self._database.reference, rows, self.sums), CARD)
+        card = self._target.temporary()
+        with writing(card, card):
+            card.write_text(make_card(self._database.reference, rows, self.sums), "utf-8")
+        self._publish(card, CARD)
         _write_sums(self._target, self.sums)
         shutil.rmtree(self._target.path(".tmp"))
-
-    def _report(self, num_scenarios: int) -> None:
-        """Report progress."""
-        self._num_done += num_scenarios
-        if self._on_progress:
-            self._on_progress(self._num_done, 2 * len(self._database), self._num_done // 2)
 
     def _publish(self, temporary: Path, name: str) -> None:
         self.sums[name] = sha256(temporary)
         self._target.publish(temporary, name)
-
-    def _publish_text(self, text: str, name: str) -> None:
-        temporary = self._target.temporary()
-        with writing(temporary, temporary):
-            temporary.write_text(text, "utf-8")
-        self._publish(temporary, name)
-
-    def _publish_data(self, temporary: Path, stem: str) -> str:
-        """Publish a file of a table; returns its name."""
-        sealed = publish_data(self._target, temporary, stem)
-        self.sums[sealed.name] = sealed.checksum
-        return sealed.name
 
     # --- shards -------------------------------------------------------------------------------------
 
@@ -140,7 +125,7 @@ class PackWriter:
         Raises:
             LakeError: None does: a manifest belongs to another snapshot.
         """
-        if not (shards := self._shards.get(file)):
+        if not (shards := self._shards.get(file, [])):
             files = self._view.files
             raise LakeError(
                 f"{files.url('snapshots')}: metadata name {file}, which no shard of snapshot "
@@ -156,18 +141,14 @@ class PackWriter:
         inputs = {i: f for s in sources.values() for i, f in zip(s["items"], s["fingerprints"], strict=True)}
         folder = (first["dataset"], first["version"], first["split"])
         footer = provenance(self._view.files, [str(source["metadata_file"]) for source in sources.values()]) | {
-            "scenarionet.source": " ".join((*folder, name)),
             "scenarionet.licence": "; ".join(sorted(set(rows["licence"].to_pylist()))),
         }
-        chunks, files = [], []
+        writer, chunks = FileWriter(self._view.files, self._target, folder, name, footer), []
         for start in range(0, rows.num_rows, SCENARIOS_PER_FILE):
-            chunk = rows.slice(start, SCENARIOS_PER_FILE)
-            for table in ("tracks", "lights", "maps"):
-                stem = f"{partition(table, *folder)}/{name}-{start // SCENARIOS_PER_FILE:03d}"
-                chunk, written = self._copy(table, chunk, stem, footer)
-                files += written
-            chunks.append(chunk)
-            self._report(chunk.num_rows)
+            chunks.append(writer.write(rows.slice(start, SCENARIOS_PER_FILE)))
+            self._num_done += chunks[-1].num_rows
+            if self._on_progress:
+                self._on_progress(self._num_done, 2 * len(self._database), self._num_done // 2)
         is_whole = rows.num_rows == sum(int(source["num_scenarios"]) for source in sources.values())
         record = self._record(
             name=name,
@@ -176,9 +157,10 @@ class PackWriter:
             items=list(inputs),
             fingerprints=list(inputs.values()),
             num_scenarios=rows.num_rows,
-            files=files,
+            published=writer.published,
             metadata_folder=partition("metadata", *folder),
         )
+        footer |= {"scenarionet.source": " ".join((*folder, name))}
         content = pa.concat_tables(chunks).drop_columns(["options"])
         footer |= {"scenarionet.shard": json.dumps(asdict(record))}
         name = str(record.metadata_file)
@@ -186,37 +168,23 @@ class PackWriter:
         self.sums[name] = sha256(self._target.path(name))
         return record
 
-    def _copy(self, table: str, rows: pa.Table, stem: str, footer: dict[str, str]) -> tuple[pa.Table, list[str]]:
-        """Copy the rows of some scenarios into one file, a row group each.
-
-        Returns:
-            The metadata rows with the new addresses, and the name of the file if there is one.
-        """
-        chosen = {number: address for number, address in enumerate(addresses(rows, table)) if address.num_rows}
-        if not chosen:
-            return rows, []
-        temporary = self._target.temporary()
-        footer = footer | {"scenarionet.num_scenarios": str(rows.num_rows)}
-        with writing(temporary, temporary):
-            copied = copy_rows(self._rows[table], table, [*chosen.values()], temporary, footer)
-        name = self._publish_data(temporary, stem)
-        return with_addresses(rows, table, name, dict(zip(chosen, copied, strict=True))), [name]
-
-    def _record(self, *, files: list[str], metadata_folder: str | None, **fields: Any) -> ShardRecord:
+    def _record(self, *, published: Sequence[Sealed], metadata_folder: str | None, **fields: Any) -> ShardRecord:
         """Return the record of a packed shard; its key depends on its files."""
-        checksums = [self.sums[name] for name in files]
-        content = json.dumps([fields, files, checksums], sort_keys=True)
+        self.sums.update((each.name, each.checksum) for each in published)
+        listed = [[each.name for each in published], [each.checksum for each in published]]
+        content = json.dumps([fields, *listed], sort_keys=True)
         key = hashlib.blake2b(content.encode(), digest_size=8).hexdigest()
-        return ShardRecord(
+        record = ShardRecord(
             key=key,
             schemas=tables.content_tag(),
             num_quarantined=0,
             metadata_file=f"{metadata_folder}/{fields['name']}-{key}.parquet" if metadata_folder else None,
-            files=files,
-            sizes=[self._target.path(name).stat().st_size for name in files],
-            checksums=checksums,
+            files=[],
+            sizes=[],
+            checksums=[],
             **fields,
         )
+        return with_files(record, published)
 
     # --- maps, user columns, lists ------------------------------------------------------------------
 
@@ -229,23 +197,15 @@ class PackWriter:
             temporary = self._target.temporary()
             numbers = tiles.tiles_in(self._view.files, source, listed)
             copy_groups(self._view.files, "maps", source, numbers, temporary, MAP_FOOTER)
-            name = self._publish_data(temporary, f"{partition('maps', dataset, version, '')}/{map_id}")
+            stem = f"{partition('maps', dataset, version, '')}/{map_id}"
             same = ("dataset", "version", "split", "name", "options", "converter_version", "items", "fingerprints")
             yield self._record(
                 **{field: record[field] for field in same},
                 max_scenarios=None,
                 num_scenarios=0,
-                files=[name],
+                published=[publish_data(self._target, temporary, stem)],
                 metadata_folder=None,
             )
-
-    def _write_user_columns(self, scenario_ids: pa.Array) -> None:
-        files = self._view.files
-        used = user_columns.parse(self._database.lineage.user_columns).items()
-        existing = {(name, version) for name, version in used if version in user_columns.versions(files, name)}
-        for name, version in sorted(existing | self._view.user_columns.items()):
-            path = user_columns.copy_rows(files, self._target, name, version, scenario_ids)
-            self.sums[path] = sha256(self._target.path(path))
 
     def _write_lists(self, records: list[ShardRecord]) -> None:
         """Write the database, the manifest, and the snapshot, with its number in the lake for the lineage."""
@@ -263,12 +223,3 @@ class PackWriter:
         snapshots.publish(self._target, following)
         for name in (IDENTITY, *self._target.names("snapshots")):
             self.sums[name] = sha256(self._target.path(name))
-
-
-def _shards_by_file(view: LakeView) -> dict[str, list[dict[str, Any]]]:
-    """Return the rows of ``shards`` of each file of a snapshot: several for compacted files."""
-    found: dict[str, list[dict[str, Any]]] = defaultdict(list)
-    for row in manifests.shard_table(view.files, view.snapshot).to_pylist():
-        for name in row["files"]:
-            found[name].append(row)
-    return found

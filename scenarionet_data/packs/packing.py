@@ -92,7 +92,17 @@ def pack(
     with _draft(out) as draft:
         written = PackWriter(view, record, LocalLakeFiles(draft), on_progress)
         written.write()
-        _verify_contents(draft, record, on_progress)
+        hashes = record.members["content_hash"].to_pylist()
+        for done, (scenario, expected) in enumerate(
+            zip(ScenarioLoader(draft, record.reference), hashes, strict=True), start=len(record) + 1
+        ):
+            if content_hash(scenario) != expected:
+                raise LakeError(
+                    f"{scenario.id} is damaged in the lake: not as it was converted; restore its files from a copy of "
+                    "the lake, or convert its recordings again"
+                )
+            if on_progress:
+                on_progress(done, 2 * len(record), done // 2)
         num_bytes = sum(draft.joinpath(name).stat().st_size for name in written.sums)
         finished = _as_tar(draft, out) if tar else draft
         with writing(out):
@@ -112,20 +122,6 @@ def _pack_to_url(
         snapshots = LocalLakeFiles(report.path).names("snapshots")
         remote.upload(Path(report.path), last=[SUMS, *reversed(snapshots)])  # the manifest, then the snapshot
     return replace(report, path=url)
-
-
-def _verify_contents(draft: Path, database: DatabaseRecord, on_progress: Progress | None) -> None:
-    """Compare the content hash of every scenario in the pack with the hash from its conversion."""
-    hashes = database.members["content_hash"].to_pylist()
-    scenarios = ScenarioLoader(draft, database.reference)
-    for done, (scenario, expected) in enumerate(zip(scenarios, hashes, strict=True), start=1):
-        if content_hash(scenario) != expected:
-            raise LakeError(
-                f"{scenario.id} is damaged in the lake: not as it was converted; restore its files from a copy of the "
-                "lake, or convert its recordings again"
-            )
-        if on_progress:
-            on_progress(len(database) + done, 2 * len(database), (len(database) + done) // 2)
 
 
 @contextmanager

@@ -82,7 +82,10 @@ def _verify_folder(files: LakeFiles, path: Path | str, on_progress: Progress | N
         if not files.folders("snapshots") and not files.names("snapshots"):
             raise BadParameter(f"{path}: no pack; wanted a folder with {SUMS}, or a tar of it")
         return PackVerification(path, 0, (), (Damage(SUMS, "gone"),))
-    sums = _read_sums(files)
+    text = files.path(SUMS).read_bytes().decode("utf-8", errors="replace")
+    pairs = [line.split("  ", 1) for line in text.splitlines() if "  " in line]
+    # Without invalid lines, and paths that lead out of the pack.
+    sums = {name: digest for digest, name in pairs if ".." not in PurePosixPath(name).parts and name[:1] != "/"}
     references = tuple(_references(sums))
     damages: dict[str, Damage] = {}
     for damage in _damages(files, sums, on_progress):
@@ -109,13 +112,6 @@ def _damages(files: LakeFiles, sums: dict[str, str], on_progress: Progress | Non
             yield Damage(SUMS, f"does not list {unlisted[0] if unlisted else 'the database'}")
         yield from verify(files, snapshot, digest)
         yield from _lost_members(files, _references(sums))
-
-
-def _read_sums(files: LakeFiles) -> dict[str, str]:
-    """Return SHA-256 by file name; invalid lines and paths that lead out of the pack are left out."""
-    text = files.path(SUMS).read_bytes().decode("utf-8", errors="replace")
-    pairs = [line.split("  ", 1) for line in text.splitlines() if "  " in line]
-    return {name: digest for digest, name in pairs if ".." not in PurePosixPath(name).parts and name[:1] != "/"}
 
 
 def _references(sums: dict[str, str]) -> list[str]:

@@ -21,7 +21,6 @@ from scenarionet_data.query.damage import damage
 from scenarionet_data.query.statements import error_position, only_select, quoted
 from scenarionet_data.query.views import Views
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.files.places import is_url
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
@@ -77,7 +76,7 @@ class Engine:
         self._views = Views(
             self._connection, files, snapshot, set(without), set(given), user_columns or {}, chosen, schemas
         )
-        self._filesystem: Any = files.filesystem() if is_url(files.root) else None
+        self._filesystem: Any = files.filesystem()
         if self._filesystem:  # before allowed_directories: DuckDB 1.5 would take its URLs for local folders
             self._connection.register_filesystem(self._filesystem)
         self._lock = threading.Lock()

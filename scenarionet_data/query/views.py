@@ -84,7 +84,10 @@ class Views:
             if user_columns is None:
                 is_all = shows_every_column(self.connection, sql)
                 user_columns = self.user_columns if is_all else words(sql) & set(self.user_columns)
-            self._join(frozenset(user_columns))
+            joined = frozenset(user_columns)
+            if joined != self._joined and "metadata" in self._made:  # a join costs time even if its column is unused
+                self._drop("metadata")
+            self._joined = joined
         defined = _definitions()
         for name in words(sql) & self._made & set(evaluation_runs.RUN_TABLES):
             self._drop(name)  # runs are written beside the snapshot, at any time
@@ -93,12 +96,6 @@ class Views:
         if words(sql) & _COMMENT_TABLES:  # only on demand: comments take a third of the time of a first query
             for name in sorted(self._made - self._commented):
                 self._comment(name)
-
-    def _join(self, names: frozenset[str]) -> None:
-        """Recreate the view metadata with these user columns: a join costs time even if its column is unused."""
-        if names != self._joined and "metadata" in self._made:
-            self._drop("metadata")
-        self._joined = names
 
     def _drop(self, name: str) -> None:
         self.connection.execute(f"DROP VIEW {name}")

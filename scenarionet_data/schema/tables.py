@@ -71,7 +71,7 @@ DESCRIPTION_COLUMNS = (
 
 _BULKY = 4096  # bytes
 
-_LOADED = ("tracks", "lights", "maps")
+LOADED = ("tracks", "lights", "maps")
 """Tables that scenarios are loaded from, one row group at a time."""
 
 SEALED = {"scenarionet.sealed": "2"}
@@ -195,7 +195,7 @@ class Table:
         dictionaries, statistics = list[str](), list[str]()
         for column in self.columns:
             # In zstd, scenarios would be a tenth smaller, and take three times as long to load.
-            is_bulky = column.element == "json" and self.name not in _LOADED
+            is_bulky = column.element == "json" and self.name not in LOADED
             is_bulky = is_bulky and (sample is None or sample.column(column.name).nbytes >= _BULKY)
             compression[column.path] = "zstd" if is_bulky else "lz4"
             if is_bulky:

@@ -122,11 +122,22 @@ def load(files: LakeFiles, run: str, number: int | None = None) -> Checkpoint | 
         return None
     number = known[-1] if number is None else number
     name = _file(run, number)
-    name = name if files.has(name) else _older_files(run, number)[0]
-    path = files.path(name)
+    older, tensors = _older_files(run, number)
+    is_older = not files.has(name)
+    path = files.path(older if is_older else name)
     try:
-        is_older = name.endswith(".json")
-        return Checkpoint(number, *(_read_older(files, name) if is_older else _read(files, name)))
+        if is_older:
+            facts, _ = seals.read_json(files.content(older), files.place(older))
+            data = files.content(tensors)
+            if xxh3_128_hexdigest(data) != facts["tensors"]:
+                raise ValueError("its tensors differ from those that were written")
+            return Checkpoint(number, facts, decode(data)[0])
+        data, place = files.content(name), files.place(name)
+        arrays, metadata = decode(data)
+        written = metadata["digest"].encode()
+        if len(written) != len(_ZEROS) or written != _digest(data.replace(written, _ZEROS, 1), place):
+            raise ValueError("its bytes differ from those that were written under this name in this lake")
+        return Checkpoint(number, json.loads(metadata["facts"]), arrays)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise LakeError(
             f"{path}: a damaged checkpoint, {error}; remove this file to continue with the checkpoint before it"
@@ -199,25 +210,6 @@ def _digest(blank: bytes, place: Place) -> bytes:
     digest = xxh3_128(blank)
     digest.update(seals.covered(place))
     return digest.hexdigest().encode()
-
-
-def _read(files: LakeFiles, name: str) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Return facts and arrays of a checkpoint."""
-    data, place = files.content(name), files.place(name)
-    arrays, metadata = decode(data)
-    written = metadata["digest"].encode()
-    if len(written) != len(_ZEROS) or written != _digest(data.replace(written, _ZEROS, 1), place):
-        raise ValueError("its bytes differ from those that were written under this name in this lake")
-    return json.loads(metadata["facts"]), arrays
-
-
-def _read_older(files: LakeFiles, name: str) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Return facts and arrays of a checkpoint of two files."""
-    facts, _ = seals.read_json(files.content(name), files.place(name))
-    data = files.content(name.removesuffix(".json") + ".safetensors")
-    if xxh3_128_hexdigest(data) != facts["tensors"]:
-        raise ValueError("its tensors differ from those that were written")
-    return facts, decode(data)[0]
 
 
 def _file(run: str, number: int) -> str:

@@ -56,8 +56,10 @@ class EvaluationRun:
         for table in self.tables:
             schema = tables.load(table).schema
             found = rows[table]
-            content = found if isinstance(found, pa.Table) else _table(found, schema)
-            named = content.add_column(0, schema.field("run"), pa.array([self.name] * content.num_rows, pa.string()))
+            if not isinstance(found, pa.Table):
+                kept = schema.remove(schema.get_field_index("run"))
+                found = pa.Table.from_pylist([dict(row) for row in found], schema=kept)
+            named = found.add_column(0, schema.field("run"), pa.array([self.name] * found.num_rows, pa.string()))
             name = f"{self._folder(table)}/{part:06d}.parquet"
             publish_table(self.files, table, named.select(schema.names), {}, name)
 
@@ -163,7 +165,3 @@ def part_files(files: LakeFiles, table: str) -> list[str]:
             )
         found += parts
     return found
-
-
-def _table(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
-    return pa.Table.from_pylist([dict(row) for row in rows], schema=schema.remove(schema.get_field_index("run")))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import os
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -79,21 +78,17 @@ class LocalCopies:
 
 def make_room(folder: Path, room: int) -> None:
     """Remove the least recently used copies until they take no more than ``room`` bytes."""
-    listed = sorted(_copies(folder))
+    listed = list[tuple[float, int, Path]]()  # time of last use, size and path of every copy of every lake
+    for path in folder.glob("*/copies/**/*"):
+        with suppress(FileNotFoundError):
+            found = path.stat()
+            if path.is_file():
+                listed.append((found.st_mtime, found.st_size, path))
+    listed.sort()
     size = sum(size for _, size, _ in listed)
     for used, taken, path in listed:
         if size <= room or used > time.time() - _KEPT_FOR:
             return
         with suppress(FileNotFoundError):  # removed by another process
-            Path(path).unlink()
+            path.unlink()
         size -= taken
-
-
-def _copies(folder: Path) -> Iterator[tuple[float, int, str]]:
-    """Time of last use, size and path of every copy of every lake."""
-    for copies in folder.glob("*/copies"):
-        for path in copies.rglob("*"):
-            with suppress(FileNotFoundError):
-                found = path.stat()
-                if path.is_file():
-                    yield found.st_mtime, found.st_size, str(path)

@@ -13,6 +13,15 @@ import pyarrow as pa
 
 from scenarionet_data.errors import FileGone, LakeError
 
+_REMEDIES: dict[int | None, str] = {
+    **dict.fromkeys(
+        (errno.ENOSPC, errno.EDQUOT, errno.EFBIG),
+        "free some space and run the same command again: finished shards are kept",
+    ),
+    **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "choose a writable folder, or change its permissions"),
+    **dict.fromkeys((errno.ENOTDIR, errno.EEXIST), "choose a folder, not a file"),
+}
+
 
 @contextmanager
 def writing(path: Path, temporary: Path | None = None) -> Iterator[None]:
@@ -29,7 +38,8 @@ def writing(path: Path, temporary: Path | None = None) -> Iterator[None]:
             with suppress(OSError):  # not writable, so there is no file to remove
                 temporary.unlink()
         if isinstance(error, OSError) and not isinstance(error, FileGone):
-            raise LakeError(f"cannot write {path}: {_reason(error)}; {_remedy(error)}") from error
+            remedy = "fix the cause and run the same command again: finished shards are kept"
+            raise LakeError(f"cannot write {path}: {_reason(error)}; {_REMEDIES.get(error.errno, remedy)}") from error
         raise
 
 
@@ -67,13 +77,3 @@ def _reason(error: Exception) -> str:
     """The message of the operating system, without what Arrow adds to it."""
     number = getattr(error, "errno", None)
     return os.strerror(number) if number else str(error)
-
-
-def _remedy(error: OSError) -> str:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return "free some space and run the same command again: finished shards are kept"
-    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return "choose a writable folder, or change its permissions"
-    if error.errno in (errno.ENOTDIR, errno.EEXIST):
-        return "choose a folder, not a file"
-    return "fix the cause and run the same command again: finished shards are kept"

@@ -101,19 +101,16 @@ class LakeFiles(ABC):
         lake, may_be_older = self._identity or ("", True)
         of_run, runs = _OF_RUN.fullmatch(name), {} if runs is None else runs
         if of_run and of_run[1] not in runs:
-            runs[of_run[1]] = self._id_of_run(f"{of_run[1]}/run.json")
+            runs[of_run[1]], description = "", f"{of_run[1]}/run.json"  # no id in a run of an older version
+            try:
+                if self.has(description):
+                    content, _ = seals.read_json(self.content(description), self.place(description))
+                    runs[of_run[1]] = str(content.get("id", ""))
+            except (ValueError, seals.NewerFormat) as error:
+                remedy = "damaged, it is no description of a run; restore it from a copy of it"
+                raise LakeError(f"{self.url(description)}: {remedy}") from error
         run = runs[of_run[1]] if of_run else ""
         return Place(name, f"{lake}/{run}", may_be_older=False) if run else Place(name, lake, may_be_older)
-
-    def _id_of_run(self, description: str) -> str:
-        """Id of a run; empty for one of an older version."""
-        if not self.has(description):
-            return ""
-        try:
-            return str(seals.read_json(self.content(description), self.place(description))[0].get("id", ""))
-        except (ValueError, seals.NewerFormat) as error:
-            remedy = "damaged, it is no description of a run; restore it from a copy of it"
-            raise LakeError(f"{self.url(description)}: {remedy}") from error
 
     def place_to_write(self, name: str) -> Place:
         """The same for a file that is about to be written; a lake without an id gets one."""
@@ -264,7 +261,7 @@ class LakeFiles(ABC):
         Raises:
             LakeError: A file is missing or damaged.
         """
-        paths = self.paths(names)
+        paths = list(map(self.path, names))
         with ThreadPoolExecutor() as pool:  # digests are computed without the interpreter lock
             deque(pool.map(seals.verify, paths, map(partial(self.place, runs={}), names)), maxlen=0)
         return list(map(str, paths))

@@ -134,14 +134,18 @@ class ObjectStore:
 
     def _stream(self, name: str) -> Iterator[tuple[Stored, bytes]]:
         """A file with its pieces, at least one; if a response is cut off, the rest is requested."""
-        stored, position, attempts = None, 0, Attempts()
+        stored: Stored | None = None
+        position, attempts = 0, Attempts()
         with self._reading(name), self._translated_errors(name):
             while stored is None or position < stored.size:
                 try:
                     got = self._obstore.get(
                         self._store, name, options={"range": {"offset": position}} if position else {}
                     )
-                    stored = self._same(stored, _stored(got.meta))
+                    found = _stored(got.meta)
+                    if stored is not None and found.mark != stored.mark:
+                        raise LakeError(f"{self.url}/{name}: replaced while it was read; run the same command again")
+                    stored = found
                     for piece in got.stream() if stored.size else [b""]:
                         position += len(piece)
                         yield stored, piece
@@ -149,11 +153,6 @@ class ObjectStore:
                     _check_length(position, stored.size)
                 except (self._obstore.exceptions.BaseError, CutOff) as error:
                     attempts.failed(error)
-
-    def _same(self, before: Stored | None, now: Stored) -> Stored:
-        if before is not None and before.mark != now.mark:
-            raise LakeError(f"{self.url}/{now.name}: replaced while it was read; run the same command again")
-        return now
 
     def range(self, name: str, start: int, end: int) -> memoryview:
         """Bytes ``start`` to ``end`` (exclusive) of a file, without a copy (megabytes take milliseconds)."""

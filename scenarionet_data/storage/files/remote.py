@@ -125,7 +125,11 @@ class RemoteLakeFiles(LakeFiles):
         if not name.startswith(_BY_CONTENT) and name not in self._marks:
             self.size(name)
         copy = self._copies.find(name, self._mark(name), self._sizes.get(name))
-        return copy or self._download(name)
+        if copy is None:
+            temporary = self.temporary()
+            self._note(self._store.download(name, temporary))
+            copy = self._copies.add(temporary, name, self._mark(name))
+        return copy
 
     def paths(self, names: Sequence[str]) -> list[Path]:
         """Call :meth:`path` for many files, concurrently."""
@@ -134,11 +138,6 @@ class RemoteLakeFiles(LakeFiles):
     def _mark(self, name: str) -> str:
         """The ETag that distinguishes versions of a file; "" when the name already contains a digest of the content."""
         return "" if name.startswith(_BY_CONTENT) else self._marks.get(name, "")
-
-    def _download(self, name: str) -> Path:
-        temporary = self.temporary()
-        self._note(self._store.download(name, temporary))
-        return self._copies.add(temporary, name, self._mark(name))
 
     def digest(self, name: str) -> str:
         """SHA-256 of a file in the store, hexadecimal; downloads it without caching."""

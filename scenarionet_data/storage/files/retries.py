@@ -10,7 +10,6 @@ import os
 import random
 import re
 import time
-from typing import Any
 
 _FIRST_WAIT = 0.1
 _STATUS = re.compile(r"status(?: code:)? (\d{3}[^:]*)")
@@ -50,7 +49,11 @@ class Attempts:
             Exception: ``error`` itself, if another attempt would fail, too.
             GaveUp: The patience has run out.
         """
-        if not _is_temporary(error):
+        import obstore  # lazy: local lakes do not need it
+
+        is_generic = type(error) is obstore.exceptions.GenericError
+        is_temporary = isinstance(error, CutOff) or any(reason in str(error) for reason in _TEMPORARY_REASONS)
+        if not (is_temporary or (is_generic and (status(error) or "5").startswith(_TEMPORARY_STATUS))):
             raise error
         waited = time.monotonic() - self._started
         if waited >= patience():
@@ -73,13 +76,3 @@ def status(error: BaseException) -> str | None:
     """Code and name of the HTTP status in an error; None if there was no whole response."""
     found = _STATUS.search(str(error))
     return found[1] if found else None
-
-
-def _is_temporary(error: Any) -> bool:
-    import obstore  # lazy: local lakes do not need it
-
-    if isinstance(error, CutOff):
-        return True
-    if any(reason in str(error) for reason in _TEMPORARY_REASONS):
-        return True
-    return type(error) is obstore.exceptions.GenericError and (status(error) or "5").startswith(_TEMPORARY_STATUS)

@@ -26,9 +26,21 @@ def connect(url: str) -> Any:
     scheme, _, place = url.partition("://")
     if scheme not in _SCHEMES or not place.strip("/"):
         raise LakeError(f"{url}: wanted a folder, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or file:///FOLDER")
-    _refuse_after_fork(url)
+    global _first_used_by
+    _first_used_by = _first_used_by or os.getpid()
+    if _first_used_by != os.getpid():  # it inherits locks of network threads, but not the threads, and would hang
+        raise LakeError(
+            f"{url}: this process was forked from one that uses an object store; start workers by spawn "
+            "(for torch: DataLoader(..., multiprocessing_context='spawn'))"
+        )
+    backoff = {"init_backoff": timedelta(seconds=0.1), "max_backoff": timedelta(seconds=longest_wait()), "base": 2}
+    retries = {"max_retries": _QUICK_RETRIES, "retry_timeout": timedelta(seconds=patience()), "backoff": backoff}
+    client = {"allow_http": (endpoint() or "").startswith("http://"), "timeout": "60s"}
+    options: dict[str, Any] = {"client_options": client, "retry_config": retries}
+    if scheme == "s3" and endpoint():
+        options["config"] = {"endpoint": endpoint()}
     try:
-        return obstore.store.from_url(url, **_options(scheme))  # type: ignore[call-overload,misc,unused-ignore]
+        return obstore.store.from_url(url, **options)  # type: ignore[call-overload,misc,unused-ignore]
     except (obstore.exceptions.BaseError, ValueError) as error:
         raise LakeError(
             f"{url}: {first_line(error)}; `scenarionet maintain doctor {url}` lists the settings"
@@ -43,33 +55,3 @@ def endpoint() -> str | None:
 def first_line(error: BaseException | None) -> str:
     """The first line of a message; the following ones describe library internals."""
     return str(error).partition("\n")[0]
-
-
-def _options(scheme: str) -> dict[str, Any]:
-    """Options for opening a store, in addition to those in the environment."""
-    chosen: dict[str, Any] = {
-        "client_options": {"allow_http": (endpoint() or "").startswith("http://"), "timeout": "60s"},
-        "retry_config": {
-            "max_retries": _QUICK_RETRIES,
-            "retry_timeout": timedelta(seconds=patience()),
-            "backoff": {
-                "init_backoff": timedelta(seconds=0.1),
-                "max_backoff": timedelta(seconds=longest_wait()),
-                "base": 2,
-            },
-        },
-    }
-    if scheme == "s3" and endpoint():
-        chosen["config"] = {"endpoint": endpoint()}
-    return chosen
-
-
-def _refuse_after_fork(url: str) -> None:
-    """Raise in a forked child, which would hang: it inherits locks of network threads, but not the threads."""
-    global _first_used_by
-    _first_used_by = _first_used_by or os.getpid()
-    if _first_used_by != os.getpid():
-        raise LakeError(
-            f"{url}: this process was forked from one that uses an object store; start workers by spawn "
-            "(for torch: DataLoader(..., multiprocessing_context='spawn'))"
-        )

@@ -83,8 +83,11 @@ def check_file(
         raise LakeError("gone")
     if written.size is not None and found != written.size:
         raise LakeError(f"{found:,} bytes long, was written with {written.size:,}")
-    if is_deep:
-        _check_bytes(files, name, written, digest or files.digest)
+    if is_deep and written.checksum is not None:
+        if (digest or files.digest)(name) != written.checksum:
+            raise LakeError("its bytes differ from those written: another checksum")
+    elif is_deep and not files.verify(name):
+        files.read(name)  # decodes every page
     end = files.end(name)
     footer = parsed(end, files.url(name))
     words = footer.metadata or {}
@@ -92,16 +95,6 @@ def check_file(
         tables.load(table).check_version(words, files.url(name))
     groups = [footer.row_group(number).num_rows for number in range(footer.num_row_groups)]
     return Intact(not end.digest, words, np.array(groups, np.int64))
-
-
-def _check_bytes(files: LakeFiles, name: str, written: Written, digest: Callable[[str], str]) -> None:
-    """Compare all bytes of a file with its checksum, or with its seal."""
-    if written.checksum is not None:
-        if digest(name) != written.checksum:
-            raise LakeError("its bytes differ from those written: another checksum")
-        return
-    if not files.verify(name):
-        files.read(name)  # decodes every page
 
 
 @contextmanager

@@ -87,15 +87,12 @@ def seal(path: Path, place: Place | str) -> Sealed:
             unsealed.update(end.footer)
             place = Place(f"{place}-{unsealed.hexdigest()[:16]}.parquet")
         count = (len(listed) // _DIGEST).to_bytes(8, "little")
-        written = listed + _MAGIC + count + _digest(listed, end.footer, place) + end.footer
+        digest = xxh3_128_digest(listed + end.footer + covered(place))
+        written = listed + _MAGIC + count + digest + end.footer
         checksum.update(written)
         file.truncate(file.seek(end.body))
         file.write(written)
     return Sealed(place.name, end.body + len(written), checksum.hexdigest())
-
-
-def _digest(listed: bytes, footer: bytes, place: Place) -> bytes:
-    return xxh3_128_digest(listed + footer + covered(place))
 
 
 def open_end(path: Path, place: Place) -> FileEnd:
@@ -178,7 +175,7 @@ def check_end(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd |
 def _checked(end: bytes, size: int, place: Place, url: Path | str) -> FileEnd:
     """The end of a file; if the file is sealed, its footer is verified."""
     found = split(end, size, url)
-    if found.digest and found.digest != _digest(b"".join(found.digests), found.footer, place):
+    if found.digest and found.digest != xxh3_128_digest(b"".join((*found.digests, found.footer, covered(place)))):
         raise damaged(url, "its footer differs from the one that was written under this name in this lake")
     return found
 

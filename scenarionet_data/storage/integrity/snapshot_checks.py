@@ -13,10 +13,10 @@ from scenarionet_data.arrays.dtypes import Int64, Object
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.integrity.file_checks import Damage, Intact, Written, check_file, finding
+from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
-_ADDRESSED = ("tracks", "lights", "maps")
 _PARTITION = ["dataset", "version", "split"]
 
 
@@ -128,7 +128,8 @@ class Verifier:
             snapshot: The snapshot.
             shards: Its shards.
         """
-        names, table = _columns(), tables.load("metadata")
+        table = tables.load("metadata")
+        names = ["scenario_id", *_PARTITION, "map_id", "map_crop", *ADDRESS_COLUMNS]
         parts = [table.conform(part, names) for part in self._files.read_all(snapshot.metadata, names)]
         rows = pa.concat_tables([table.schema.empty_table().select(names), *parts])
         # No scenario has the address of rows of a shared map.
@@ -139,7 +140,7 @@ class Verifier:
 
     def _wrong_addresses(self, rows: pa.Table, known: set[str], shared: set[str]) -> Iterator[Damage]:
         """Find scenarios with wrong addresses (one per file), and files without scenarios."""
-        for table in _ADDRESSED:
+        for table in tables.LOADED:
             addressed = rows.filter(pc.greater(rows[f"{table}_num_rows"], 0))
             names = addressed[f"{table}_file"].cast(pa.string()).combine_chunks().dictionary_encode()
             ids = addressed["scenario_id"].to_numpy(zero_copy_only=False)
@@ -191,11 +192,6 @@ class Verifier:
 
 
 # --- references -------------------------------------------------------------------------------------------
-
-
-def _columns() -> list[str]:
-    parts = ("file", "row_group", "first_row", "num_rows")
-    return ["scenario_id", *_PARTITION, "map_id", "map_crop", *(f"{t}_{part}" for t in _ADDRESSED for part in parts)]
 
 
 def _missing_maps(rows: pa.Table, shards: pa.Table) -> Iterator[Damage]:

@@ -57,7 +57,11 @@ class SharedMap:
         values: dict[str, Any] = {name: getattr(self.features, name)[rows] for name in _NUMBERS}
         values["width"] = self.features.width.take(rows)
         for name in ("polyline", "polygon"):
-            values[name] = _moved(getattr(self.features, name), rows, shift)
+            points: Ragged = getattr(self.features, name)
+            offsets = offsets_of(points.lengths[rows])
+            moved = np.empty((offsets[-1], 3), np.float32)
+            move_points(points.offsets, points.values, rows, shift, offsets, moved)
+            values[name] = Ragged(offsets, moved)
         return MapFeatures.read(values, _Chosen(self.features, rows))
 
 
@@ -131,11 +135,3 @@ def _read(files: LakeFiles, name: str) -> SharedMap:
     columns = from_arrow(rows, codec.LAYOUTS["maps"])
     features = codec.decode_map(codec.ScenarioColumns(columns, [0, rows.num_rows], Memory(0)))
     return SharedMap(features, origins, bounds)
-
-
-def _moved(points: Ragged, rows: Int64, shift: Float64) -> Ragged:
-    """Lists of points at some rows, each moved by its shift, (rows, 3) [m]."""
-    offsets = offsets_of(points.lengths[rows])
-    moved = np.empty((offsets[-1], 3), np.float32)
-    move_points(points.offsets, points.values, rows, shift, offsets, moved)
-    return Ragged(offsets, moved)

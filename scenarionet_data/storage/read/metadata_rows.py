@@ -136,7 +136,12 @@ class MetadataRows(Sequence[dict[str, Any]]):
         file = bisect_right(self._first_rows, row) - 1
         table = self._tables.get(file)
         if table is None:
-            table = self._tables[file] = self._read(self._snapshot.metadata[file])
+            try:
+                found = self._files.read(self._snapshot.metadata[file], list(self._names))
+            except LakeError as error:
+                snapshots.check_expired(self._files, self._snapshot, error)
+                raise
+            table = self._tables[file] = RowTable(tables.load("metadata").conform(found, self._names))
         return table[row - self._first_rows[file]]
 
     def columns(self, names: Sequence[str]) -> pa.Table:
@@ -146,14 +151,6 @@ class MetadataRows(Sequence[dict[str, Any]]):
         schema = tables.load("metadata").schema.empty_table().select(list(names)).schema
         whole = pa.concat_tables([schema.empty_table(), *(part.select(names).cast(schema) for part in parts)])
         return whole.take(self._rows)
-
-    def _read(self, name: str) -> RowTable:
-        try:
-            found = self._files.read(name, list(self._names))
-        except LakeError as error:
-            snapshots.check_expired(self._files, self._snapshot, error)
-            raise
-        return RowTable(tables.load("metadata").conform(found, self._names))
 
     @cached_property
     def scenario_ids(self) -> list[str]:
@@ -204,21 +201,16 @@ class ScenarioIndex:
         Returns:
             The rows, and (n,) whether the snapshot has each scenario; the rows of others are not to be read.
         """
-        rows = self._positions(ids)
+        if len(ids) > _FEW * len(self._ids):
+            rows: Int64 = pc.index_in(ids, value_set=self._ids).fill_null(-1).to_numpy().astype(np.int64)
+        else:
+            candidates = np.flatnonzero(pc.is_in(self._ids, value_set=ids).to_numpy(zero_copy_only=False))
+            places = pc.index_in(ids, value_set=self._ids.take(candidates)).fill_null(-1).to_numpy()
+            rows = np.append(candidates, -1)[places]
         is_found: Bool = rows >= 0
         if hashes is not None and self._hashes is not None:
             is_found &= self._hashes[rows] == hashes if len(self._hashes) else False
         return self._chosen(ids, rows), is_found
-
-    def _positions(self, ids: pa.Array) -> Int64:
-        """(n,) row of each id, or -1."""
-        if len(ids) > _FEW * len(self._ids):
-            rows: Int64 = pc.index_in(ids, value_set=self._ids).fill_null(-1).to_numpy().astype(np.int64)
-            return rows
-        candidates = np.flatnonzero(pc.is_in(self._ids, value_set=ids).to_numpy(zero_copy_only=False))
-        places = pc.index_in(ids, value_set=self._ids.take(candidates)).fill_null(-1).to_numpy()
-        found: Int64 = np.append(candidates, -1)[places]
-        return found
 
     def _chosen(self, ids: pa.Array, rows: Int64) -> MetadataRows:
         return MetadataRows(self._files, self._snapshot, ids, rows, self._starts)

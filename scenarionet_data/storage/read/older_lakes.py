@@ -7,7 +7,6 @@ split, licence and source file; of these, all but the source file are compared w
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 from typing import Any, Self
 
 from scenarionet_data.errors import LakeError
@@ -77,15 +76,9 @@ def _compare(files: LakeFiles, row: Mapping[str, Any], scenario: ScenarioDescrip
         raise _damage(files, row, "its content differs from what was converted")
     if not row["tracks_file"].startswith(f"{partition('tracks', row['dataset'], row['version'], row['split'])}/"):
         raise _damage(files, row, "its tracks are in another partition")
-    if row["licence"] not in _licence(files, row["tracks_file"]):
+    licence = (files.footer(row["tracks_file"]).metadata or {}).get(b"scenarionet.licence", b"")
+    if row["licence"] not in str(licence, "utf-8", "replace"):
         raise _damage(files, row, "its tracks have another licence")
-
-
-@lru_cache(512)
-def _licence(files: LakeFiles, name: str) -> str:
-    """Licence in the footer of a file."""
-    entries = files.footer(name).metadata or {}
-    return str(entries.get(b"scenarionet.licence", b""), "utf-8", "replace")
 
 
 def _damage(files: LakeFiles, row: Mapping[str, Any], finding: str) -> LakeError:

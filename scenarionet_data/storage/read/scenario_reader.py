@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from scenarionet_data.arrays.columns import ColumnLayout, Columns, pick
-from scenarionet_data.arrays.dtypes import Array, UInt8
+from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.codec import LAYOUTS, ScenarioColumns
 from scenarionet_data.errors import LakeError
@@ -231,7 +231,7 @@ class _Pending:
     """A requested range of bytes that contains a row group, and its position in the file."""
 
     start: int
-    answer: Future[Array]
+    answer: Future[memoryview]
 
 
 class RemoteRowGroups:
@@ -257,10 +257,14 @@ class RemoteRowGroups:
         if not missing:
             return
         self._read_footers(missing)
-        runs = _runs([(*self._span(address), address) for address in missing])
+        spans = []
+        for address in missing:
+            with reading(self._files.url(address.file)):
+                spans.append((*self._footers[address.file].stored(address.number).span, address))
+        runs = _runs(spans)
         for run in sorted(runs, key=lambda run: min(missing[address] for _, _, address in run)):
             (start, _, address), end = run[0], run[-1][1]
-            answer = self._files.submit(self._range, address.file, start, end)
+            answer = self._files.submit(self._files.range, address.file, start, end)
             self._pending.update((address, _Pending(start, answer)) for _, _, address in run)
         while len(self._pending) > max(_MAX_PENDING, len(missing)):  # requested and never read
             self._pending.popitem(last=False)
@@ -272,15 +276,9 @@ class RemoteRowGroups:
         found = []
         for address in addresses:
             pending = self._pending.pop(address)
-            found.append(RowGroup(self._footers[address.file], address.number, pending.answer.result(), pending.start))
+            content = np.frombuffer(pending.answer.result(), np.uint8)
+            found.append(RowGroup(self._footers[address.file], address.number, content, pending.start))
         return found
-
-    def _span(self, address: RowGroupAddress) -> tuple[int, int]:
-        with reading(self._files.url(address.file)):
-            return self._footers[address.file].stored(address.number).span
-
-    def _range(self, name: str, start: int, end: int) -> Array:
-        return np.frombuffer(self._files.range(name, start, end), np.uint8)
 
     def _read_footers(self, addresses: Collection[RowGroupAddress]) -> None:
         """Read footers that are not cached, concurrently."""

@@ -6,6 +6,7 @@ import random
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import TypeVar
 from weakref import WeakKeyDictionary
 
@@ -16,7 +17,7 @@ from scenarionet_data.errors import LakeError, SnapshotConflict
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
-from scenarionet_data.storage.snapshots.shard_record import ShardRecord
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from scenarionet_data.storage.write import rewriting
 from scenarionet_data.storage.write.layouts import layout_of, unit_of
@@ -26,6 +27,8 @@ _ATTEMPTS = 50
 
 _READ: WeakKeyDictionary[LakeFiles, dict[str, pa.Array]] = WeakKeyDictionary()
 """Scenario ids by metadata file, for each lake that this process commits to."""
+
+_KEY = attrgetter("key")
 
 Outcome = TypeVar("Outcome")
 
@@ -85,30 +88,33 @@ def commit(
     def change(base: Snapshot) -> tuple[Snapshot | None, tuple[Refused, Reduced]]:
         present = set(manifests.column(files, base, "key").to_pylist())
         replaced = frozenset(removed & present)
-        fresh = [record for record in wanted if record.key not in present - replaced]
+        fresh = [record for record in wanted if record.key not in present or record.key in replaced]
         _renew(files, fresh)
         existing = manifests.shards(files, base) if replaced else []
         remaining = metadata_files.current_metadata(base, existing, replaced)
-        refused: Refused = ()
-        reduced: Reduced = ()
-        if replaced:
-            fresh, refused = _refuse_duplicates(files, remaining, fresh)
-        else:
-            fresh, reduced = _leave_out_duplicates(files, remaining, fresh)
-        if refused or not (fresh or replaced):
-            return None, (refused, reduced)
-        rewritten = _rewrite_neighbours(files, existing, replaced)
+        accepted, refused, reduced = list[ShardRecord](), list[tuple[ShardRecord, str]](), []
+        for record, repeated in zip(fresh, _repeated(files, remaining, fresh), strict=True):
+            if repeated and replaced:
+                refused.append((record, next(iter(repeated))))
+                continue
+            accepted.append(leave_out(files, record, repeated) if repeated else record)
+            if repeated:
+                reduced.append((record, accepted[-1]))
+        outcome = tuple(refused), tuple(reduced)
+        if refused or not (accepted or replaced):
+            return None, outcome
+        rewritten = _rewrite_neighbours(files, existing, replaced) if replaced else []
         following = Snapshot(
             number=base.number + 1,
             created_at=snapshots.now(),
             operation=operation,
             metadata=(
                 *metadata_files.current_metadata(base, existing, replaced, rewritten),
-                *metadata_files.shard_files(fresh),
+                *metadata_files.shard_files(accepted),
             ),
-            manifests=manifests.write(files, base, [*fresh, *rewritten], replaced | {one.key for one in rewritten}),
+            manifests=manifests.write(files, base, [*accepted, *rewritten], replaced.union(map(_KEY, rewritten))),
         )
-        return following, (refused, reduced)
+        return following, outcome
 
     snapshot, (refused, reduced) = _publish(files, change)
     return Committed(snapshot, refused, reduced)
@@ -150,7 +156,7 @@ def consolidate(files: LakeFiles) -> Snapshot:
     """Merge the metadata files of partitions with many shards; see :mod:`.metadata_files`."""
 
     def change(base: Snapshot) -> tuple[Snapshot | None, None]:
-        names = metadata_files.snapshot_shard_files(files, base)
+        names = manifests.column(files, base, "metadata_file").drop_null().to_pylist()
         if set(metadata_files.layout(names)) == set(base.metadata):
             return None, None
         following = replace(
@@ -221,43 +227,26 @@ def _renew(files: LakeFiles, records: Iterable[ShardRecord]) -> None:
             )
 
 
-def _refuse_duplicates(
-    files: LakeFiles, remaining: tuple[str, ...], fresh: list[ShardRecord]
-) -> tuple[list[ShardRecord], Refused]:
-    """Split shards into accepted ones and ones that repeat a scenario id already in the lake."""
-    repeated = _repeated(files, remaining, fresh)
-    refused = tuple((record, next(iter(ids))) for record, ids in zip(fresh, repeated, strict=True) if ids)
-    return [record for record, ids in zip(fresh, repeated, strict=True) if not ids], refused
-
-
-def _leave_out_duplicates(
-    files: LakeFiles, remaining: tuple[str, ...], fresh: list[ShardRecord]
-) -> tuple[list[ShardRecord], Reduced]:
-    """Shards without the scenarios that repeat an id already in the lake, and which shards these changed."""
-    repeated = _repeated(files, remaining, fresh)
-    now = [leave_out(files, record, ids) if ids else record for record, ids in zip(fresh, repeated, strict=True)]
-    return now, tuple((old, new) for old, new in zip(fresh, now, strict=True) if old is not new)
-
-
 def _repeated(files: LakeFiles, remaining: tuple[str, ...], fresh: list[ShardRecord]) -> list[dict[str, str]]:
     """Ids in each shard that the lake or an earlier one of the shards has already, and where."""
     if not fresh:
         return []
-    releases = {(record.dataset, record.version) for record in fresh}
     ids = [_ids(files, metadata_files.shard_files([record])) for record in fresh]
-    wanted = pa.concat_arrays(ids)
-    rivals = [name for name in remaining if _release(name) in releases]
-    taken: dict[str, str] = {}
+    wanted, taken = pa.concat_arrays(ids), dict[str, str]()
+    releases = tuple({f"{partition('metadata', record.dataset, record.version, '')}/" for record in fresh})
+    rivals = [name for name in remaining if name.startswith(releases)]
     if pc.any(pc.is_in(_ids(files, rivals), value_set=wanted)).as_py():
         for rows in files.read_all(rivals, ["scenario_id", "split", "source_file", "tracks_file"]):
             for row in rows.filter(pc.is_in(rows["scenario_id"], value_set=wanted)).to_pylist():
                 place = f"split {row['split']}, recording {row['source_file']} ({row['tracks_file']})"
                 taken[row["scenario_id"]] = place
-    repeated = []
-    for record, own in zip(fresh, map(pa.Array.to_pylist, ids), strict=True):
-        repeated.append({identifier: taken[identifier] for identifier in own if identifier in taken})
-        for identifier in own:
-            taken.setdefault(identifier, f"split {record.split}, shard {record.name}")
+    repeated = list[dict[str, str]]()
+    for record, own in zip(fresh, ids, strict=True):
+        repeated.append({})
+        for identifier in own.to_pylist():
+            place = taken.setdefault(identifier, here := f"split {record.split}, shard {record.name}")
+            if place is not here:
+                repeated[-1][identifier] = place
     return repeated
 
 
@@ -267,9 +256,4 @@ def _ids(files: LakeFiles, names: list[str]) -> pa.Array:
     missing = [name for name in names if name not in known]
     for name, rows in zip(missing, files.read_all(missing, ["scenario_id"]), strict=True):
         known[name] = rows["scenario_id"].combine_chunks()
-    return pa.concat_arrays([known[name] for name in names]) if names else pa.array([], pa.string())
-
-
-def _release(name: str) -> tuple[str, str]:
-    parts = dict(part.split("=", 1) for part in name.split("/") if "=" in part)
-    return parts["dataset"], parts["version"]
+    return pa.concat_arrays([pa.array([], pa.string()), *map(known.__getitem__, names)])

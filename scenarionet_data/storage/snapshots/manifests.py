@@ -6,6 +6,8 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from functools import cache
+from operator import itemgetter
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -19,6 +21,7 @@ from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from scenarionet_data.storage.write.table_file import publish_table
 
 _MAX_MANIFESTS = 16
+_ORDER = [(name, "ascending") for name in ("dataset", "version", "split", "name", "key")]
 
 NO_FILES = tables.load("shards").schema.empty_table().select(["metadata_file", "files", "sizes", "checksums"])
 """No rows of those columns of a manifest that name files."""
@@ -30,7 +33,7 @@ def shard_table(files: LakeFiles, snapshot: Snapshot) -> pa.Table:
     with snapshots.reading_from(files, snapshot):
         parts = _read_all(files, snapshot.manifests)
     together = pa.concat_tables([schema.empty_table(), *parts])
-    return together.sort_by([(name, "ascending") for name in ("dataset", "version", "split", "name", "key")])
+    return together.sort_by(_ORDER)
 
 
 def column(files: LakeFiles, snapshot: Snapshot, name: str) -> pa.ChunkedArray:
@@ -105,20 +108,18 @@ def write(files: LakeFiles, base: Snapshot, added: Iterable[ShardRecord], remove
 
     Adds one manifest; merges all into one when shards are removed or there are more than 16.
     """
-    fresh = [asdict(record) for record in added]
-    if not removed and len(base.manifests) < _MAX_MANIFESTS:
-        return (*base.manifests, _write_file(files, fresh)) if fresh else base.manifests
-    kept = [row for row in shard_table(files, base).to_pylist() if row["key"] not in removed]
-    return (_write_file(files, kept + fresh),)
-
-
-def _write_file(files: LakeFiles, rows: list[dict[str, object]]) -> str:
-    ordered = sorted(rows, key=lambda row: str(row["key"]))
+    rows: list[dict[str, Any]] = list(map(asdict, added))
+    is_added = not removed and len(base.manifests) < _MAX_MANIFESTS
+    if is_added and not rows:
+        return base.manifests
+    if not is_added:
+        rows += [row for row in shard_table(files, base).to_pylist() if row["key"] not in removed]
+    rows.sort(key=itemgetter("key"))
     # The name of the metadata file changes when a shard is rewritten to other files.
-    identity = "\n".join(f"{row['key']} {row['metadata_file']}" for row in ordered)
+    identity = "\n".join([f"{row['key']} {row['metadata_file']}" for row in rows])
     name = f"{snapshots.FOLDER}/manifest-{hashlib.blake2b(identity.encode(), digest_size=8).hexdigest()}.parquet"
-    publish_table(files, "shards", ordered, {}, name)
-    return name
+    publish_table(files, "shards", rows, {}, name)
+    return (*base.manifests, name) if is_added else (name,)
 
 
 class NamedFiles:
@@ -126,11 +127,14 @@ class NamedFiles:
 
     Args:
         files: The lake.
+
+    Attributes:
+        listed: Returns the files of the shards in a manifest.
     """
 
     def __init__(self, files: LakeFiles) -> None:
         self._files = files
-        self._listed = cache(self._read)
+        self.listed = cache(self._read)
 
     def of(self, needed: Iterable[Snapshot]) -> set[str]:
         """All files that some snapshots need, including those that their next consolidations read."""
@@ -140,12 +144,7 @@ class NamedFiles:
             named.update(snapshot.metadata)
         return named.union(lists, *map(self.listed, lists))
 
-    def listed(self, manifest: str) -> frozenset[str]:
-        """Files of the shards in a manifest."""
-        return self._listed(manifest)
-
     def _read(self, manifest: str) -> frozenset[str]:
-        """Files of the shards in a manifest."""
         rows = read(self._files, manifest, ["metadata_file", "files"])
         names = rows["metadata_file"].drop_null().to_pylist()
         return frozenset(names).union(pc.unique(pc.list_flatten(rows["files"])).to_pylist())

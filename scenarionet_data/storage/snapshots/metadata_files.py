@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from pathlib import PurePosixPath
 
 import pyarrow as pa
 
@@ -36,11 +35,6 @@ def shard_files(records: Iterable[ShardRecord]) -> list[str]:
     return [record.metadata_file for record in records if record.metadata_file is not None]
 
 
-def snapshot_shard_files(files: LakeFiles, base: Snapshot) -> list[str]:
-    """Metadata files that the shards of a snapshot were written with."""
-    return [name for name in manifests.column(files, base, "metadata_file").to_pylist() if name is not None]
-
-
 def layout(names: Iterable[str]) -> dict[str, list[str]]:
     """Metadata files of a lake, and the shards' files each is merged from.
 
@@ -49,11 +43,12 @@ def layout(names: Iterable[str]) -> dict[str, list[str]]:
     """
     partitions: dict[str, list[str]] = defaultdict(list)
     for name in sorted(names):
-        partitions[_folder(name)].append(name)
+        partitions[name.rpartition("/")[0]].append(name)
     wanted: dict[str, list[str]] = {}
     for folder, members in partitions.items():
         if len(members) <= MAX_METADATA_FILES:
-            wanted |= {name: [name] for name in members}
+            for name in members:
+                wanted[name] = [name]
             continue
         chosen: dict[int, list[str]] = defaultdict(list)
         for name in members:
@@ -72,23 +67,21 @@ def merge(files: LakeFiles, base: Snapshot, names: Iterable[str]) -> tuple[str, 
     """
     wanted = layout(names)
     for name, sources in wanted.items():
-        if sources != [name] and (files.renew([name]) or not (name in base.metadata or _is_intact(files, name))):
+        if sources == [name] or (name in base.metadata and not files.renew([name])):
+            continue
+        try:
+            is_finished = files.verify(name)  # by an earlier job
+        except LakeError:
+            is_finished = False
+        if not is_finished or files.renew([name]):
             _merge(files, name, sources)
     return tuple(wanted)
-
-
-def _is_intact(files: LakeFiles, name: str) -> bool:
-    """Whether a file that an earlier job has written is intact."""
-    try:
-        return files.verify(name)
-    except LakeError:
-        return False
 
 
 def merge_again(files: LakeFiles, names: Iterable[str]) -> None:
     """Publish damaged merged metadata files of the newest snapshot again, except those whose sources are damaged."""
     base, damaged = snapshots.read(files), set(names)
-    wanted = layout(snapshot_shard_files(files, base))
+    wanted = layout(manifests.column(files, base, "metadata_file").drop_null().to_pylist())
     for name in damaged & set(wanted) & set(base.metadata):
         if damaged.isdisjoint(wanted[name]):
             _merge(files, name, wanted[name])
@@ -111,9 +104,9 @@ def current_metadata(
         return base.metadata
     now = {record.key: record for record in existing if record.key not in removed}
     now |= {record.key: record for record in rewritten}
-    changed = {_folder(name) for name in shard_files(record for record in existing if record.key in removed)}
-    kept = [name for name in base.metadata if _folder(name) not in changed]
-    return (*kept, *(name for name in shard_files(now.values()) if _folder(name) in changed))
+    changed = {name.rpartition("/")[0] for name in shard_files(each for each in existing if each.key in removed)}
+    kept = (name for name in base.metadata if name.rpartition("/")[0] not in changed)
+    return (*kept, *(name for name in shard_files(now.values()) if name.rpartition("/")[0] in changed))
 
 
 def _merge(files: LakeFiles, name: str, sources: list[str]) -> None:
@@ -125,7 +118,3 @@ def _merge(files: LakeFiles, name: str, sources: list[str]) -> None:
 
 def _digest(*names: str) -> str:
     return hashlib.blake2b("\n".join(names).encode(), digest_size=8).hexdigest()
-
-
-def _folder(name: str) -> str:
-    return str(PurePosixPath(name).parent)

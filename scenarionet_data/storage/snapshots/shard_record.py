@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from operator import attrgetter, itemgetter
+from typing import Any
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.integrity.seals import Sealed
+
+_DEFECT = [field.name for field in fields(Defect)]
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,51 @@ def partition(table: str, dataset: str, version: str, split: str) -> str:
     """Folder of a partition; maps have no split, and what belongs to a shared map has an empty one."""
     folder = f"{table}/dataset={dataset}/version={version}"
     return f"{folder}/split={split}" if split and table != "maps" else folder
+
+
+def make_record(shard: Shard, converter_version: str, published: Iterable[Sealed], **counts: int | None) -> ShardRecord:
+    """Record of a finished shard; that of a shared map, whose shard has no split, has no metadata file.
+
+    Args:
+        shard: The shard.
+        converter_version: Version of the converter.
+        published: Its files besides the metadata file.
+        counts: ``num_scenarios``, ``num_quarantined`` and ``max_scenarios``; 0, 0 and None by default.
+    """
+    key = shard_key(shard, converter_version)
+    record = ShardRecord(
+        key=key,
+        dataset=shard.dataset,
+        version=shard.version,
+        split=shard.split,
+        name=shard.name,
+        options=shard.options_text,
+        converter_version=converter_version,
+        schemas=tables.content_tag(),
+        max_scenarios=None,
+        items=list(map(attrgetter("name"), shard.items)),
+        fingerprints=list(map(attrgetter("fingerprint"), shard.items)),
+        num_scenarios=0,
+        num_quarantined=0,
+        metadata_file=metadata_name(shard, key) if shard.split else None,
+        files=[],
+        sizes=[],
+        checksums=[],
+    )
+    return with_files(record, published, **counts)
+
+
+def with_files(record: ShardRecord, published: Iterable[Sealed], **changes: Any) -> ShardRecord:
+    """The record with other files, and other values of some fields."""
+    listed = list(published)
+    names, sizes, checksums = (list(map(itemgetter(place), listed)) for place in range(3))
+    return replace(record, files=names, sizes=sizes, checksums=checksums, **changes)
+
+
+def files_of(record: ShardRecord, *folders: str) -> list[Sealed]:
+    """Files of a record in some folders, each with a slash at the end."""
+    listed = map(Sealed, record.files, record.sizes, record.checksums)
+    return [each for each in listed if each.name.startswith(folders)]
 
 
 def shard_key(shard: Shard, converter_version: str) -> str:
@@ -87,6 +137,8 @@ def record_of(footer: Mapping[bytes, bytes]) -> ShardRecord:
 
 def read_defects(files: LakeFiles, record: ShardRecord) -> list[Defect]:
     """What the conversion of a shard dropped or assumed."""
-    names = [field.name for field in fields(Defect)]
-    listed = [name for name in record.files if name.startswith("defects/")]
-    return [Defect(**row) for name in listed for row in files.read(name, names).to_pylist()]
+    found = list[Defect]()
+    for name in record.files:
+        if name.startswith("defects/"):
+            found += [Defect(**row) for row in files.read(name, _DEFECT).to_pylist()]
+    return found

@@ -135,7 +135,7 @@ def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
     """Publish a snapshot unless its number is taken; returns whether it was published."""
     if not _write(files, snapshot):
         return False
-    if files.has(_mark(snapshot.number)):  # the number was used by a snapshot that has expired
+    if files.has(file_name(snapshot.number, ".expired")):  # the number was used by a snapshot that has expired
         files.remove(file_name(snapshot.number))
         return False
     return True
@@ -143,14 +143,14 @@ def publish(files: LakeFiles, snapshot: Snapshot) -> bool:
 
 def expire(files: LakeFiles, number: int) -> None:
     """Remove a snapshot; a mark keeps its number reserved, so that no concurrent job publishes it again."""
-    files.publish_new(_mark(number), b"")
+    files.publish_new(file_name(number, ".expired"), b"")
     files.remove(file_name(number))
 
 
 def restore(files: LakeFiles, snapshot: Snapshot) -> None:
     """Undo :func:`expire`."""
     _write(files, snapshot)
-    files.remove(_mark(snapshot.number))
+    files.remove(file_name(snapshot.number, ".expired"))
 
 
 def _write(files: LakeFiles, snapshot: Snapshot) -> bool:
@@ -207,13 +207,9 @@ def check_expired(files: LakeFiles, snapshot: Snapshot, error: LakeError) -> Non
         ) from error
 
 
-def file_name(number: int) -> str:
-    """File name of a snapshot."""
-    return f"{FOLDER}/{number:08d}.json"
-
-
-def _mark(number: int) -> str:
-    return f"{FOLDER}/{number:08d}.expired"
+def file_name(number: int, suffix: str = ".json") -> str:
+    """File name of a snapshot, or of its mark, which ends in ``.expired``."""
+    return f"{FOLDER}/{number:08d}{suffix}"
 
 
 def now() -> str:

@@ -15,7 +15,7 @@ from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition, shard_key
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord, make_record, partition
 from scenarionet_data.storage.write.table_file import defect_rows, publish_data, write_table
 
 TILE = 200.0
@@ -48,25 +48,7 @@ def write_shared_map(
         temporary = write_table(files, "defects", defect_rows(shard, features.defects, map_id=shard.name), footer)
         stem = f"{partition('defects', shard.dataset, shard.version, '')}/{shard.name}"
         published.append(publish_data(files, temporary, stem))
-    return ShardRecord(
-        key=shard_key(shard, converter_version),
-        dataset=shard.dataset,
-        version=shard.version,
-        split="",
-        name=shard.name,
-        options=shard.options_text,
-        converter_version=converter_version,
-        schemas=tables.content_tag(),
-        max_scenarios=None,
-        items=[item.name for item in shard.items],
-        fingerprints=[item.fingerprint for item in shard.items],
-        num_scenarios=0,
-        num_quarantined=0,
-        metadata_file=None,
-        files=[each.name for each in published],
-        sizes=[each.size for each in published],
-        checksums=[each.checksum for each in published],
-    )
+    return make_record(shard, converter_version, published)
 
 
 def _tiles(bounds: Float64) -> list[tuple[Int64, Float64]]:

@@ -10,12 +10,16 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import reading, writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.integrity.file_end import MARK, Place
+from scenarionet_data.storage.integrity.seals import Sealed
 from scenarionet_data.storage.read.scenario_rows import RowAddress, ScenarioRows
+from scenarionet_data.storage.snapshots.shard_record import partition
+from scenarionet_data.storage.write.table_file import publish_data
 
 MAP_FOOTER = ("scenarionet.map", "scenarionet.licence")
 """Entries in the footer of a shared map."""
@@ -23,47 +27,92 @@ MAP_FOOTER = ("scenarionet.map", "scenarionet.licence")
 _PROVENANCE = (b"scenarionet.source", b"scenarionet.converter", b"scenarionet.licence", b"scenarionet.frame")
 
 
-def addresses(metadata: pa.Table, table: str) -> list[RowAddress]:
-    """Addresses of each scenario's rows in a table."""
-    columns = (metadata[f"{table}_{part}"].to_pylist() for part in RowAddress._fields)
-    return list(map(RowAddress, *columns))
-
-
-def copy_rows(
-    source: ScenarioRows,
-    table: str,
-    chosen: Sequence[RowAddress],
-    path: Path,
-    footer: Mapping[str, str],
-    scenarios_per_group: int = 1,
-) -> list[RowAddress]:
-    """Write the rows of some scenarios to a new file.
+class FileWriter:
+    """Copies rows of scenarios into new files, one of each table at a time.
 
     Args:
-        source: Reader of the table.
-        table: Name of the table.
-        chosen: Addresses of the rows, in the order in which they are written; at least one.
-        path: Path of the file.
-        footer: Entries for its footer.
+        source: Files of the rows.
+        target: Files of the lake that they are copied to.
+        folder: Dataset, version and split of the scenarios.
+        name: Name of the files, up to their number.
+        footer: Entries for their footers.
         scenarios_per_group: Scenarios in a row group.
 
-    Returns:
-        The new addresses, with the path as the file.
+    Attributes:
+        published: The files.
     """
-    declared = tables.load(table)
-    copied: list[RowAddress] = []
-    with ExitStack() as stack:
-        writer = None
-        for group, start in enumerate(range(0, len(chosen), scenarios_per_group)):
-            parts = [source.read(address) for address in chosen[start : start + scenarios_per_group]]
-            rows = declared.conform(pa.concat_tables(parts, promote_options="default"))
-            writer = writer or stack.enter_context(declared.writer(path, footer, rows))
-            writer.write_table(rows, row_group_size=rows.num_rows)
-            first = 0
-            for part in parts:
-                copied.append(RowAddress(str(path), group, first, part.num_rows))
-                first += part.num_rows
-    return copied
+
+    def __init__(
+        self,
+        source: LakeFiles,
+        target: LakeFiles,
+        folder: tuple[str, str, str],
+        name: str,
+        footer: Mapping[str, str],
+        scenarios_per_group: int = 1,
+    ) -> None:
+        self.published: list[Sealed] = []
+        self._rows = {table: ScenarioRows(source, table) for table in tables.LOADED}
+        self._target, self._folder, self._name = target, folder, name
+        self._footer = {**footer, "scenarionet.source": " ".join((*folder, name))}
+        self._per_group = scenarios_per_group
+        self._number = 0
+
+    def write(self, metadata: pa.Table) -> pa.Table:
+        """Copy the scenarios of some metadata rows to one file a table; returns the rows with new addresses.
+
+        Raises:
+            LakeError: A file is missing or damaged, or the lake cannot be written.
+        """
+        for table in tables.LOADED:
+            metadata = self._copy(table, metadata)
+        self._number += 1
+        return metadata
+
+    def _copy(self, table: str, metadata: pa.Table) -> pa.Table:
+        columns = (metadata[f"{table}_{part}"].to_pylist() for part in RowAddress._fields)
+        chosen = [(number, each) for number, each in enumerate(map(RowAddress, *columns)) if each.num_rows]
+        if not chosen:
+            return metadata
+        declared, temporary = tables.load(table), self._target.temporary()
+        footer = self._footer | {"scenarionet.num_scenarios": str(metadata.num_rows)}
+        ids, held = metadata["scenario_id"].to_pylist(), list[list[str]]()
+        places: list[tuple[int, int] | tuple[None, None]] = [(None, None)] * metadata.num_rows
+        with writing(temporary, temporary), ExitStack() as stack:
+            writer = None
+            for start in range(0, len(chosen), self._per_group):
+                parts, rows_of = list[pa.Table](), list[str]()
+                for number, address in chosen[start : start + self._per_group]:
+                    places[number] = len(held), len(rows_of)
+                    parts.append(self._rows[table].read(address))
+                    rows_of += [ids[number]] * parts[-1].num_rows
+                held.append(rows_of)
+                rows = declared.conform(pa.concat_tables(parts, promote_options="default"))
+                writer = writer or stack.enter_context(declared.writer(temporary, footer, rows))
+                writer.write_table(rows, row_group_size=rows.num_rows)
+        _check_rows(temporary, "map_id" if table == "maps" else "scenario_id", held)
+        stem = f"{partition(table, *self._folder)}/{self._name}-{self._number:03d}"
+        self.published.append(publish_data(self._target, temporary, stem))
+        row_groups, first_rows = zip(*places, strict=True)
+        file = [None if group is None else self.published[-1].name for group in row_groups]
+        for part, values in (("file", file), ("row_group", row_groups), ("first_row", first_rows)):
+            name = f"{table}_{part}"
+            new = pa.array(values, pa.string() if part == "file" else pa.int32())
+            metadata = metadata.set_column(metadata.column_names.index(name), name, new)
+        return metadata
+
+
+def _check_rows(path: Path, key: str, expected: Sequence[Sequence[str]]) -> None:
+    """Verify that each row group holds the rows that were written to it, by the value of a column.
+
+    Raises:
+        LakeError: The rows differ.
+    """
+    with reading(path), pq.ParquetFile(path) as file:
+        groups = (file.read_row_group(number, [key], use_threads=False) for number in range(file.num_row_groups))
+        found = [group[key].to_pylist() for group in groups]
+    if found != expected:
+        raise LakeError(f"{path}: read back other rows than were written; check the disk and run the command again")
 
 
 def copy_groups(
@@ -116,27 +165,6 @@ def copy_sealed(files: LakeFiles, name: str, path: Path, place: Place) -> None:
             else:
                 pq.write_table(rows.replace_schema_metadata({**words, **tables.SEALED}), path, compression="zstd")
         seals.seal(path, place)
-
-
-def with_addresses(metadata: pa.Table, table: str, file: str, copied: Mapping[int, RowAddress]) -> pa.Table:
-    """Metadata with new addresses in one table.
-
-    Args:
-        metadata: Rows of the metadata table.
-        table: Name of the table.
-        file: The new file's name.
-        copied: New addresses by row number; scenarios without rows in the table have none.
-    """
-    new = [copied.get(number) for number in range(metadata.num_rows)]
-    values = {
-        "file": pa.array([None if address is None else file for address in new], pa.string()),
-        "row_group": pa.array([None if address is None else address.row_group for address in new], pa.int32()),
-        "first_row": pa.array([None if address is None else address.first_row for address in new], pa.int32()),
-    }
-    for part, column in values.items():
-        name = f"{table}_{part}"
-        metadata = metadata.set_column(metadata.column_names.index(name), name, column)
-    return metadata
 
 
 def provenance(files: LakeFiles, names: Iterable[str]) -> dict[str, str]:

@@ -9,8 +9,10 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
+from itertools import chain
+from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -24,13 +26,12 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.integrity.seals import Sealed
-from scenarionet_data.storage.snapshots.shard_record import ShardRecord, metadata_name, partition, shard_key
+from scenarionet_data.storage.snapshots.shard_record import ShardRecord, make_record, partition
 from scenarionet_data.storage.write.table_file import defect_rows, publish_data, publish_table, write_table
 
 SCENARIOS_PER_FILE = 64
 """A footer with 64 row groups is read in 0.7 ms, one with 250 in 2-4 ms."""
 
-_SHARD_TABLES = ("tracks", "lights", "maps")
 _MAX_WAITING = 256
 _MAX_WAITING_BYTES = 64_000_000
 """Limits of a batch of scenarios for the audit (number, bytes); one audit costs at least 50 ms."""
@@ -64,7 +65,7 @@ class ShardWriter:
             "scenarionet.licence": licence,
             "scenarionet.frame": "scenario frame: metres, radians, seconds; x forward-east, y left, z up",
         }
-        self._waiting: list[tuple[int, Encoded]] = []
+        self._waiting: dict[int, Encoded] = {}
         self._num_bytes = 0
         self._parts: dict[str, _OpenPart] = {}
         self._pending: list[dict[str, Any]] = []
@@ -97,15 +98,19 @@ class ShardWriter:
             raise InvalidScenario(scenario.id, "id", "expected a unique id, found it twice in this shard")
         try:
             encoded = codec.encode(scenario, self._version)
-            "".join(value for value in encoded.metadata.values() if isinstance(value, str)).encode()
+            for value in encoded.metadata.values():
+                if isinstance(value, str):
+                    value.encode()
         except UnicodeEncodeError as error:
             found = str(error.object)[error.start : error.end]
             raise InvalidScenario(scenario.id, "text", f"expected UTF-8 in all texts, found {found!a}") from error
         position = len(self._ids) + len(self._rejected)
         self._ids.add(scenario.id)
         self._defects[scenario.id] = defect_rows(self._shard, scenario.defects, scenario_id=scenario.id)
-        self._waiting.append((position, encoded))
-        self._num_bytes += sum(rows.get_total_buffer_size() for rows in _batches(encoded).values())
+        self._waiting[position] = encoded
+        for table in tables.LOADED:
+            rows = getattr(encoded, table)
+            self._num_bytes += 0 if rows is None else rows.get_total_buffer_size()
         if len(self._waiting) == _MAX_WAITING or self._num_bytes > _MAX_WAITING_BYTES:
             self._write_waiting()
 
@@ -141,88 +146,83 @@ class ShardWriter:
         if num_records not in (None, len(self._rows) + len(self._rejected)):
             kept = f"{len(self._rows)} scenarios and {len(self._rejected)} in quarantine"
             raise LakeError(f"{self._shard.name}: read {num_records} records, but kept {kept}; please report it")
-        if self._rejected:
-            self._publish_rows("quarantine", sorted(self._rejected, key=lambda row: int(row["position"])))
-        if any(self._defects.values()):
-            self._publish_rows("defects", [row for rows in self._defects.values() for row in rows])
-        shard, key = self._shard, shard_key(self._shard, self._version)
-        record = ShardRecord(
-            key=key,
-            dataset=shard.dataset,
-            version=shard.version,
-            split=shard.split,
-            name=shard.name,
-            options=shard.options_text,
-            converter_version=self._version,
-            schemas=tables.content_tag(),
-            max_scenarios=max_scenarios,
-            items=[item.name for item in shard.items],
-            fingerprints=[item.fingerprint for item in shard.items],
+        defects = list(chain.from_iterable(self._defects.values()))
+        for table, rows in (("quarantine", sorted(self._rejected, key=itemgetter("position"))), ("defects", defects)):
+            if rows:
+                temporary = write_table(self._files, table, rows, self._footer)
+                self._published.append(publish_data(self._files, temporary, self._stem(table)))
+        record = make_record(
+            self._shard,
+            self._version,
+            self._published,
             num_scenarios=len(self._rows),
             num_quarantined=len(self._rejected),
-            metadata_file=metadata_name(shard, key),
-            files=[sealed.name for sealed in self._published],
-            sizes=[sealed.size for sealed in self._published],
-            checksums=[sealed.checksum for sealed in self._published],
+            max_scenarios=max_scenarios,
         )
         footer = {**self._footer, "scenarionet.shard": json.dumps(asdict(record))}
-        publish_table(self._files, "metadata", self._rows, footer, metadata_name(shard, key))
+        publish_table(self._files, "metadata", self._rows, footer, str(record.metadata_file))
         return record
 
     def abandon(self) -> None:
         """Remove unfinished files; published files of an unfinished shard are never referenced."""
-        for part in self._parts.values():
-            part.discard()
+        for path, writer, _ in self._parts.values():
+            with suppress(OSError):  # on a full disk the footer cannot be written, and is not needed
+                writer.close()
+            path.unlink(missing_ok=True)
         self._parts.clear()
 
     # --- parts --------------------------------------------------------------------------------------
 
     def _write_waiting(self) -> None:
         """Audit the batch, and write or reject each scenario."""
-        waiting, self._waiting, self._num_bytes = self._waiting, [], 0
-        encoded = [each for _, each in waiting]
-        refused = self._audit(encoded) if self._audit and encoded else {}
-        for number, (position, each) in enumerate(waiting):
+        waiting, self._waiting, self._num_bytes = self._waiting, {}, 0
+        refused = self._audit(list(waiting.values())) if self._audit and waiting else {}
+        for number, (position, encoded) in enumerate(waiting.items()):
             if number in refused:
-                self._ids.remove(each.metadata["scenario_id"])
-                del self._defects[each.metadata["scenario_id"]]
+                self._ids.remove(encoded.metadata["scenario_id"])
+                del self._defects[encoded.metadata["scenario_id"]]
                 self.reject(position, refused[number])
                 continue
-            row, batches = dict(each.metadata), _batches(each)
-            for table in _SHARD_TABLES:
-                row.update(self._write(table, batches.get(table)))
+            row = dict(encoded.metadata)
+            for table in tables.LOADED:
+                batch = getattr(encoded, table)
+                row[f"{table}_num_rows"] = 0 if batch is None else batch.num_rows
+                if row[f"{table}_num_rows"]:
+                    row[f"{table}_row_group"], row[f"{table}_first_row"] = self._write(table, batch), 0
             self._pending.append(row)
             if len(self._pending) == SCENARIOS_PER_FILE:
                 self._close_parts()
 
-    def _write(self, table: str, batch: pa.RecordBatch | None) -> dict[str, Any]:
-        """Write a scenario's rows as one row group; returns its address columns except the file."""
-        rows = 0 if batch is None else batch.num_rows
-        address: dict[str, Any] = {f"{table}_num_rows": rows}
-        if not rows:
-            return address
+    def _write(self, table: str, batch: pa.RecordBatch) -> int:
+        """Write a scenario's rows as one row group of the open file; returns its number."""
         if table not in self._parts:
-            self._parts[table] = _OpenPart(self._files.temporary(), table, self._footer, batch)
-        address[f"{table}_row_group"] = self._parts[table].write(batch)
-        address[f"{table}_first_row"] = 0
-        return address
+            path = self._files.temporary()
+            with writing(path):
+                self._parts[table] = _OpenPart(path, tables.load(table).writer(path, self._footer, batch), [])
+        path, writer, written = self._parts[table]
+        with writing(path):
+            writer.write_batch(batch, row_group_size=batch.num_rows)
+        written.append(batch.num_rows)
+        return len(written) - 1
 
     def _close_parts(self) -> None:
-        """Publish the open files and enter their names in the pending metadata rows."""
+        """Close, re-open, verify and publish the open files; enter their names in the pending metadata rows."""
         number = len(self._rows) // SCENARIOS_PER_FILE
-        for table, part in self._parts.items():
-            part.close(len(self._pending))
-            self._published.append(publish_data(self._files, part.path, f"{self._stem(table)}-{number:03d}"))
+        for table, (path, writer, written) in self._parts.items():
+            with writing(path):
+                writer.add_key_value_metadata({"scenarionet.num_scenarios": str(len(self._pending))})
+                writer.close()
+            footer = pq.read_metadata(path)
+            found = [footer.row_group(place).num_rows for place in range(footer.num_row_groups)]
+            if found != written:
+                raise LakeError(f"{path}: wrote row groups of {written} rows, read back {found}; check the disk")
+            self._published.append(publish_data(self._files, path, f"{self._stem(table)}-{number:03d}"))
             for row in self._pending:
                 if row[f"{table}_num_rows"]:
                     row[f"{table}_file"] = self._published[-1].name
         self._parts.clear()
         self._rows += self._pending
         self._pending = []
-
-    def _publish_rows(self, table: str, rows: list[dict[str, Any]]) -> None:
-        temporary = write_table(self._files, table, rows, self._footer)
-        self._published.append(publish_data(self._files, temporary, self._stem(table)))
 
     def _stem(self, table: str) -> str:
         """Name of the shard's files of a table, up to the number of the part."""
@@ -235,53 +235,25 @@ def check_share_of_bad_rows(scenario: ScenarioDescription, limit: float) -> None
     Raises:
         InvalidScenario: The message states the share, the limit and the first reasons.
     """
-    dropped = [each for each in scenario.defects if (each.table, each.action) == ("tracks", "dropped")]
-    num_dropped = sum(defect.count for defect in dropped)
+    num_dropped, reasons = 0, list[str]()
+    for each in scenario.defects:
+        if (each.table, each.action) == ("tracks", "dropped"):
+            num_dropped += each.count
+            reasons.append(f"{each.file}, {each.location}: {each.field}: {each.reason}")
     num_kept = scenario.num_recorded_rows
     num_rows = num_dropped + (int(scenario.tracks.valid.sum()) if num_kept is None else num_kept)
     if num_dropped > limit * num_rows:
-        reasons = "; ".join(f"{each.file}, {each.location}: {each.field}: {each.reason}" for each in dropped[:3])
         raise InvalidScenario(
             scenario.id,
             "tracks",
             f"expected at most {limit:.0%} unusable rows (option max_bad_rows), found {num_dropped / num_rows:.1%}, "
-            f"{num_dropped:,} of {num_rows:,}: {reasons}",
+            f"{num_dropped:,} of {num_rows:,}: {'; '.join(reasons[:3])}",
         )
 
 
-def _batches(encoded: Encoded) -> dict[str, pa.RecordBatch]:
-    """A scenario's rows by table."""
-    return {name: getattr(encoded, name) for name in _SHARD_TABLES if getattr(encoded, name) is not None}
+class _OpenPart(NamedTuple):
+    """An open file of one table, and the number of rows of each row group written so far."""
 
-
-class _OpenPart:
-    """An open file of one table."""
-
-    def __init__(self, path: Path, table: str, footer: Mapping[str, str], first: pa.RecordBatch) -> None:
-        self.path = path
-        self._rows: list[int] = []
-        with writing(path):
-            self._writer = tables.load(table).writer(path, footer, first)
-
-    def write(self, batch: pa.RecordBatch) -> int:
-        """Append a row group; returns its number."""
-        with writing(self.path):
-            self._writer.write_batch(batch, row_group_size=batch.num_rows)
-        self._rows.append(batch.num_rows)
-        return len(self._rows) - 1
-
-    def close(self, num_scenarios: int) -> None:
-        """Close, re-open and verify."""
-        with writing(self.path):
-            self._writer.add_key_value_metadata({"scenarionet.num_scenarios": str(num_scenarios)})
-            self._writer.close()
-        footer = pq.read_metadata(self.path)
-        found = [footer.row_group(number).num_rows for number in range(footer.num_row_groups)]
-        if found != self._rows:
-            raise LakeError(f"{self.path}: wrote row groups of {self._rows} rows, read back {found}; check the disk")
-
-    def discard(self) -> None:
-        """Remove the unfinished file."""
-        with suppress(OSError):  # on a full disk the footer cannot be written, and is not needed
-            self._writer.close()
-        self.path.unlink(missing_ok=True)
+    path: Path
+    writer: pq.ParquetWriter
+    written: list[int]

@@ -26,7 +26,7 @@ from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.compiled.checking import unchecked
 from scenarionet_data.storage.read.parquet import page_kernels as pages
-from scenarionet_data.storage.read.parquet.footer import Reservation, RowGroup, StoredGroup, UnreadableFile
+from scenarionet_data.storage.read.parquet.footer import Reservation, RowGroup, UnreadableFile
 from scenarionet_data.storage.read.parquet.row_group_kernels import read_row_group
 from scenarionet_data.storage.read.parquet.thrift_kernels import UNKNOWN
 
@@ -96,7 +96,11 @@ class ColumnReader:
             largest, size = max(largest, each.largest), max(size, each.scratch)
         if largest > self._levels.shape[1]:
             self._levels = np.empty((4, largest), np.uint8)
-        reserved = groups[0].footer.reserve(groups[0].number) if len(groups) == 1 else self._reserved(stored)
+        if len(groups) == 1:
+            reserved = groups[0].footer.reserve(groups[0].number)
+        else:
+            chunks = np.sum([each.chunks for each in stored], axis=0)
+            reserved = Reservation.of(self.layout, chunks, sum([each.num_rows for each in stored]))
         scratch, found = self._memory.scratch(size), self._pages
         memory = scratch, self._levels
         out, count, row = reserved.block(self._memory), len(found), 0
@@ -114,27 +118,17 @@ class ColumnReader:
             row += num_rows
         return Columns(row, self.layout, out, words)
 
-    def _reserved(self, stored: Sequence[StoredGroup]) -> Reservation:
-        """Places in memory of the values of several row groups."""
-        chunks = np.sum([each.chunks for each in stored], axis=0)
-        return Reservation.of(self.layout, chunks, sum([each.num_rows for each in stored]))
-
     def _decompress(self, content: Array, scratch: Array) -> None:
         """Decompress the pages in zstd to their places."""
         for column in np.flatnonzero(self._pages[:, pages.STORED_END]).tolist():
             start, stop, first, last = self._pages[column, _POSITIONS].tolist()
-            if not self._fills(content.data[first:last], scratch.data[start:stop]):
-                raise self._damaged(column)
-
-    def _fills(self, stored: memoryview, target: memoryview) -> bool:
-        """Decompress a zstd page; returns whether it fills the target exactly."""
-        try:
-            if zstandard.frame_content_size(stored) != len(target):
-                return False
-            target[:] = self._zstd.decompress(stored)
-        except zstandard.ZstdError:
-            return False
-        return True
+            stored, target = content.data[first:last], scratch.data[start:stop]
+            try:
+                if zstandard.frame_content_size(stored) != len(target):
+                    raise self._damaged(column)
+                target[:] = self._zstd.decompress(stored)
+            except zstandard.ZstdError as error:
+                raise self._damaged(column) from error
 
     def _add_words(self, row: int, num_rows: int, out: ColumnBlock, words: dict[str, tuple[str, ...]]) -> None:
         """Add the dictionaries of a row group's pages; its indices become those in all words.
