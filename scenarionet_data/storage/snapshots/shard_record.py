@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from operator import attrgetter, itemgetter
-from typing import Any
 
 from scenarionet_data.errors import LakeError
 from scenarionet_data.ingest.shard import Shard
@@ -47,14 +46,21 @@ def partition(table: str, dataset: str, version: str, split: str) -> str:
     return f"{folder}/split={split}" if split and table != "maps" else folder
 
 
-def make_record(shard: Shard, converter_version: str, published: Iterable[Sealed], **counts: int | None) -> ShardRecord:
+def make_record(
+    shard: Shard,
+    converter_version: str,
+    published: Iterable[Sealed],
+    num_scenarios: int = 0,
+    num_quarantined: int = 0,
+    max_scenarios: int | None = None,
+) -> ShardRecord:
     """Record of a finished shard; that of a shared map, whose shard has no split, has no metadata file.
 
     Args:
         shard: The shard.
         converter_version: Version of the converter.
         published: Its files besides the metadata file.
-        counts: ``num_scenarios``, ``num_quarantined`` and ``max_scenarios``; 0, 0 and None by default.
+        num_scenarios, num_quarantined, max_scenarios: See the table.
     """
     key = shard_key(shard, converter_version)
     record = ShardRecord(
@@ -66,24 +72,24 @@ def make_record(shard: Shard, converter_version: str, published: Iterable[Sealed
         options=shard.options_text,
         converter_version=converter_version,
         schemas=tables.content_tag(),
-        max_scenarios=None,
+        max_scenarios=max_scenarios,
         items=list(map(attrgetter("name"), shard.items)),
         fingerprints=list(map(attrgetter("fingerprint"), shard.items)),
-        num_scenarios=0,
-        num_quarantined=0,
+        num_scenarios=num_scenarios,
+        num_quarantined=num_quarantined,
         metadata_file=metadata_name(shard, key) if shard.split else None,
         files=[],
         sizes=[],
         checksums=[],
     )
-    return with_files(record, published, **counts)
+    return with_files(record, published)
 
 
-def with_files(record: ShardRecord, published: Iterable[Sealed], **changes: Any) -> ShardRecord:
-    """The record with other files, and other values of some fields."""
+def with_files(record: ShardRecord, published: Iterable[Sealed]) -> ShardRecord:
+    """The record with other files."""
     listed = list(published)
     names, sizes, checksums = (list(map(itemgetter(place), listed)) for place in range(3))
-    return replace(record, files=names, sizes=sizes, checksums=checksums, **changes)
+    return replace(record, files=names, sizes=sizes, checksums=checksums)
 
 
 def files_of(record: ShardRecord, *folders: str) -> list[Sealed]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from operator import itemgetter
 from typing import Any
 
@@ -49,9 +50,8 @@ def leave_out(files: LakeFiles, record: ShardRecord, repeated: Mapping[str, str]
         if rows:
             stem = f"{partition(table, record.dataset, record.version, record.split)}/{record.name}"
             writer.published.append(publish_data(files, write_table(files, table, rows, footer), stem))
-    reduced = with_files(
-        record,
-        writer.published,
+    reduced = replace(
+        with_files(record, writer.published),
         num_scenarios=kept.num_rows,
         num_quarantined=record.num_quarantined + len(repeated),
         metadata_file=name,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -48,7 +48,8 @@ def rewrite(files: LakeFiles, records: Sequence[ShardRecord], layout: Layout) ->
         named = {file for table in tables.LOADED for file in rows[f"{table}_file"].to_pylist()}
         held = sorted(sealed for sealed in writer.published if sealed.name in named)
         kept = files_of(record, "quarantine/", "defects/")
-        moved.append(publish_rewritten(files, with_files(record, [*kept, *held], metadata_file=name), record, rows))
+        new = replace(with_files(record, [*kept, *held]), metadata_file=name)
+        moved.append(publish_rewritten(files, new, record, rows))
     return moved
 
 
