@@ -11,17 +11,18 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from scenarionet_data.compiled import shipped
 from scenarionet_data.compiled.announcing import compilations, telling
 
 SEEDS = "8:10"
 """Generated scenarios that the kernels run on: one without traffic lights, one with."""
-_NUM_SCENARIOS = 2
+_NUM_SCENARIOS, _NUM_TASKS = 2, 7
 
 
 @dataclass(frozen=True)
@@ -62,118 +63,66 @@ def compile_kernels(on_progress: Callable[[int, int], None] | None = None) -> Co
     Args:
         on_progress: Called with the number of finished tasks and of all.
     """
-    tasks: dict[str, Callable[[str], None]] = {
-        "convert": _convert,
-        "load": _load,
-        "samples": _samples,
-        "simulate": _simulate,
-        "simulate traffic": _simulate_traffic,
-        "simulate many agents": _simulate_many_agents,
-        "cameras": _cameras,
-    }
     finished: list[CompiledTask] = []
     first = len(compilations)
     with TemporaryDirectory(prefix="scenarionet-compile-") as folder, telling(lambda _: None):
-        lake = str(Path(folder) / "lake")
-        for task, run in tasks.items():
-            if on_progress is not None:
-                on_progress(len(finished), len(tasks))
-            known, begin = len(compilations), time.process_time()
-            run(lake)
+        known, begin = first, time.process_time()
+        for task in _do_a_little(str(Path(folder) / "lake")):
             cached = sum(done.from_cache for done in compilations[known:])
             compiled = len(compilations) - known - cached
             finished.append(CompiledTask(task, compiled, cached, time.process_time() - begin))
-    if on_progress is not None:
-        on_progress(len(tasks), len(tasks))
+            known, begin = len(compilations), time.process_time()
+            if on_progress is not None:
+                on_progress(len(finished), _NUM_TASKS)
     folders = {done.cache_folder for done in compilations[first:] if done.cache_folder is not None}
     return CompileReport(tuple(finished), tuple(sorted(folders)))
 
 
-def _convert(lake: str) -> None:
-    from scenarionet_data import convert
+def _do_a_little(lake: str) -> Iterator[str]:
+    """Do everything that has kernels, for a few scenarios; yield what was done after each task."""
+    import scenarionet_sim as sim
+    from scenarionet_data import Samples, ScenarioLoader, Targets, TimeWindow, convert
+    from scenarionet_data.storage.read.parquet import COMPILE_AFTER
+    from scenarionet_sim.render.space import Film, recorded_moments
 
     convert("pg", SEEDS, lake)
-
-
-def _load(lake: str) -> None:
-    from scenarionet_data import ScenarioLoader
-    from scenarionet_data.storage.read.parquet import COMPILE_AFTER
-
+    yield "convert"
     loader = ScenarioLoader(lake)
     for index in range(COMPILE_AFTER + 2 * len(loader)):  # the first ones are decoded by Arrow
         _ = loader[index % len(loader)]
-
-
-def _samples(lake: str) -> None:
-    from scenarionet_data import Samples, Targets, TimeWindow
-
+    yield "load"
     for perspective in ("agent", "scene"):
         samples = Samples(lake, window=TimeWindow(1.0, 1.0), targets=Targets("moving"), perspective=perspective)
         samples.batch(list(range(len(samples)))[:_NUM_SCENARIOS])
+    yield "samples"
+    others = (sim.LaneLineDetector(), sim.LightAhead(), sim.PointCloud(), sim.Surrounding())
+    for sensors in (sim.PAPER_OBSERVATION, (*sim.BOUNDARY, *others), (sim.BirdView(),)):
+        env = sim.ScenarioNetEnv(scenarios=sim.Scenarios(lake), sensors=sensors, observation="dict", prefetch=0)
+        _drive(env, lambda: [0.0, 0.5])
+    yield "simulate"
+    for traffic in (sim.Idm(), sim.ConstantVelocity(), sim.RouteFollower()):
+        policies = sim.Replay(), traffic, sim.External()
+        vector = sim.ScenarioNetVectorEnv(num_envs=_NUM_SCENARIOS, scenarios=sim.Scenarios(lake), policies=policies)
+        _drive(vector, vector.action_space.sample)
+    yield "simulate traffic"
+    many = sim.ScenarioNetParallelEnv(scenarios=sim.Scenarios(lake))
+    _drive(many, lambda: {agent: many.action_space(agent).sample() for agent in many.agents})
+    yield "simulate many agents"
+    for channels in (("rgb",), ("rgb", "depth", "semantic", "instance", "normals", "flow")):
+        cameras = sim.Camera(width=16, height=16, channels=channels), sim.EgoState()
+        env = sim.ScenarioNetEnv(scenarios=sim.Scenarios(lake), sensors=cameras, observation="dict", prefetch=0)
+        _drive(env, lambda: [0.0, 0.5])
+    world = sim.World.from_scenario(loader[0])
+    next(Film("chase", 32, 18).frames(world, recorded_moments(world)[:2]))
+    yield "cameras"
 
 
-def _simulate(lake: str) -> None:
-    from scenarionet_sim import (
-        BOUNDARY,
-        PAPER_OBSERVATION,
-        BirdView,
-        LaneLineDetector,
-        LightAhead,
-        PointCloud,
-        ScenarioNetEnv,
-        Scenarios,
-        Surrounding,
-    )
-
-    for sensors in (
-        PAPER_OBSERVATION,
-        (*BOUNDARY, LaneLineDetector(), LightAhead(), PointCloud(), Surrounding()),
-        (BirdView(),),
-    ):
-        env = ScenarioNetEnv(scenarios=Scenarios(lake), sensors=sensors, observation="dict", prefetch=0)
-        for _ in range(_NUM_SCENARIOS):
-            env.reset()
-            env.step([0.0, 0.5])
-        env.close()
-
-
-def _simulate_traffic(lake: str) -> None:
-    from scenarionet_sim import ConstantVelocity, External, Idm, Replay, RouteFollower, ScenarioNetVectorEnv, Scenarios
-
-    for traffic in (Idm(), ConstantVelocity(), RouteFollower()):
-        env = ScenarioNetVectorEnv(
-            num_envs=_NUM_SCENARIOS, scenarios=Scenarios(lake), policies=(Replay(), traffic, External())
-        )
-        env.reset(seed=0)
-        env.step(env.action_space.sample())
-        env.close()
-
-
-def _simulate_many_agents(lake: str) -> None:
-    from scenarionet_sim import ScenarioNetParallelEnv, Scenarios
-
-    env = ScenarioNetParallelEnv(scenarios=Scenarios(lake))
+def _drive(env: Any, act: Callable[[], Any]) -> None:
+    """Reset and step an environment a few times."""
     for _ in range(_NUM_SCENARIOS):
         env.reset()
-        env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+        env.step(act())
     env.close()
-
-
-def _cameras(lake: str) -> None:
-    from scenarionet_data import ScenarioLoader
-    from scenarionet_sim import Camera, EgoState, ScenarioNetEnv, Scenarios
-    from scenarionet_sim.render.space import Film, recorded_moments
-    from scenarionet_sim.worlds.world import World
-
-    for channels in (("rgb",), ("rgb", "depth", "semantic", "instance", "normals", "flow")):
-        sensors = (Camera(width=16, height=16, channels=channels), EgoState())
-        env = ScenarioNetEnv(scenarios=Scenarios(lake), sensors=sensors, observation="dict", prefetch=0)
-        for _ in range(_NUM_SCENARIOS):
-            env.reset()
-            env.step([0.0, 0.5])
-        env.close()
-    world = World.from_scenario(ScenarioLoader(lake)[0])
-    next(Film("chase", 32, 18).frames(world, recorded_moments(world)[:2]))
 
 
 def ship_kernels(levels: list[shipped.Level]) -> None:

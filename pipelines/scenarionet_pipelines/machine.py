@@ -29,10 +29,8 @@ def memory() -> int:
 
 def free_disk(folder: str | Path) -> int:
     """Return the free disk space for a folder, which need not exist yet [bytes]."""
-    place = Path(os.path.realpath(folder))
-    while not place.exists():
-        place = place.parent
-    return shutil.disk_usage(place).free
+    path = Path(os.path.realpath(folder))
+    return shutil.disk_usage(next(each for each in (path, *path.parents) if each.exists())).free
 
 
 def default_workers() -> int:

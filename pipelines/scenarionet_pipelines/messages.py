@@ -50,3 +50,13 @@ def _option(keyword: str, *, is_on: bool = True) -> str:
 def shorten(text: str, length: int | None) -> str:
     """Shorten a text to at most ``length`` characters, ending in an ellipsis."""
     return text if length is None or len(text) <= length else text[: length - 1] + "…"
+
+
+def count(number: int, noun: str) -> str:
+    """Format a number with its noun.
+
+    Example:
+        >>> count(1, "scenario"), count(2000, "scenario")
+        ('1 scenario', '2,000 scenarios')
+    """
+    return f"{number:,} {noun}" + ("" if number == 1 else "s")

@@ -107,7 +107,7 @@ class CommandLine(Verbs):
         if scarcity:
             click.echo(f"warning: memory may not suffice: {scarcity}", err=True)
         with warnings.catch_warnings():
-            warnings.showwarning = _show_warning  # type: ignore[assignment]  # its other parameters are not needed
+            warnings.showwarning = lambda message, *_: click.echo(f"warning: {one_line(message)}", err=True)
             try:
                 with interruptible():
                     return super().invoke(ctx)
@@ -126,7 +126,3 @@ class CommandLine(Verbs):
                     raise
                 click.echo(f"error: {one_line(error)}", err=True)
                 ctx.exit(2 if isinstance(error, _USAGE_ERRORS) else 1)
-
-
-def _show_warning(message: Warning | str, category: type[Warning], *rest: Any) -> None:  # noqa: ARG001
-    click.echo(f"warning: {one_line(message)}", err=True)

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from scenarionet_pipelines.messages import count as count
 from scenarionet_pipelines.messages import shorten
 
 _MAX_NUMBER = 1e12
@@ -104,13 +105,3 @@ def duration(seconds: float) -> str:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
-
-
-def count(number: int, noun: str) -> str:
-    """Format a number with its noun.
-
-    Example:
-        >>> count(1, "scenario"), count(2000, "scenario")
-        ('1 scenario', '2,000 scenarios')
-    """
-    return f"{number:,} {noun}" + ("" if number == 1 else "s")

@@ -74,7 +74,16 @@ def examine_installation() -> Iterator[Finding]:
     yield _together("required", [each for each in requirements if not each.extra])
     for extra in EXTRAS:
         yield _together(extra, [each for each in requirements if each.extra == extra and each.name != PACKAGE])
-    yield from _converters()
+    loaded = []
+    for name in converters.names():
+        try:
+            converters.get(name)
+            loaded.append(name)
+        except Exception as error:  # a third-party plug-in can fail in any way
+            text = f"does not load: {type(error).__name__}: {error}"
+            yield Finding("converters", name, "bad", text, "update or uninstall the package that provides it")
+    if loaded:
+        yield Finding("converters", "installed", "ok", ", ".join(loaded))
 
 
 def _together(subject: str, requirements: list[Requirement]) -> Finding:
@@ -154,20 +163,7 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(map(int, found.group().split("."))) if found else ()
 
 
-# --- converters, machine, lake --------------------------------------------------------------------------------
-
-
-def _converters() -> Iterator[Finding]:
-    loaded = []
-    for name in converters.names():
-        try:
-            converters.get(name)
-            loaded.append(name)
-        except Exception as error:  # a third-party plug-in can fail in any way
-            text = f"does not load: {type(error).__name__}: {error}"
-            yield Finding("converters", name, "bad", text, "update or uninstall the package that provides it")
-    if loaded:
-        yield Finding("converters", "installed", "ok", ", ".join(loaded))
+# --- machine, lake --------------------------------------------------------------------------------------------
 
 
 def examine_machine(folder: str) -> Iterator[Finding]:
@@ -178,9 +174,8 @@ def examine_machine(folder: str) -> Iterator[Finding]:
     yield Finding("machine", "workers", "ok", f"{machine.default_workers()} by default (--workers)")
     is_enough = free >= _ENOUGH_DISK
     remedy = "" if is_enough else "free disk space: the training split of Waymo needs more than 1 TB"
-    yield Finding(
-        "machine", "kernels", "ok", "compiled on first use; `scenarionet maintain compile` compiles all in advance"
-    )
+    in_advance = "compiled on first use; `scenarionet maintain compile` compiles all in advance"
+    yield Finding("machine", "kernels", "ok", in_advance)
     yield Finding("machine", "free disk", "ok" if is_enough else "missing", f"{free / 1e9:,.1f} GB", remedy)
 
 
@@ -196,16 +191,9 @@ def examine_lake(root: str) -> Iterator[Finding]:
             lake = Lake(root)
             yield Finding("lake", root, "ok", f"snapshot {lake.snapshot.number}, {len(lake):,} scenarios")
         except (ScenarioNetError, OSError) as error:
-            yield Finding(
-                "lake",
-                root,
-                "bad",
-                f"cannot be read: {error}",
-                "restore it from a backup, or convert again into a new lake",
-            )
-    place = path
-    while not place.exists():
-        place = place.parent
+            remedy = "restore it from a backup, or convert again into a new lake"
+            yield Finding("lake", root, "bad", f"cannot be read: {error}", remedy)
+    place = next(each for each in (path, *path.parents) if each.exists())
     is_open = place.is_dir() and os.access(place, os.R_OK | os.W_OK | os.X_OK)
     found = f"{place} is writable" if is_open else f"{place} is not writable"
     yield Finding("lake", "writing", "ok" if is_open else "bad", found, "" if is_open else "change its permissions")

@@ -31,9 +31,9 @@ def examine_store(url: str) -> Iterator[Finding]:
     if scheme == "s3":
         region = os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION") or "us-east-1"
         yield Finding("store", "endpoint", "ok", f"{store_client.endpoint() or 'Amazon'}, region {region}")
-    found = [name for name in _CREDENTIALS.get(scheme, ()) if os.environ.get(name)]
-    remedy = "" if found else f"set {_CREDENTIALS.get(scheme, ('its credentials',))[0]}, unless this machine has a role"
-    yield Finding("store", "credentials", "ok" if found else "missing", ", ".join(found) or "not set", remedy)
+    given = [name for name in _CREDENTIALS.get(scheme, ()) if os.environ.get(name)]
+    remedy = "" if given else f"set {_CREDENTIALS.get(scheme, ('its credentials',))[0]}, unless this machine has a role"
+    yield Finding("store", "credentials", "ok" if given else "missing", ", ".join(given) or "not set", remedy)
     folder = cache.folder_of(url).parent
     yield Finding("store", "cache", "ok", f"{folder}, up to {cache.room() / 1e9:,.0f} GB ($SCENARIONET_CACHE_GB)")
     try:
@@ -42,16 +42,15 @@ def examine_store(url: str) -> Iterator[Finding]:
             yield Finding("lake", url, "ok", f"snapshot {lake.snapshot.number}, {len(lake):,} scenarios")
         except NoSuchSnapshot:
             yield Finding("lake", url, "missing", "not a lake yet", f"scenarionet convert DATASET RAW {url}")
-        yield _writing(url)
+        files, name = open_files(url), f".doctor/{uuid.uuid4().hex}"
+        made = [files.publish_new(name, b"") for _ in range(2)]
+        files.remove(name)
+        if made == [True, False]:
+            found = f"{url} is writable and refuses to overwrite objects on commit"
+            yield Finding("lake", "writing", "ok", found)
+        else:
+            found = f"{url} overwrites an object that should have been refused"
+            remedy = "commit from one client at a time, or use a store that supports If-None-Match: *"
+            yield Finding("lake", "writing", "bad", found, remedy)
     except ScenarioNetError as error:
         yield Finding("store", url, "bad", str(error), "check the endpoint and the credentials above")
-
-
-def _writing(url: str) -> Finding:
-    files, name = open_files(url), f".doctor/{uuid.uuid4().hex}"
-    made = [files.publish_new(name, b"") for _ in range(2)]
-    files.remove(name)
-    if made == [True, False]:
-        return Finding("lake", "writing", "ok", f"{url} is writable and refuses to overwrite objects on commit")
-    remedy = "commit from one client at a time, or use a store that supports If-None-Match: *"
-    return Finding("lake", "writing", "bad", f"{url} overwrites an object that should have been refused", remedy)

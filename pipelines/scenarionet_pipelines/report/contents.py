@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from scenarionet_data.plots.style import as_png
 from scenarionet_data.quality.checks import run_checks
 from scenarionet_data.quality.scorecard import Scorecard, make_scorecard
 from scenarionet_data.schema import tables
-from scenarionet_pipelines.report.measures import COLUMNS, read_measures, select_examples
+from scenarionet_pipelines.report.measures import COLUMNS, ScenarioMeasures, read_measures, select_examples
 
 PICTURE_SIZE = (400, 260)
 """Width and height of the picture of a scenario [pixel]; shown at half this size or larger."""
@@ -110,17 +111,25 @@ def gather(
     Raises:
         DatabaseNotFound: A database does not exist.
     """
-    percent = _PercentProgress(on_progress, max(1, len(databases)))
     names: Sequence[str | None] = databases or [None]
-    sections, measured = [], []
+    sections, measured = list[DatabaseSection](), list[ScenarioMeasures]()
+
+    def report(half: int, done: int, total: int) -> None:
+        """Report progress: half of each section are checks, half are pictures."""
+        if on_progress is not None:
+            share = (2 * len(sections) + half + done / max(total, 1)) / (2 * len(names))
+            on_progress(round(100 * share), 100, 0)
+
+    def on_check(done: int, total: int, _: int) -> None:
+        report(0, done, total)
+
     for name, statistics in zip(names, lake.compare(*databases), strict=True):
         view = lake if name is None else lake.restrict_to(name)
-        card = make_scorecard(run_checks(lake, name, on_progress=percent.checked)) if is_checked else None
+        card = make_scorecard(run_checks(lake, name, on_progress=on_check)) if is_checked else None
         measured.append(read_measures(view))
-        pictures = _pictures(view, select_examples(measured[-1]), percent)
+        pictures = _pictures(view, select_examples(measured[-1]), partial(report, 1))
         origin = "" if name is None else lake.database(name).lineage.origin
         sections.append(DatabaseSection(statistics, origin, _missing(view), card, pictures))
-        percent.end_section()
     values = {title: np.concatenate([each.values[name] for each in measured]) for name, title in COLUMNS.items()}
     known = {title: np.unique(found[np.isfinite(found)]) for title, found in values.items()}
     counts = lake.sql(
@@ -143,31 +152,6 @@ def gather(
     )
 
 
-class _PercentProgress:
-    """Progress in percent over sections, each half checks and half pictures."""
-
-    def __init__(self, on_progress: Progress | None, num_sections: int) -> None:
-        self._on_progress = on_progress
-        self._num_sections = num_sections
-        self._section = 0
-
-    def checked(self, done: int, total: int, scenarios: int) -> None:  # noqa: ARG002
-        """Report progress of the checks."""
-        self._report(done / max(total, 1) / 2)
-
-    def drawn(self, done: int, total: int) -> None:
-        """Report progress of the pictures."""
-        self._report((1 + done / max(total, 1)) / 2)
-
-    def end_section(self) -> None:
-        """Continue with the next section."""
-        self._section += 1
-
-    def _report(self, share: float) -> None:
-        if self._on_progress is not None:
-            self._on_progress(round(100 * (self._section + share) / self._num_sections), 100, 0)
-
-
 def _missing(view: Lake) -> dict[str, int]:
     columns = [column.name for column in tables.load("metadata").columns if column.nullable]
     counted = ", ".join(f'count(*) - count("{name}") AS "{name}"' for name in columns)
@@ -177,22 +161,18 @@ def _missing(view: Lake) -> dict[str, int]:
 
 
 def _pictures(
-    view: Lake, chosen: dict[str, list[tuple[str, str]]], percent: _PercentProgress
+    view: Lake, chosen: dict[str, list[tuple[str, str]]], on_picture: Callable[[int, int], None]
 ) -> dict[str, list[ScenarioPicture]]:
     ids = list(dict.fromkeys(scenario_id for group in chosen.values() for scenario_id, _ in group))
     if not ids:
         return {}
     loader = ScenarioLoader(view, ids)
-    facts = view.arrow(
-        f"SELECT scenario_id, {', '.join(_FACTS)} FROM metadata WHERE scenario_id IN (SELECT unnest($ids))",
-        {"ids": ids},
-    ).to_pylist()
-    known = {row["scenario_id"]: row for row in facts}
+    query = f"SELECT scenario_id, {', '.join(_FACTS)} FROM metadata WHERE scenario_id IN (SELECT unnest($ids))"
+    known = {row["scenario_id"]: row for row in view.arrow(query, {"ids": ids}).to_pylist()}
     drawn: dict[str, bytes] = {}
     for number, scenario_id in enumerate(ids):
-        percent.drawn(number, len(ids))
         drawn[scenario_id] = thumbnail(loader[number], PICTURE_SIZE)
-    percent.drawn(len(ids), len(ids))
+        on_picture(number + 1, len(ids))
     return {
         group: [ScenarioPicture(each, reason, known[each], drawn[each]) for each, reason in members]
         for group, members in chosen.items()

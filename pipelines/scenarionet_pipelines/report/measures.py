@@ -69,10 +69,15 @@ def select_examples(measured: ScenarioMeasures) -> dict[str, list[tuple[str, str
         return {}
     _, different = np.unique(_distance_from_median(measured), return_index=True)  # sorted, without duplicates
     typical = different[:_NUM_EXAMPLES]
+    extremes: dict[str, list[str]] = {}  # a scenario with several extremes is listed once with all of them
+    for reason, (name, sign) in EXTREMES.items():
+        column = sign * measured.values[name]
+        if np.isfinite(column).any() and np.nanmax(column) > np.nanmin(column):
+            extremes.setdefault(str(measured.ids[np.nanargmax(column)]), []).append(reason)
     random = np.random.default_rng(_SEED).permutation(size)[:_NUM_EXAMPLES]
     return {
         "typical": [(str(measured.ids[row]), "") for row in typical],
-        "extreme": _extremes(measured),
+        "extreme": [(scenario_id, ", ".join(reasons)) for scenario_id, reasons in extremes.items()],
         "random": [(str(measured.ids[row]), "") for row in random],
     }
 
@@ -85,13 +90,3 @@ def _distance_from_median(measured: ScenarioMeasures) -> Float64:
     spread = np.where(high > low, high - low, 1.0)
     away: Float64 = np.nan_to_num(np.abs(values[counted] - middle) / spread).sum(axis=0)
     return away
-
-
-def _extremes(measured: ScenarioMeasures) -> list[tuple[str, str]]:
-    """One scenario per extreme; a scenario with several extremes is listed once with all of them."""
-    found: dict[str, list[str]] = {}
-    for reason, (name, sign) in EXTREMES.items():
-        column = sign * measured.values[name]
-        if np.isfinite(column).any() and np.nanmax(column) > np.nanmin(column):
-            found.setdefault(str(measured.ids[np.nanargmax(column)]), []).append(reason)
-    return [(scenario_id, ", ".join(reasons)) for scenario_id, reasons in found.items()]

@@ -9,9 +9,10 @@ import scenarionet_pipelines.web
 from scenarionet_data import version
 from scenarionet_data.plots.palette import EGO, NAMES, OBJECTS, OTHER
 from scenarionet_data.storage.files.places import local_path
+from scenarionet_pipelines.messages import count
 from scenarionet_pipelines.report.contents import PICTURE_SIZE, DatabaseSection, ReportContents, ScenarioPicture
 from scenarionet_pipelines.report.markup import Markup, joined, picture, tag
-from scenarionet_pipelines.report.tables import comparison, missing, number, plural, scorecard, summary
+from scenarionet_pipelines.report.tables import comparison, missing, number, scorecard, summary
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """Content security policy: the page loads nothing from elsewhere."""
@@ -97,7 +98,7 @@ def _overview(contents: ReportContents) -> Markup:
     }
     cards = (tag("li", tag("strong", number(value)), tag("span", name)) for name, value in facts.items())
     rejected = (
-        f"{plural(contents.quarantined, 'scenario')} in quarantine; reasons: `scenarionet sql LAKE quarantine_reasons`."
+        f"{count(contents.quarantined, 'scenario')} in quarantine; reasons: `scenarionet sql LAKE quarantine_reasons`."
         if contents.quarantined
         else None
     )
@@ -175,7 +176,7 @@ def _gallery(group: str, pictures: list[ScenarioPicture]) -> Markup | None:
     for shown in pictures:
         facts = shown.facts
         distance, duration = number(facts["ego_distance"]), number(facts["duration"])
-        words = f"{distance} m in {duration} s, {plural(facts['num_objects'], 'object')}"
+        words = f"{distance} m in {duration} s, {count(facts['num_objects'], 'object')}"
         image = picture(shown.png, f"Scenario {shown.scenario_id} from above", PICTURE_SIZE)
         why = tag("span", shown.reason, class_="why") if shown.reason else None
         figures.append(tag("figure", image, tag("figcaption", why, shown.scenario_id, tag("span", words))))

@@ -11,6 +11,7 @@ from scenarionet_data.storage.files.places import local_path
 from scenarionet_pipelines.report.changes import change_text, mean_text
 from scenarionet_pipelines.report.markup import Markup, joined, picture, tag
 from scenarionet_pipelines.report.page import page_head
+from scenarionet_pipelines.report.tables import table
 from scenarionet_sim.evaluation.comparison import RunComparison
 from scenarionet_sim.render.rollouts import rollout_moments
 
@@ -37,26 +38,19 @@ def render(comparison: RunComparison, lake: Lake) -> str:
     counts = f"{len(comparison.better)} scenarios got better and {len(comparison.worse)} worse, by "
     judged = tag("p", counts, tag("code", comparison.judged_by), ".")
     notes = joined(*(tag("p", f"Note: {note}.") for note in comparison.notes))
-    groups = dict.fromkeys(each.group for each in comparison.metrics)
+    heads = ["metric", *comparison.runs, *(f"change to {run}" for run in comparison.runs[1:])]
+    rows: dict[str, list[list[Markup]]] = {}
+    for metric in comparison.metrics:
+        cells = [*map(mean_text, metric.means, metric.scenarios), *map(change_text, metric.changes[1:])]
+        row = [tag("th", metric.metric, scope="row"), *(tag("td", text) for text in cells)]
+        rows.setdefault("All scenarios" if metric.group == "all" else metric.group, []).append(row)
+    tables = (tag("section", tag("h2", group), table(heads, each, group)) for group, each in rows.items())
     body = tag(
         "body",
         tag("header", tag("h1", title), judged, notes),
-        tag("main", *(_table(comparison, group) for group in groups), _worst(comparison, lake)),
+        tag("main", *tables, _worst(comparison, lake)),
     )
     return f"<!doctype html>\n{tag('html', page_head(title), body, lang='en')}\n"
-
-
-def _table(comparison: RunComparison, group: str) -> Markup:
-    heads = ["metric", *comparison.runs, *(f"change to {run}" for run in comparison.runs[1:])]
-    rows = []
-    for metric in (each for each in comparison.metrics if each.group == group):
-        means = map(mean_text, metric.means, metric.scenarios)
-        cells = (tag("td", text) for text in (*means, *map(change_text, metric.changes[1:])))
-        rows.append(tag("tr", tag("th", metric.metric, scope="row"), *cells))
-    head = tag("thead", tag("tr", *(tag("th", name, scope="col") for name in heads)))
-    title = "All scenarios" if group == "all" else group
-    table = tag("table", head, tag("tbody", *rows))
-    return tag("section", tag("h2", title), tag("div", table, class_="scroll"))
 
 
 def _worst(comparison: RunComparison, lake: Lake) -> Markup | None:

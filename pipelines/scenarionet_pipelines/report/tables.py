@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from scenarionet_pipelines.messages import count
 from scenarionet_pipelines.report.markup import Markup, joined, tag
 
 if TYPE_CHECKING:
     from scenarionet_data.operations.comparison import DatabaseStatistics, Measure
-    from scenarionet_data.quality.scorecard import PartitionScore, RuleScore, Scorecard
+    from scenarionet_data.quality.scorecard import PartitionScore, Scorecard
     from scenarionet_pipelines.report.contents import DatabaseSection
 
 
@@ -33,11 +34,6 @@ def number(value: float | None) -> str:
     return f"{value:,.1f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def plural(count: int, noun: str) -> str:
-    """Format a number with its noun."""
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"
-
-
 def table(head: Iterable[str], rows: Iterable[Iterable[Markup]], label: str) -> Markup:
     """Build a table that scrolls sideways if it is wider than the page.
 
@@ -54,53 +50,35 @@ def table(head: Iterable[str], rows: Iterable[Iterable[Markup]], label: str) -> 
 
 def summary(rows: Sequence[dict[str, Any]]) -> Markup:
     """Table of datasets, versions and splits."""
-    numbers = ("scenarios", "hours", "total_objects", "mean_ego_distance", "mean_vehicles")
-    head = (
-        "dataset",
-        "version",
-        "split",
-        "scenarios#",
-        "hours#",
-        "objects#",
-        "ego distance [m], mean#",
-        "vehicles, mean#",
-    )
-    cells = (
-        (
-            _row_head(row["dataset"]), tag("td", row["version"]), tag("td", row["split"]),
-            *(_number(row[name]) for name in numbers),
-        )
-        for row in rows
-    )  # fmt: skip
+    numbers = {
+        "scenarios": "scenarios", "hours": "hours", "total_objects": "objects",
+        "mean_ego_distance": "ego distance [m], mean", "mean_vehicles": "vehicles, mean",
+    }  # fmt: skip
+    cells = []
+    for row in rows:
+        names = _row_head(row["dataset"]), tag("td", row["version"]), tag("td", row["split"])
+        cells.append((*names, *(_number(row[name]) for name in numbers)))
+    head = ("dataset", "version", "split", *(f"{title}#" for title in numbers.values()))
     return table(head, cells, "Content of the lake")
 
 
 def comparison(statistics: Sequence[DatabaseStatistics]) -> Markup:
     """Table that compares measures of databases."""
     full = next(each.measures for each in statistics if each.measures)
-    if len(statistics) == 1:
-        return _one(full, statistics[0].name)
+    if len(statistics) == 1:  # one column per statistic
+        rows = []
+        for measure in full:
+            cells = [_number(value) for value in (measure.mean, measure.std, measure.min, measure.max)]
+            cells = [_ratio(measure.mean), *[tag("td")] * 3] if measure.unit == "ratio" else cells
+            rows.append((_measure_head(measure), *cells, _number(measure.scenarios)))
+        head = ("measure", "mean#", "standard deviation#", "smallest#", "largest#", "scenarios#")
+        return table(head, rows, f"Measures of {statistics[0].name}")
     counts = (_row_head("scenarios"), *(_number(each.count) for each in statistics))
     rows = [
         (_measure_head(measure), *(_measured(each.measures[place : place + 1]) for each in statistics))
         for place, measure in enumerate(full)
     ]
     return table(("measure", *(f"{each.name}#" for each in statistics)), (counts, *rows), "Comparison")
-
-
-def _one(measures: Sequence[Measure], name: str) -> Markup:
-    """Table of the measures of one database, one column per statistic."""
-    head = ("measure", "mean#", "standard deviation#", "smallest#", "largest#", "scenarios#")
-    rows = [
-        (
-            _measure_head(measure),
-            *([_ratio(measure.mean), *[tag("td")] * 3] if measure.unit == "ratio"
-              else [_number(value) for value in (measure.mean, measure.std, measure.min, measure.max)]),
-            _number(measure.scenarios),
-        )
-        for measure in measures
-    ]  # fmt: skip
-    return table(head, rows, f"Measures of {name}")
 
 
 def _ratio(value: float | None) -> Markup:
@@ -144,32 +122,21 @@ def scorecard(card: Scorecard) -> Markup:
 
 def _partition(partition: PartitionScore) -> Markup:
     name = "/".join((partition.dataset, partition.version, partition.split))
-    text = f"{plural(partition.scenarios, 'scenario')}, {partition.quarantined:,} in quarantine"
+    text = f"{count(partition.scenarios, 'scenario')}, {partition.quarantined:,} in quarantine"
     published = f"; {partition.coverage.text}" if partition.coverage else ""
     broken = [mark for mark in partition.rules if mark.broken]
     held = [mark.check for mark in partition.rules if not mark.broken]
-    rules = table(("rule", "", "violations#", "share#", "for example"), map(_mark, broken), f"Rules violated in {name}")
-    return joined(
-        tag("h3", name),
-        tag("p", f"{text}{published}.", class_="note"),
-        rules if broken else None,
-        tag("details", tag("summary", f"{plural(len(held), 'rule')} without violations"), tag("p", ", ".join(held)))
-        if held
-        else None,
-    )
-
-
-def _mark(mark: RuleScore) -> tuple[Markup, ...]:
-    word = "ok" if mark.is_met else "failed" if mark.is_hard else "doubtful"
-    text = {"ok": "within budget", "failed": "failed", "doubtful": "doubtful"}[word]
-    example = ": ".join(mark.examples[0]) if mark.examples else ""
-    return (
-        _row_head(mark.check),
-        tag("td", text, class_=word),
-        _number(mark.broken),
-        tag("td", f"{mark.share:.2%}", class_="number"),
-        tag("td", example, class_="wide"),
-    )
+    rows = []
+    for mark in broken:
+        word = "ok" if mark.is_met else "failed" if mark.is_hard else "doubtful"
+        verdict = tag("td", "within budget" if mark.is_met else word, class_=word)
+        share = tag("td", f"{mark.share:.2%}", class_="number")
+        example = tag("td", ": ".join(mark.examples[0]) if mark.examples else "", class_="wide")
+        rows.append((_row_head(mark.check), verdict, _number(mark.broken), share, example))
+    rules = table(("rule", "", "violations#", "share#", "for example"), rows, f"Rules violated in {name}")
+    passed = tag("summary", f"{count(len(held), 'rule')} without violations"), tag("p", ", ".join(held))
+    note = tag("p", f"{text}{published}.", class_="note")
+    return joined(tag("h3", name), note, rules if broken else None, tag("details", *passed) if held else None)
 
 
 def _row_head(name: str) -> Markup:

@@ -7,6 +7,7 @@ import json
 import re
 import secrets
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from starlette.applications import Starlette
@@ -32,13 +33,7 @@ from scenarionet_pipelines.web.camera_views import SIZES, VIEWS, CameraView
 from scenarionet_pipelines.web.guards import BodyTooLarge, Guard
 from scenarionet_pipelines.web.picture import DARK_PICTURE, PICTURE
 from scenarionet_pipelines.web.question_workers import QuestionWorkers
-from scenarionet_pipelines.web.questions import (
-    TIMELINE_EVENTS,
-    EventsQuestion,
-    HistogramQuestion,
-    RowsQuestion,
-    SaveQuestion,
-)
+from scenarionet_pipelines.web.questions import TIMELINE_EVENTS, OpenLake
 from scenarionet_pipelines.web.rows import MAX_ROWS, PageQuery, plain
 from scenarionet_pipelines.web.scenes import ScenarioCache
 
@@ -51,6 +46,11 @@ _THUMBNAIL_SIDES = range(32, 513)
 _IMMUTABLE = {"cache-control": "private, max-age=86400, immutable"}
 """For content of a snapshot, whose number is part of the address."""
 _NO_STORE = {"cache-control": "no-store"}
+
+_READING = (
+    "about", "rows", "facts", "scene", "thumbnail", "histogram", "events", "runs", "run", "clip", "camera"
+)  # fmt: skip
+"""Requests below ``/api`` that change nothing."""
 
 
 class LakeRoutes:
@@ -111,7 +111,7 @@ class LakeRoutes:
             count=_number(parameters.get("count", "50"), range(1, MAX_ROWS + 1)),
             columns=wanted,
         )
-        question = RowsQuestion(query, parameters.get("database", ""))
+        question = partial(OpenLake.rows, query=query, database=parameters.get("database", ""))
         page = await self._workers.ask(question, request.is_disconnected)
         self._scenarios.expect([row["scenario_id"] for row in page.rows])
         return JSONResponse(asdict(page), headers=_NO_STORE)
@@ -120,13 +120,14 @@ class LakeRoutes:
         """Return the counts of a column's values in bins."""
         parameters = request.query_params
         where = parameters.get("where", "").strip() or "true"
-        question = HistogramQuestion(parameters.get("column", ""), where, parameters.get("database", ""))
+        column, database = parameters.get("column", ""), parameters.get("database", "")
+        question = partial(OpenLake.histogram, column=column, where=where, database=database)
         found = await self._workers.ask(question, request.is_disconnected)
         return JSONResponse(asdict(found), headers=_NO_STORE)
 
     async def events(self, request: Request) -> Response:
         """Return the occurrences of an event in a scenario, in seconds."""
-        question = EventsQuestion(_id(request), request.query_params.get("event", ""))
+        question = partial(OpenLake.events, scenario_id=_id(request), event=request.query_params.get("event", ""))
         return JSONResponse(await self._workers.ask(question, request.is_disconnected), headers=_NO_STORE)
 
     def facts(self, request: Request) -> Response:
@@ -190,7 +191,7 @@ class LakeRoutes:
         if not self.is_writable:
             return JSONResponse({"error": "the server is read-only; start it with --write to save databases"}, 403)
         name, where, parent = _texts(await request.body(), "name", "where", "database")
-        question = SaveQuestion(name, where.strip() or "true", parent)
+        question = partial(OpenLake.save, name=name, where=where.strip() or "true", database=parent)
         reference, size = await self._workers.ask(question, request.is_disconnected)
         return JSONResponse({"reference": reference, "count": size, "databases": self.lake.databases})
 
@@ -211,17 +212,7 @@ def make_app(
     return Starlette(
         routes=[
             Route("/", routes.index),
-            Route("/api/about", routes.about),
-            Route("/api/rows", routes.rows),
-            Route("/api/facts", routes.facts),
-            Route("/api/scene", routes.scene),
-            Route("/api/thumbnail", routes.thumbnail),
-            Route("/api/histogram", routes.histogram),
-            Route("/api/events", routes.events),
-            Route("/api/runs", routes.runs),
-            Route("/api/run", routes.run),
-            Route("/api/clip", routes.clip),
-            Route("/api/camera", routes.camera),
+            *(Route(f"/api/{name}", getattr(routes, name)) for name in _READING),
             Route("/api/databases", routes.save, methods=["POST"]),
             Mount("/static", StaticFiles(directory=STATIC)),
         ],

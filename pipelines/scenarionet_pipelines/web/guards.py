@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ipaddress
 import secrets
+from contextlib import suppress
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -99,16 +100,7 @@ class Guard:
 
     def _is_accepted(self, host: str) -> bool:
         """Whether a host is accepted. IP addresses always are, because DNS rebinding needs a name."""
-        try:
+        with suppress(ValueError):
             name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
-            return False
-        return name in self._names or _is_address(name)
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
+            return name in self._names or bool(ipaddress.ip_address(name))
         return False
-    return True

@@ -16,7 +16,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, UInt8
 from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Tracks
+from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.lane_polygons import lane_outlines
 from scenarionet_data.scenario.stop_points import light_places
 from scenarionet_data.scenario.vocabulary import (
@@ -44,40 +44,19 @@ def pack(scenario: ScenarioDescription) -> bytes:
     Positions are float32 [m] in the scenario frame, headings are in radians. Arrays of objects and lights have the
     shape (N, T, ...).
     """
-    features = scenario.map
-    arrays: dict[str, Array] = {"time": scenario.timestamps.astype(np.float32)}
-    arrays |= _motion(scenario.tracks) | _lights(scenario.lights, features)
-    header: dict[str, Any] = {
-        "id": scenario.id,
-        "dt": scenario.dt,
-        "now": scenario.current_timestep,
-        "ego": scenario.ego_index,
-        "objects": _objects(scenario),
-        "lights": [str(name) for name in scenario.lights.ids],
-        "lightStates": list(_STATES),
-        "lightColors": [LightColor(color).name for color in LIGHT_COLORS],
-        "features": [],
-    }
-    if features is not None:
-        header["features"] = _features(features)
-        arrays |= _points("line", features.polyline) | _points("area", _outlines(features))
-    return layout(header, arrays)
-
-
-def _motion(tracks: Tracks) -> dict[str, Array]:
-    return {
+    features, tracks = scenario.map, scenario.tracks
+    predicted = {track_id for track_id, _ in scenario.tracks_to_predict}
+    interesting = set(scenario.objects_of_interest)
+    arrays: dict[str, Array] = {
+        "time": scenario.timestamps.astype(np.float32),
         "position": tracks.position[..., :2],
         "heading": tracks.heading,
         "velocity": tracks.velocity,
         "size": median_sizes(tracks.size, tracks.valid),
         "valid": tracks.valid.astype(np.uint8),
     }
-
-
-def _objects(scenario: ScenarioDescription) -> list[dict[str, Any]]:
-    tracks, predicted = scenario.tracks, {track_id for track_id, _ in scenario.tracks_to_predict}
-    interesting = set(scenario.objects_of_interest)
-    return [
+    arrays |= _lights(scenario.lights, features)
+    objects = [
         {
             "id": str(track_id),
             "type": _TYPES[code],
@@ -87,6 +66,27 @@ def _objects(scenario: ScenarioDescription) -> list[dict[str, Any]]:
         }
         for track_id, code, source in zip(tracks.ids, tracks.object_type, tracks.source_type, strict=True)
     ]
+    described: list[dict[str, Any]] = []
+    if features is not None:
+        kinds = _kinds(features.feature_type)
+        for name, code, kind, speed in zip(
+            features.ids, features.feature_type, kinds, features.speed_limit, strict=True
+        ):
+            limit = None if np.isnan(speed) else round(float(speed), 2)  # [m/s]
+            described.append({"id": str(name), "type": _FEATURES[code] or str(code), "kind": kind, "limit": limit})
+        arrays |= _points("line", features.polyline) | _points("area", _outlines(features))
+    header: dict[str, Any] = {
+        "id": scenario.id,
+        "dt": scenario.dt,
+        "now": scenario.current_timestep,
+        "ego": scenario.ego_index,
+        "objects": objects,
+        "lights": [str(name) for name in scenario.lights.ids],
+        "lightStates": list(_STATES),
+        "lightColors": [LightColor(color).name for color in LIGHT_COLORS],
+        "features": described,
+    }
+    return layout(header, arrays)
 
 
 def _lights(lights: Lights, features: MapFeatures | None) -> dict[str, Array]:
@@ -96,21 +96,6 @@ def _lights(lights: Lights, features: MapFeatures | None) -> dict[str, Array]:
         rows = np.flatnonzero(is_lane(features.feature_type))
         stop = light_places(lights, features.ids[rows], features.polyline.take(rows))[1]
     return {"lightPosition": stop, "lightState": lights.state}
-
-
-def _features(features: MapFeatures) -> list[dict[str, Any]]:
-    """Properties of map features; speed limits in m/s, None if unknown."""
-    return [
-        {
-            "id": str(name),
-            "type": _FEATURES[code] or str(code),
-            "kind": kind,
-            "limit": None if np.isnan(limit) else round(float(limit), 2),
-        }
-        for name, code, kind, limit in zip(
-            features.ids, features.feature_type, _kinds(features.feature_type), features.speed_limit, strict=True
-        )
-    ]
 
 
 def _kinds(types: UInt8) -> list[str]:

@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import QueryError
-from scenarionet_pipelines.web.questions import Question, answer_questions
+from scenarionet_pipelines.web.questions import Learnt, Question, answer_questions
 from scenarionet_pipelines.web.rows import PageColumn, columns
 
 _MAX_WORKERS = 4
@@ -58,7 +58,7 @@ class QuestionWorkers:
         self._busy: set[_Worker] = set()
         self._is_closed = False
 
-    async def ask(self, question: Question, is_abandoned: Callable[[], Awaitable[bool]]) -> Any:
+    async def ask(self, question: Question[Learnt], is_abandoned: Callable[[], Awaitable[bool]]) -> Learnt:
         """Return the answer to a question.
 
         Args:
@@ -80,7 +80,8 @@ class QuestionWorkers:
                 while not (await asyncio.wait([asked], timeout=_POLL_INTERVAL))[0]:
                     if await is_abandoned():
                         worker.stop()
-                return asked.result()
+                answer: Learnt = asked.result()
+                return answer
             finally:
                 self._busy.remove(worker)
                 if asked.done() and worker.is_usable:
@@ -116,10 +117,16 @@ class _Worker:
         self._process.start()
         other_end.close()
 
-    def ask(self, question: Question, limits: Limits) -> Any:
+    def ask(self, question: Question[Any], limits: Limits) -> Any:
         """Return the answer, or stop the process at the time limit."""
         try:
-            found = self._exchange(question, limits.seconds)
+            found = None if self._is_open else self._connection.recv()
+            if found is None:
+                self._is_open = True
+                self._connection.send(question)
+                if not self._connection.poll(limits.seconds):
+                    raise TimeoutError
+                found = self._connection.recv()
         except TimeoutError as error:
             self.stop()
             raise QueryError(
@@ -135,17 +142,6 @@ class _Worker:
         if isinstance(found, Exception):
             raise found
         return found
-
-    def _exchange(self, question: Question, seconds: float) -> Any:
-        if not self._is_open:
-            error = self._connection.recv()
-            if error is not None:
-                return error
-            self._is_open = True
-        self._connection.send(question)
-        if not self._connection.poll(seconds):
-            raise TimeoutError
-        return self._connection.recv()
 
     def stop(self) -> None:
         """End the process, whatever it is doing, and remove its temporary files."""

@@ -10,11 +10,10 @@ from __future__ import annotations
 import resource
 import sys
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, TypeAlias, TypeVar
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, ScenarioNetError
@@ -25,6 +24,8 @@ from scenarionet_pipelines.web.rows import Page, PageColumn, PageQuery, plain, r
 
 TIMELINE_EVENTS = [name for name in EVENTS.names() if name not in ("closest_approach", "minimum_gap")]
 """Events of the time line; the others are a measurement of every object rather than something that happens."""
+
+Learnt = TypeVar("Learnt")
 
 _MAX_VIEWS = 8
 _ROOM = 2**29
@@ -47,16 +48,33 @@ class OpenLake:
         self._views: dict[str, Lake] = {}
         self._open(lake)
 
-    def restricted(self, database: str) -> Lake:
+    def _restricted(self, database: str) -> Lake:
         """The lake, restricted to a database if one is named."""
         if not database:
             return self.lake
         reference = self.lake.database(database).reference  # a name alone means its newest version
         return self._view(reference, reference)
 
-    def only(self, scenario_id: str) -> Lake:
-        """The lake, restricted to one scenario."""
-        return self._view(f"scenario {scenario_id}", [scenario_id])
+    def rows(self, query: PageQuery, database: str) -> Page:
+        """Return the rows of a page of the table, restricted to a database if one is named; see :func:`read_page`."""
+        return read_page(self._restricted(database), query, self.columns)
+
+    def histogram(self, column: str, where: str, database: str) -> Histogram:
+        """Count the values of a numeric column; see :func:`read_histogram`."""
+        return read_histogram(self._restricted(database), column, where, self.columns)
+
+    def events(self, scenario_id: str, event: str) -> list[dict[str, Any]]:
+        """Return track, other track, first and last timestep and value of each occurrence of one of TIMELINE_EVENTS."""
+        if event not in TIMELINE_EVENTS:
+            raise BadParameter(f"no event {event!r}; there are {', '.join(TIMELINE_EVENTS)}")
+        found = self._view(f"scenario {scenario_id}", [scenario_id]).mine(event)
+        names = "track_id", "other_id", "first_timestep", "last_timestep", "value"
+        return [{name: plain(value) for name, value in row.items()} for row in found.select(names).to_dicts()]
+
+    def save(self, name: str, where: str, database: str) -> tuple[str, int]:
+        """Save the scenarios that satisfy a condition as a database; return its reference and number of scenarios."""
+        created = self.lake.filter(where, name=name, database=database or None)
+        return created.reference, len(created)
 
     def _view(self, key: str, scenarios: str | list[str]) -> Lake:
         if key not in self._views:
@@ -76,95 +94,14 @@ class OpenLake:
         return lake
 
 
-class Question(Protocol):
-    """Something to find out about a lake; picklable, as is its answer."""
-
-    def answer(self, opened: OpenLake) -> object:
-        """Return the answer."""
-        ...
-
-
-@dataclass(frozen=True)
-class RowsQuestion:
-    """Which rows does a page of the table show?
-
-    Attributes:
-        query: The page.
-        database: Database that the table is restricted to; empty for the whole lake.
-    """
-
-    query: PageQuery
-    database: str
-
-    def answer(self, opened: OpenLake) -> Page:
-        """Read the rows; see :func:`read_page`."""
-        return read_page(opened.restricted(self.database), self.query, opened.columns)
-
-
-@dataclass(frozen=True)
-class HistogramQuestion:
-    """How are the values of a column distributed?
-
-    Attributes:
-        column: A numeric column.
-        where: Condition of the scenarios that count.
-        database: Database that the table is restricted to; empty for the whole lake.
-    """
-
-    column: str
-    where: str
-    database: str
-
-    def answer(self, opened: OpenLake) -> Histogram:
-        """Count the values; see :func:`read_histogram`."""
-        return read_histogram(opened.restricted(self.database), self.column, self.where, opened.columns)
-
-
-@dataclass(frozen=True)
-class EventsQuestion:
-    """When does an event occur in a scenario?
-
-    Attributes:
-        scenario_id: The scenario.
-        event: One of TIMELINE_EVENTS.
-    """
-
-    scenario_id: str
-    event: str
-
-    def answer(self, opened: OpenLake) -> list[dict[str, Any]]:
-        """Return track, other track, first and last timestep and value of each occurrence."""
-        if self.event not in TIMELINE_EVENTS:
-            raise BadParameter(f"no event {self.event!r}; there are {', '.join(TIMELINE_EVENTS)}")
-        found = opened.only(self.scenario_id).mine(self.event)
-        names = "track_id", "other_id", "first_timestep", "last_timestep", "value"
-        return [{name: plain(value) for name, value in row.items()} for row in found.select(names).to_dicts()]
-
-
-@dataclass(frozen=True)
-class SaveQuestion:
-    """Which database results from saving the scenarios that satisfy a condition?
-
-    Attributes:
-        name: Name of the new database.
-        where: The condition.
-        database: Database to filter; empty for the whole lake.
-    """
-
-    name: str
-    where: str
-    database: str
-
-    def answer(self, opened: OpenLake) -> tuple[str, int]:
-        """Save the database; return its reference and number of scenarios."""
-        created = opened.lake.filter(self.where, name=self.name, database=self.database or None)
-        return created.reference, len(created)
+Question: TypeAlias = Callable[[OpenLake], Learnt]
+"""Something to find out about a lake: a method of :class:`OpenLake` with its arguments; picklable, as is the answer."""
 
 
 def answer_questions(
     connection: Connection, lake: Lake, columns: Mapping[str, PageColumn], memory: int, folder: str
 ) -> None:
-    """Answer the questions that arrive at a connection until it is closed; the target of a worker process.
+    """Learnt the questions that arrive at a connection until it is closed; the target of a worker process.
 
     The first message is None: the lake is open. Any message may instead be an error, for the other end to raise.
 
@@ -185,10 +122,10 @@ def answer_questions(
     connection.send(None)
     while True:
         try:
-            question: Question = connection.recv()
+            question: Question[Any] = connection.recv()
         except EOFError:
             return
         try:
-            connection.send(question.answer(opened))
+            connection.send(question(opened))
         except (ScenarioNetError, OSError) as error:
             connection.send(error)

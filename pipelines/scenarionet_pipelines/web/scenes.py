@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from typing import Any, Generic, TypeVar
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from itertools import islice
+from typing import Any
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.plots import thumbnail
@@ -15,49 +16,12 @@ from scenarionet_pipelines.web.clips import stream_clip
 from scenarionet_pipelines.web.packing import pack
 from scenarionet_pipelines.web.runs import pack_run, runs_of
 
-Value = TypeVar("Value")
-
 _MAX_LOCATIONS = 10_000
+_MAX_LOADERS = 64
 _MAX_THUMBNAILS = 4_000
 _MAX_PACKED = 16
 _MAX_FOOTAGE = 4
 _MAX_SEEN = 500
-
-
-class LruCache(Generic[Value]):
-    """A thread-safe mapping that drops the least recently used entry.
-
-    Args:
-        max_size: Maximum number of entries.
-    """
-
-    def __init__(self, max_size: int) -> None:
-        self._max_size = max_size
-        self._entries: OrderedDict[Hashable, Value] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def get(self, key: Hashable) -> Value | None:
-        """Return the value of a key, or None."""
-        with self._lock:
-            if key in self._entries:
-                self._entries.move_to_end(key)
-            return self._entries.get(key)
-
-    def put(self, key: Hashable, value: Value) -> None:
-        """Store a value."""
-        with self._lock:
-            self._entries[key] = value
-            self._entries.move_to_end(key)
-            while len(self._entries) > self._max_size:
-                self._entries.popitem(last=False)
-
-    def get_or(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """Return the value of a key, creating it if it is missing."""
-        value = self.get(key)
-        if value is None:
-            value = make()
-            self.put(key, value)
-        return value
 
 
 class ScenarioCache:
@@ -72,19 +36,22 @@ class ScenarioCache:
 
     def __init__(self, lake: Lake) -> None:
         self._lake = Lake(lake.root, lake.snapshot.number, lake.user_columns)
-        self._pages: LruCache[tuple[str, ...]] = LruCache(_MAX_LOCATIONS)
-        self._locations: LruCache[tuple[ScenarioLoader, int]] = LruCache(_MAX_LOCATIONS)
-        self._thumbnails: LruCache[bytes] = LruCache(_MAX_THUMBNAILS)
-        self._packed: LruCache[bytes] = LruCache(_MAX_PACKED)
-        self._footage: LruCache[Footage] = LruCache(_MAX_FOOTAGE)
-        self._seen: LruCache[bytes] = LruCache(_MAX_SEEN)
+        self._pages: dict[str, tuple[str, ...]] = {}
+        self._loader = lru_cache(_MAX_LOADERS)(lambda page: ScenarioLoader(self._lake, page))
         self._lookup_lock = threading.Lock()
+        self._thumbnail = lru_cache(_MAX_THUMBNAILS)(lambda scenario_id, size: thumbnail(self._load(scenario_id), size))
+        self._packed = lru_cache(_MAX_PACKED)(lambda scenario_id: pack(self._load(scenario_id)))
+        self._footage = lru_cache(_MAX_FOOTAGE)(
+            lambda scenario_id, *of_run: Footage.read(self._lake, self._load(scenario_id), *of_run)
+        )
+        self._seen = lru_cache(_MAX_SEEN)(lambda view, *of_scenario: self._footage(*of_scenario).picture(view))
 
     def expect(self, scenario_ids: Sequence[str]) -> None:
         """Note that these scenarios are shown together: the first request locates all of them."""
         page = tuple(scenario_ids)
-        for scenario_id in page:
-            self._pages.put(scenario_id, page)
+        self._pages |= dict.fromkeys(page, page)
+        for forgotten in [*islice(self._pages, max(0, len(self._pages) - _MAX_LOCATIONS))]:
+            del self._pages[forgotten]
 
     def facts(self, scenario_id: str) -> dict[str, Any]:
         """Return the metadata of a scenario."""
@@ -103,7 +70,7 @@ class ScenarioCache:
         Raises:
             ScenarioNotFound: No scenario has that id.
         """
-        return self._thumbnails.get_or((scenario_id, size), lambda: thumbnail(self._load(scenario_id), size))
+        return self._thumbnail(scenario_id, size)
 
     def packed(self, scenario_id: str) -> bytes:
         """Return a scenario in the binary format of ``packing``.
@@ -111,7 +78,7 @@ class ScenarioCache:
         Raises:
             ScenarioNotFound: No scenario has that id.
         """
-        return self._packed.get_or(scenario_id, lambda: pack(self._load(scenario_id)))
+        return self._packed(scenario_id)
 
     def runs(self, scenario_id: str) -> list[dict[str, Any]]:
         """Return the results of all runs of a scenario; see :func:`runs_of`."""
@@ -141,24 +108,11 @@ class ScenarioCache:
             ScenarioNotFound: No scenario has that id.
             BadParameter: The run has no such rollout of it, or the object is not there.
         """
-        place = scenario_id, run, rollout
-
-        def draw() -> bytes:
-            read = self._footage.get_or(place, lambda: Footage.read(self._lake, self._load(scenario_id), run, rollout))
-            return read.picture(view)
-
-        return self._seen.get_or((place, view), draw)
+        return self._seen(view, scenario_id, run, rollout)
 
     def _load(self, scenario_id: str) -> ScenarioDescription:
+        page = self._pages.get(scenario_id, (scenario_id,))
         with self._lookup_lock:  # other requests of the same page wait for the lookup
-            loader, index = self._locations.get(scenario_id) or self._locate(scenario_id)
-        scenario: ScenarioDescription = loader[index]
+            loader = self._loader(page)
+        scenario: ScenarioDescription = loader[page.index(scenario_id)]
         return scenario
-
-    def _locate(self, scenario_id: str) -> tuple[ScenarioLoader, int]:
-        """Locate a scenario together with the others on its page."""
-        page = self._pages.get(scenario_id) or (scenario_id,)
-        loader = ScenarioLoader(self._lake, page)
-        for index, each in enumerate(page):
-            self._locations.put(each, (loader, index))
-        return loader, page.index(scenario_id)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+from contextlib import suppress
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, MissingDependency
@@ -52,15 +53,10 @@ class Server:
         app = make_app(lake, self._workers, is_writable=is_writable, names=frozenset({host, socket.gethostname()}))
         self._server = uvicorn.Server(
             uvicorn.Config(
-                app,
-                log_level="warning",
-                access_log=False,
-                server_header=False,
-                lifespan="off",
-                ws="none",
+                app, log_level="warning", access_log=False, server_header=False, lifespan="off", ws="none",
                 timeout_graceful_shutdown=2,
             )
-        )
+        )  # fmt: skip
         shown = f"[{host}]" if ":" in host else host
         self.address = f"http://{shown}:{self._socket.getsockname()[1]}/"
 
@@ -83,24 +79,12 @@ class Server:
 
 
 def _listen(host: str, port: int | None) -> socket.socket:
+    """Return a socket that listens on a port, on the default one, or on any."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
     if port is None:
-        try:
-            return _bind(host, DEFAULT_PORT)
-        except OSError:
-            port = 0
+        with suppress(OSError):
+            return socket.create_server((host, DEFAULT_PORT), family=family, backlog=128)
     try:
-        return _bind(host, port)
+        return socket.create_server((host, port or 0), family=family, backlog=128)
     except OSError as error:
-        raise BadParameter(f"cannot listen on {host}:{port}: {error.strerror}; choose another port") from error
-
-
-def _bind(host: str, port: int) -> socket.socket:
-    found = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
-    try:
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        found.bind((host, port))
-        found.listen(128)
-    except OSError:
-        found.close()
-        raise
-    return found
+        raise BadParameter(f"cannot listen on {host}:{port or 0}: {error.strerror}; choose another port") from error

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_pipelines.cli.conversion_report import passed_over_rows, print_report, stale_row
+from scenarionet_pipelines.cli.conversion_report import passed_over_rows, report_content, stale_row
 from scenarionet_pipelines.cli.interrupt import keeping, stop
-from scenarionet_pipelines.cli.output import count, duration, print_json, print_table
+from scenarionet_pipelines.cli.output import count, duration, table
 from scenarionet_pipelines.cli.parameters import pairs, seconds
 from scenarionet_pipelines.cli.verb import Distributed, argument, option
 
@@ -88,21 +88,17 @@ class ConvertVerb(Distributed):
         from scenarionet_data.conversion import InputSelection, convert, parse_slice, plan_conversion
         from scenarionet_pipelines.cli import converter
 
-        what: dict[str, Any] = {
-            "split": self.split,
-            "version": self.version,
+        what: dict[str, Any] = self.given(plan_conversion) | {
             "options": converter.parse_options(converter.find(self.dataset), self.options),
             "selection": InputSelection(pairs(self.where, "--where"), parse_slice(self.files or ":")),
-            "replace": self.replace,
-            "reconvert_stale": self.reconvert_stale,
         }
         if self.limit and (self.cluster or self.is_watching):
             raise BadParameter("--limit converts one shard at a time: leave out --cluster and --watch")
         if self.dry_run:
-            self.show_plan(plan_conversion(self.dataset, self.raw, self.lake, **what))
+            self.show_plan(plan_conversion(**what))
             return True
         if self.reconvert_stale and not self.yes:
-            self.confirm(plan_conversion(self.dataset, self.raw, self.lake, **what))
+            self.confirm(plan_conversion(**what))
         what |= {"workers": self.num_workers, "check": not self.no_check}
         with self.execution() as execution:
             if self.is_watching:
@@ -115,11 +111,9 @@ class ConvertVerb(Distributed):
                     return done if progress.done else "no shard was finished"
 
                 with keeping(kept):
-                    report = convert(
-                        self.dataset, self.raw, self.lake, limit=self.limit, executor=execution.executor,
-                        on_progress=progress.update, **what,
-                    )  # fmt: skip
-        print_report(report, self.lake, self.as_json)
+                    what |= {"limit": self.limit, "executor": execution.executor}
+                    report = convert(**what, on_progress=progress.update)
+        self.say(*report_content(report, self.lake))
         return report.is_clean
 
     def watch(self, what: dict[str, Any]) -> bool:
@@ -130,9 +124,9 @@ class ConvertVerb(Distributed):
         click.echo(f"watching {self.raw} every {duration(every)}; stop with Ctrl-C", err=True)
         is_clean, selection = True, what.pop("selection")
         try:
-            job = partial(convert, self.dataset, self.raw, self.lake, **what)
+            job = partial(convert, **what)
             for report in watch(job, every=every, selection=selection):
-                print_report(report, self.lake, self.as_json)
+                self.say(*report_content(report, self.lake))
                 is_clean = is_clean and report.is_clean
         except KeyboardInterrupt:
             stop(f"stopped watching {self.raw}; finished shards are kept in {self.lake}")
@@ -164,11 +158,9 @@ class ConvertVerb(Distributed):
         pace = measure_pace(self.dataset, plan.shards)
         processes = min(self.num_workers, len(plan.shards))
         time = pace.duration(num_inputs, processes) if pace else None
-        if self.as_json:
-            facts: dict[str, Any] = {"shards": shard_names(plan.shards), "inputs": num_inputs, "seconds": time}
-            facts |= {"skipped": plan.num_skipped, "replaced": len(plan.replaced), "stale": plan.num_stale}
-            print_json(facts | {"passed_over": [asdict(each) for each in plan.passed_over]})
-            return
+        facts: dict[str, Any] = {"shards": shard_names(plan.shards), "inputs": num_inputs, "seconds": time}
+        facts |= {"skipped": plan.num_skipped, "replaced": len(plan.replaced), "stale": plan.num_stale}
+        facts |= {"passed_over": [asdict(each) for each in plan.passed_over]}
         rows = [
             ("would convert", f"{count(len(plan.shards), 'shard')} with {count(num_inputs, 'raw input')}"),
             ("would skip", f"{count(plan.num_skipped, 'shard')} already in the lake"),
@@ -177,7 +169,7 @@ class ConvertVerb(Distributed):
         if pace and time is not None:
             measured = f"measured on {count(pace.inputs, 'input')} with {count(pace.scenarios, 'scenario')}"
             rows += [("would take", f"about {duration(time)} with {count(processes, 'worker')}, {measured}")]
-        print_table(rows + stale_row(plan.num_stale) + passed_over_rows(plan.passed_over))
+        self.say(facts, table(rows + stale_row(plan.num_stale) + passed_over_rows(plan.passed_over)))
 
 
 def is_interactive() -> bool:

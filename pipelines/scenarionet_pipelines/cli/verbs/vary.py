@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_pipelines.cli.conversion_report import print_report
+from scenarionet_pipelines.cli.conversion_report import report_content
 from scenarionet_pipelines.cli.parameters import pairs
 from scenarionet_pipelines.cli.verb import REPLACE, Distributed, argument, option
 
@@ -56,7 +56,7 @@ class VaryVerb(Distributed):
                 self.lake, self.scenarios, VariationSpace(given, **settings), name=self.name, replace=self.replace,
                 workers=self.num_workers, executor=execution.executor, on_progress=progress.update,
             )  # fmt: skip
-        print_report(report, self.lake, self.as_json)
+        self.say(*report_content(report, self.lake))
         return not report.failed
 
 
@@ -70,14 +70,8 @@ def read_settings(file: str) -> dict[str, Any]:
         found = tomllib.loads(Path(file).read_text("utf-8"))
     except (OSError, ValueError) as error:
         raise BadParameter(f"{file}: {error}; wanted a TOML file with a table [parameters]") from error
-    kinds = {
-        "parameters": dict,
-        "number": int,
-        "seed": int,
-        "method": str,
-        "acceleration": float | int,
-        "jerk": float | int,
-    }
+    kinds: dict[str, Any] = {"parameters": dict, "number": int, "seed": int, "method": str}
+    kinds |= {"acceleration": float | int, "jerk": float | int}
     wrong = [key for key, value in found.items() if key not in kinds or not isinstance(value, kinds[key])]
     if wrong:
         raise BadParameter(f"{file}: {wrong[0]!r} = {found[wrong[0]]!r}; wanted {', '.join(kinds)}")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from scenarionet_data.storage.files.places import local_path
-from scenarionet_pipelines.cli.output import cell, print_json, print_table
+from scenarionet_pipelines.cli.output import cell, table
 from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASES, SNAPSHOT, LakeVerb, option
 
 if TYPE_CHECKING:
@@ -40,24 +40,21 @@ class StatsVerb(LakeVerb):
 
             write_comparison(found, self.output)
             click.echo(f"wrote {self.output}", err=True)
-        if self.as_json:
-            print_json({"databases": [asdict(each) for each in found]})
-        elif not self.output:
-            print_statistics(found)
+        lines = [] if self.output else table(statistics(found), ["", *(each.name for each in found)])
+        self.say({"databases": [asdict(each) for each in found]}, lines)
 
 
-def print_statistics(found: list[DatabaseStatistics]) -> None:
-    """Print one column per database."""
-    rows = [["scenarios", *(each.count for each in found)]]
+def statistics(found: list[DatabaseStatistics]) -> list[list[Any]]:
+    """Return rows with one column per database."""
+    rows: list[list[Any]] = [["scenarios", *(each.count for each in found)]]
     full = next((each.measures for each in found if each.measures), ())
     for place, measure in enumerate(full):
         unit = f" [{measure.unit}]" if measure.unit not in ("", "ratio") else ""
         rows.append([measure.measure + unit])
         for each in found:
             (value,) = each.measures[place : place + 1] or (None,)
-            if value is None or value.mean is None:
-                rows[-1].append("-")
+            if value is None or value.std is None:
+                rows[-1].append(cell(value and value.mean))
             else:
-                spread = f"{value.mean:,.2f} ± {value.std:,.2f}" if value.std is not None else cell(value.mean)
-                rows[-1].append(spread)
-    print_table(rows, ["", *(each.name for each in found)])
+                rows[-1].append(f"{value.mean:,.2f} ± {value.std:,.2f}")
+    return rows
