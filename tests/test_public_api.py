@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import inspect
 import pkgutil
@@ -12,6 +13,7 @@ import pytest
 
 import scenarionet_data
 from scenarionet_data import Database, Lake, ScenarioLoader
+from scenarionet_data.public_names import paused_collector
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
@@ -119,3 +121,15 @@ def test_public_names_are_listed_and_imported_on_demand():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_garbage_collector_is_as_before_after_an_import():
+    for was_enabled in (True, False):
+        (gc.enable if was_enabled else gc.disable)()
+        try:
+            with pytest.raises(ImportError), paused_collector():
+                assert not gc.isenabled()
+                raise ImportError
+            assert gc.isenabled() == was_enabled
+        finally:
+            gc.enable()

@@ -5,11 +5,10 @@ They derive from the dispatcher inside of Numba, and are used with the versions 
 
 from __future__ import annotations
 
-import gc
 import importlib
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NoReturn
 
 from numba import njit, types
@@ -19,6 +18,7 @@ from scenarionet_data.compiled.announcing import Compilation, compilations
 from scenarionet_data.compiled.compiler import loop_compiler
 from scenarionet_data.compiled.kernel_cache import KernelCache
 from scenarionet_data.optional_imports import hidden
+from scenarionet_data.public_names import paused_collector
 
 _njit: Any = njit  # Numba's types omit options and internals
 _numba_types: Any = types
@@ -72,7 +72,7 @@ class Kernel(CompiledFunction):
         _load_array_functions()
         begin, known, hits = time.process_time(), len(self.overloads), sum(self._cache_hits.values())
         try:
-            with _paused_collector():
+            with paused_collector():
                 entry = super().compile(sig)
         finally:
             if isinstance(self._cache, KernelCache):
@@ -92,20 +92,8 @@ def _load_array_functions() -> None:
 
     They import ``scipy.linalg`` if they find it, which takes 0.3 s, to have another ``np.cov`` and ``np.corrcoef``.
     """
-    with hidden("scipy.linalg", "scipy.linalg.cython_blas"):
+    with hidden("scipy", "scipy.linalg", "scipy.linalg.cython_blas"):
         importlib.import_module("numba.np.arraymath")
-
-
-@contextmanager
-def _paused_collector() -> Iterator[None]:
-    """Pause Python's garbage collector, which takes a tenth of the time of compiling: Numba allocates many objects."""
-    is_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if is_enabled:
-            gc.enable()
 
 
 class DeviceFunction(CompiledFunction):

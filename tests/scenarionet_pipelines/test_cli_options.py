@@ -72,7 +72,7 @@ def test_invalid_values_are_rejected(word):
 
 
 def test_options_are_described():
-    found = {option.name: option for option in options(Every())}
+    found = {option.name: option for option in options(Every.Options)}
     assert found["box"].doc == "From and to."
     assert found["limit"].type_text == "int | None"
     assert found["mode"].type_text == "Literal['whole', 'windows']"

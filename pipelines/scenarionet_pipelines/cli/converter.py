@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Iterable
-from dataclasses import MISSING, Field, dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from scenarionet_data.converters.base import Converter
@@ -49,13 +49,13 @@ def find(name: str) -> Converter[Any]:
     return converters.get(name)
 
 
-def options(converter: Converter[Any]) -> list[ConverterOption]:
-    """Return a converter's options in the order of its fields."""
-    hints = get_type_hints(converter.Options)
-    return [
-        ConverterOption(field.name, hints[field.name], _default(field), field.metadata.get("doc", ""))
-        for field in fields(converter.Options)
-    ]
+def options(kind: type[Any]) -> list[ConverterOption]:
+    """Return the fields of a dataclass, in order: the options of a converter, or the writer of a format."""
+    hints, found = get_type_hints(kind), []
+    for field in fields(kind):
+        default = field.default if field.default_factory is MISSING else field.default_factory()
+        found.append(ConverterOption(field.name, hints[field.name], default, field.metadata.get("doc", "")))
+    return found
 
 
 def parse_options(converter: Converter[Any], words: Iterable[str]) -> Options:
@@ -82,16 +82,14 @@ def parse_fields(kind: type[Any], name: str, words: Iterable[str]) -> dict[str, 
     Raises:
         BadParameter: A field is unknown or a value does not match its type; the message lists the valid ones.
     """
-    hints, known = get_type_hints(kind), {each.name: each for each in fields(kind)}
-    given = {}
+    known, given = {each.name: each for each in options(kind)}, {}
     for key, word in pairs(words, "-p").items():
         if key not in known:
             raise BadParameter(f"{name} has no option {key!r}; it has {', '.join(known) or 'none'}")
-        option = ConverterOption(key, hints[key], _default(known[key]), "")
         try:
-            given[key] = _convert(option.type, word)
+            given[key] = _convert(known[key].type, word)
         except (ValueError, KeyError) as error:
-            wanted = f"{option.type_text}, for example {option.default!r}"
+            wanted = f"{known[key].type_text}, for example {known[key].default!r}"
             raise BadParameter(f"{name}: option {key} wants {wanted}; found {word!r}") from error
     return given
 
@@ -112,7 +110,3 @@ def _convert(wanted: Any, word: str) -> Any:
     if wanted is bool:
         return _WORDS[word.lower()]
     return wanted(word)
-
-
-def _default(field: Field[Any]) -> Any:
-    return field.default_factory() if field.default_factory is not MISSING else field.default

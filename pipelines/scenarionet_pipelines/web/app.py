@@ -18,15 +18,7 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from scenarionet_data import Lake, version
-from scenarionet_data.errors import (
-    BadParameter,
-    DatabaseNotFound,
-    LakeError,
-    QueryError,
-    ScenarioNetError,
-    ScenarioNotFound,
-)
+from scenarionet_data import Lake, errors, version
 from scenarionet_pipelines.messages import one_line, shorten
 from scenarionet_pipelines.web import clips
 from scenarionet_pipelines.web.camera_views import SIZES, VIEWS, CameraView
@@ -154,10 +146,12 @@ class LakeRoutes:
         parameters = request.query_params
         kind = parameters.get("kind", "gif")
         if kind not in clips.KINDS:
-            raise BadParameter(f"no clips of kind {shorten(kind, 40)!r} here; there are {', '.join(clips.KINDS)}")
+            raise errors.BadParameter(
+                f"no clips of kind {shorten(kind, 40)!r} here; there are {', '.join(clips.KINDS)}"
+            )
         runs = [_rollout(text) for text in parameters.get("runs", "").split(",") if text]
         if len(runs) > _MAX_RUNS:
-            raise BadParameter(f"a clip shows at most {_MAX_RUNS} runs, found {len(runs)}")
+            raise errors.BadParameter(f"a clip shows at most {_MAX_RUNS} runs, found {len(runs)}")
         content = self._scenarios.clip(_id(request), runs, kind)
         return StreamingResponse(content, media_type="application/octet-stream", headers=_NO_STORE)
 
@@ -218,7 +212,7 @@ def make_app(
         ],
         middleware=[Middleware(Guard, names=names, secret=secret)],
         exception_handlers={
-            ScenarioNetError: _error_response,
+            errors.ScenarioNetError: _error_response,
             OSError: _error_response,
             ClientDisconnect: lambda request, error: Response(status_code=408),  # noqa: ARG005  # to nobody
         },
@@ -227,10 +221,10 @@ def make_app(
 
 _STATUS: tuple[tuple[type[Exception], int], ...] = (
     (BodyTooLarge, 413),
-    (ScenarioNotFound, 404),
-    (DatabaseNotFound, 404),
-    (QueryError, 400),
-    (LakeError, 409),
+    (errors.ScenarioNotFound, 404),
+    (errors.DatabaseNotFound, 404),
+    (errors.QueryError, 400),
+    (errors.LakeError, 409),
 )
 
 
@@ -262,11 +256,11 @@ def _texts(body: bytes, *names: str) -> list[str]:
     found = [given.get(name) for name in names] if isinstance(given, dict) else []
     texts = [each for each in found if isinstance(each, str)]
     if len(texts) != len(names):
-        raise BadParameter(f"expected a JSON object with the strings {', '.join(names)}, in UTF-8")
+        raise errors.BadParameter(f"expected a JSON object with the strings {', '.join(names)}, in UTF-8")
     return texts
 
 
 def _number(text: str, allowed: range) -> int:
     if not text.isdecimal() or len(text) > _MAX_DIGITS or int(text) not in allowed:
-        raise BadParameter(f"expected a number from {allowed[0]} to {allowed[-1]}, found {shorten(text, 40)!r}")
+        raise errors.BadParameter(f"expected a number from {allowed[0]} to {allowed[-1]}, found {shorten(text, 40)!r}")
     return int(text)

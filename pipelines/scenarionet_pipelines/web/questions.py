@@ -101,7 +101,7 @@ Question: TypeAlias = Callable[[OpenLake], Learnt]
 def answer_questions(
     connection: Connection, lake: Lake, columns: Mapping[str, PageColumn], memory: int, folder: str
 ) -> None:
-    """Learnt the questions that arrive at a connection until it is closed; the target of a worker process.
+    """Answer the questions that arrive at a connection until it is closed; the target of a worker process.
 
     The first message is None: the lake is open. Any message may instead be an error, for the other end to raise.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -98,11 +99,8 @@ class SimVerb(LakeVerb, Distributed):
         scenarios = len(lake.database(self.database) if self.database else lake)
         runs = 1 if self.no_references else 1 + len(POLICIES)
 
-        def on_own(done: int, parts: int, _: int) -> None:
-            progress.update(scenarios * done // parts, runs * scenarios)
-
-        def on_references(done: int, parts: int, _: int) -> None:
-            progress.update(scenarios + (runs - 1) * scenarios * done // parts, runs * scenarios)
+        def report_progress(before: int, count: int, done: int, parts: int, _: int) -> None:
+            progress.update(before + count * done // parts, runs * scenarios)
 
         with (
             self.execution() as execution,
@@ -115,11 +113,12 @@ class SimVerb(LakeVerb, Distributed):
                 workers=workers,
                 executor=execution.measured,
                 rollouts=not self.metrics_only,
-                on_progress=on_own,
+                on_progress=partial(report_progress, 0, scenarios),
             )
             if not self.no_references:
+                on_progress = partial(report_progress, scenarios, (runs - 1) * scenarios)
                 references = run_references(
-                    evaluation, workers=workers, executor=execution.executor, on_progress=on_references
+                    evaluation, workers=workers, executor=execution.executor, on_progress=on_progress
                 )
         facts, *others = (run_facts(self.lake, each) for each in (report.run, *references.values()))
         beside = dict(zip(references, others, strict=True))

@@ -44,7 +44,7 @@ class ConvertersVerb(Verb):
         found = converter.find(name)
         options = [
             {"name": option.name, "type": option.type_text, "default": option.default, "doc": option.doc}
-            for option in converter.options(found)
+            for option in converter.options(found.Options)
         ]
         properties = {"name": name} | {key: getattr(found, key) for key in _PROPERTIES}
         properties["split"] = ACCEPTED.get(name, ("any label",))
