@@ -15,14 +15,13 @@ import numpy as np
 from scenarionet_data import codec
 from scenarionet_data.cards import HasCard
 from scenarionet_data.databases.record import DatabaseRecord
-from scenarionet_data.errors import BadParameter, LakeError, ScenarioNotFound
+from scenarionet_data.errors import BadParameter, ScenarioNotFound
 from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription, Tracks
 from scenarionet_data.storage.read.map_cache import MapCache
 from scenarionet_data.storage.read.metadata_rows import MetadataRows
 from scenarionet_data.storage.read.older_lakes import ContentComparison
-from scenarionet_data.storage.read.scenario_reader import TABLES, ScenarioReader
-from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.read.scenario_reader import TABLES, ScenarioReader, with_tracks
 
 Metadata = Mapping[str, Any]
 """A scenario's row of the metadata table: description, and addresses of its rows in the other tables."""
@@ -170,26 +169,16 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
 
     def _decode(self, metadata: Sequence[Metadata]) -> list[ScenarioDescription]:
         rows = self._reader.read(metadata, TABLES)
-        if rows["tracks"] is None:
-            raise _without_tracks(metadata)
         crops: list[MapFeatures | None] = []
         for row in metadata:
-            crops.append(None if row["map_crop"] is None else self._crop(row))
-        return codec.decode_many(metadata, rows["tracks"], rows["lights"], rows["maps"], crops)
+            crops.append(None if row["map_crop"] is None else self._maps.crop(row))
+        return codec.decode_many(metadata, with_tracks(metadata, rows), rows["lights"], rows["maps"], crops)
 
     def _tracks(self, metadata: Sequence[Metadata]) -> list[Tracks]:
         if self._comparison:
             self._comparison.compare(metadata, self._decode)
-        rows = self._reader.read(metadata, ("tracks",))["tracks"]
-        if rows is None:
-            raise _without_tracks(metadata)
+        rows = with_tracks(metadata, self._reader.read(metadata, ("tracks",)))
         return codec.decode_tracks(rows, [row["num_timesteps"] for row in metadata])
-
-    def _crop(self, row: Metadata) -> MapFeatures:
-        """A scenario's crop of its shared map."""
-        with snapshots.reading_from(self._files, self._snapshot):
-            shared = self._maps.get(row["dataset"], row["version"], row["map_id"])
-        return shared.crop(tuple(row["map_crop"]), np.array([row["origin_x"], row["origin_y"], row["origin_z"]]))
 
     @property
     def _reader(self) -> ScenarioReader:
@@ -213,8 +202,3 @@ def _decoding_groups(metadata: Sequence[Metadata]) -> Iterator[Sequence[Metadata
 def _disk_position(row: Metadata) -> tuple[str, int]:
     """File and row group of a scenario's tracks."""
     return row["tracks_file"], row["tracks_row_group"]
-
-
-def _without_tracks(metadata: Sequence[Metadata]) -> LakeError:
-    name = metadata[0]["scenario_id"]
-    return LakeError(f"{name} has no tracks; `scenarionet maintain check` lists all such scenarios: convert them again")

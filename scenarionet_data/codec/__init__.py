@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -68,8 +69,36 @@ def encode(scenario: ScenarioDescription, converter_version: str) -> Encoded:
     maps = None
     if scenario.map is not None and scenario.map_id is None:
         maps = encode_map(scenario.id, scenario.map, scenario.origin, scenario.has_z)
+    source = scenario.source
+    regular = np.array_equal(scenario.timestamps, np.arange(scenario.num_timesteps) * scenario.dt)
+    own_map = scenario.id if scenario.map is not None else None
     metadata = {
-        **_describe(scenario),
+        "scenario_id": scenario.id,
+        "dataset": scenario.dataset,
+        "version": scenario.version,
+        "split": scenario.split,
+        "source_scenario_id": source.scenario_id,
+        "source_file": source.file,
+        "source_log": source.log,
+        "city": source.city,
+        "date": source.date,
+        "licence": source.licence,
+        "origin_x": float(scenario.origin[0]),
+        "origin_y": float(scenario.origin[1]),
+        "origin_z": float(scenario.origin[2]),
+        "crs": source.crs,
+        "has_z": bool(scenario.has_z),
+        "num_timesteps": scenario.num_timesteps,
+        "dt": float(scenario.dt),
+        "timestamps": None if regular else scenario.timestamps.tolist(),
+        "current_timestep": int(scenario.current_timestep),
+        "ego_id": scenario.ego_id,
+        "objects_of_interest": list(scenario.objects_of_interest),
+        "tracks_to_predict": list(map(itemgetter(0), scenario.tracks_to_predict)),
+        "tracks_to_predict_difficulty": list(map(itemgetter(1), scenario.tracks_to_predict)),
+        "map_id": scenario.map_id or own_map,
+        "map_crop": list(scenario.map_crop) if scenario.map_crop is not None else None,
+        "extras": to_json(scenario.extras),
         "content_hash": content_hash(scenario),
         "converter_version": converter_version,
         **summarise(scenario),
@@ -181,8 +210,10 @@ def _timestamps(row: Mapping[str, Any]) -> Array:
     return np.array(row["timestamps"], dtype=np.float64)
 
 
-def _source(row: Mapping[str, Any]) -> Source:
-    return Source(
+_MAKERS: dict[str, Callable[[Mapping[str, Any]], Any]] = {
+    "timestamps": _timestamps,
+    "origin": lambda row: np.array([row["origin_x"], row["origin_y"], row["origin_z"]]),
+    "source": lambda row: Source(
         scenario_id=row["source_scenario_id"],
         file=row["source_file"],
         licence=row["licence"],
@@ -190,52 +221,10 @@ def _source(row: Mapping[str, Any]) -> Source:
         city=row["city"],
         date=row["date"],
         crs=row["crs"],
-    )
-
-
-def _tracks_to_predict(row: Mapping[str, Any]) -> tuple[tuple[str, int], ...]:
-    return tuple(zip(row["tracks_to_predict"], row["tracks_to_predict_difficulty"], strict=True))
-
-
-_MAKERS: dict[str, Callable[[Mapping[str, Any]], Any]] = {
-    "timestamps": _timestamps,
-    "origin": lambda row: np.array([row["origin_x"], row["origin_y"], row["origin_z"]]),
-    "source": _source,
+    ),
     "objects_of_interest": lambda row: tuple(row["objects_of_interest"]),
-    "tracks_to_predict": _tracks_to_predict,
+    "tracks_to_predict": lambda row: tuple(
+        zip(row["tracks_to_predict"], row["tracks_to_predict_difficulty"], strict=True)
+    ),
     "extras": lambda row: from_json(row["extras"]),
 }
-
-
-def _describe(scenario: ScenarioDescription) -> dict[str, Any]:
-    source = scenario.source
-    regular = np.array_equal(scenario.timestamps, np.arange(scenario.num_timesteps) * scenario.dt)
-    own_map = scenario.id if scenario.map is not None else None
-    return {
-        "scenario_id": scenario.id,
-        "dataset": scenario.dataset,
-        "version": scenario.version,
-        "split": scenario.split,
-        "source_scenario_id": source.scenario_id,
-        "source_file": source.file,
-        "source_log": source.log,
-        "city": source.city,
-        "date": source.date,
-        "licence": source.licence,
-        "origin_x": float(scenario.origin[0]),
-        "origin_y": float(scenario.origin[1]),
-        "origin_z": float(scenario.origin[2]),
-        "crs": source.crs,
-        "has_z": bool(scenario.has_z),
-        "num_timesteps": scenario.num_timesteps,
-        "dt": float(scenario.dt),
-        "timestamps": None if regular else scenario.timestamps.tolist(),
-        "current_timestep": int(scenario.current_timestep),
-        "ego_id": scenario.ego_id,
-        "objects_of_interest": list(scenario.objects_of_interest),
-        "tracks_to_predict": [track_id for track_id, _ in scenario.tracks_to_predict],
-        "tracks_to_predict_difficulty": [level for _, level in scenario.tracks_to_predict],
-        "map_id": scenario.map_id or own_map,
-        "map_crop": list(scenario.map_crop) if scenario.map_crop is not None else None,
-        "extras": to_json(scenario.extras),
-    }

@@ -44,7 +44,9 @@ def encode_map(
         index: (M,) position of each feature in the whole map; by default 0, 1, ...
     """
     count = len(features)
-    box = _bounding_boxes(features)
+    box = np.full((count, 4), np.nan, np.float32)  # of polyline and polygon; NaN without geometry
+    for points in (features.polyline, features.polygon):
+        find_bounds(points.offsets, points.values, box)
     empty = np.isnan(box[:, 0])
     nulls = pa.nulls(count, pa.list_(pa.field("element", pa.float32(), nullable=False)))
     line, area = features.polyline, features.polygon
@@ -122,11 +124,3 @@ def check_points(columns: Columns, names: tuple[str, ...]) -> None:
     differs = check_lengths(columns.block, likes, places, np.full(len(names), OR_NONE), bounds)
     if differs < len(names):
         raise StoredFeatures.damage(names[differs])
-
-
-def _bounding_boxes(features: MapFeatures) -> Array:
-    """(M, 4) float32 min_x, min_y, max_x, max_y of polyline and polygon; NaN without geometry."""
-    box = np.full((len(features), 4), np.nan, np.float32)
-    find_bounds(features.polyline.offsets, features.polyline.values, box)
-    find_bounds(features.polygon.offsets, features.polygon.values, box)
-    return box

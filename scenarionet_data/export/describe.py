@@ -18,7 +18,7 @@ from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.export.maps import describe_lights, describe_map, is_flat
 from scenarionet_data.export.summary import summarize
 from scenarionet_data.scenario.canonical_json import from_json, to_json
-from scenarionet_data.scenario.description import ScenarioDescription, Source
+from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import ObjectType, names
 
 TRACK_TYPES = ("VEHICLE", "PEDESTRIAN", "CYCLIST", "OTHER", "TRAFFIC_CONE", "TRAFFIC_BARRIER")
@@ -104,7 +104,9 @@ def _describe_tracks(scenario: ScenarioDescription, identity: Identity) -> dict[
     length, width, height = np.array(np.moveaxis(tracks.size, -1, 0), order="C")
     arrays |= {"length": length, "width": width, "height": height}
     if is_ego_swapped(identity.dataset, identity.version):
-        _swap_ego_size(length[scenario.ego_index], width[scenario.ego_index])
+        long, wide = length[scenario.ego_index], width[scenario.ego_index]
+        is_longer = long > wide  # MetaDrive exchanges them back if width > length
+        long[is_longer], wide[is_longer] = wide[is_longer], long[is_longer]
     described = {}
     for row, track_id in enumerate(tracks.ids):
         word = str(_OBJECT_TYPES[tracks.object_type[row]])
@@ -133,12 +135,6 @@ def _describe_tracks(scenario: ScenarioDescription, identity: Identity) -> dict[
 def is_ego_swapped(dataset: str, version: str) -> bool:
     """Whether MetaDrive exchanges the ego's length and width, as written by ScenarioNet's nuScenes converter."""
     return dataset == "nuscenes" or version.startswith("nuscenesv1.0")
-
-
-def _swap_ego_size(length: Any, width: Any) -> None:
-    """Exchange length and width in place where MetaDrive exchanges them back (if width > length)."""
-    longer = length > width
-    length[longer], width[longer] = width[longer], length[longer]
 
 
 def _describe_metadata(scenario: ScenarioDescription, identity: Identity) -> dict[str, Any]:
@@ -176,10 +172,7 @@ def _describe_metadata(scenario: ScenarioDescription, identity: Identity) -> dic
         metadata["extras"] = from_json(to_json(extras))
     # Of a scenario that was exported before: those of the scenario it was exported from.
     first = {key: scenario.extras.get(LAYOUT, {}).get(key) for key in ("split", "scenario_uid", "source_file")}
-    return metadata | _describe_source(scenario.source) | {key: value for key, value in first.items() if value}
-
-
-def _describe_source(source: Source) -> dict[str, str]:
+    source = scenario.source
     described = {
         "source_scenario_id": source.scenario_id,
         "source_file": source.file,
@@ -189,4 +182,5 @@ def _describe_source(source: Source) -> dict[str, str]:
         "date": source.date,
         "crs": source.crs,
     }
-    return {key: str(value) for key, value in described.items() if value is not None}
+    metadata |= {key: str(value) for key, value in described.items() if value is not None}
+    return metadata | {key: value for key, value in first.items() if value}

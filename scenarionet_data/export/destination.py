@@ -82,19 +82,17 @@ def _sibling(directory: Path) -> Iterator[Path]:
     try:
         draft.mkdir(parents=True)
         yield draft
-        _swap_in(draft, directory, directory.with_name(f".{directory.name}.{mark}.old"))
+        old = directory.with_name(f".{directory.name}.{mark}.old")
+        is_replaced = directory.exists()
+        if is_replaced:
+            directory.replace(old)
+        try:
+            draft.replace(directory)
+        except OSError:
+            if is_replaced:
+                old.replace(directory)
+            raise
+        if is_replaced:
+            shutil.rmtree(old)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
-
-
-def _swap_in(draft: Path, directory: Path, old: Path) -> None:
-    if not directory.exists():
-        draft.replace(directory)
-        return
-    directory.replace(old)
-    try:
-        draft.replace(directory)
-    except OSError:
-        old.replace(directory)
-        raise
-    shutil.rmtree(old)

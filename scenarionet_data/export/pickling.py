@@ -56,24 +56,22 @@ def write_scenarios(
     """
     for scenario in scenarios:
         try:
-            yield _write_scenario(scenario, folder, original)
+            identity = identify(scenario)
+            path = folder / identity.file_name
+            if _exists(path, scenario.id):
+                path = folder / identity.standard_name
+                if _exists(path, scenario.id):
+                    raise twice(scenario.id, path.name)
+            description = to_original_dict(scenario) if original else None
+            if description is None:
+                description = to_pickle_dict(scenario)
+                sanity_check(description)
         except InvalidScenario as error:
             yield error
-
-
-def _write_scenario(scenario: ScenarioDescription, folder: Path, original: bool) -> WrittenPickle:
-    identity = identify(scenario)
-    path = folder / identity.file_name
-    if _exists(path, scenario.id):
-        path = folder / identity.standard_name
-        if _exists(path, scenario.id):
-            raise twice(scenario.id, path.name)
-    description = to_original_dict(scenario) if original else None
-    if description is None:
-        description = to_pickle_dict(scenario)
-        sanity_check(description)
-    dump(description, path)
-    return WrittenPickle(scenario.id, path, identity.standard_name, path.stat().st_size, description["metadata"])
+            continue
+        dump(description, path)
+        size = path.stat().st_size
+        yield WrittenPickle(scenario.id, path, identity.standard_name, size, description["metadata"])
 
 
 def _exists(path: Path, scenario_id: str) -> bool:

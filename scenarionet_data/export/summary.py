@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool
-
 _ROAD_LINES = ("ROAD_LINE_", "UNKNOWN_LINE")
 _MOVING_DISTANCE = 1.0
 _MAX_HEIGHT_DIFF = 10.0
@@ -23,7 +21,23 @@ _MAX_HEIGHT_DIFF = 10.0
 def summarize(description: Mapping[str, Any]) -> dict[str, Any]:
     """Return ``object_summary`` and ``number_summary`` of a description."""
     objects = {track_id: summarize_object(track_id, track) for track_id, track in description["tracks"].items()}
-    return {"object_summary": objects, "number_summary": _summarize_numbers(description, objects)}
+    types = [str(track["type"]) for track in description["tracks"].values()]
+    moving = [str(o["type"]) for o in objects.values() if o["moving_distance"] > _MOVING_DISTANCE]
+    lights = description["dynamic_map_states"]
+    shown = Counter(state for light in lights.values() for state in light["state"]["object_state"] if state is not None)
+    numbers = {
+        "num_objects": len(types),
+        "object_types": set(types),
+        "num_objects_each_type": dict(Counter(types)),
+        "num_moving_objects": len(moving),
+        "num_moving_objects_each_type": dict(Counter(moving)),
+        "num_traffic_lights": len(lights),
+        "num_traffic_light_types": set(shown),
+        "num_traffic_light_each_step": dict(shown),
+        "num_map_features": len(description["map_features"]),
+        "map_height_diff": map_height_diff(description["map_features"]),
+    }
+    return {"object_summary": objects, "number_summary": numbers}
 
 
 def summarize_object(track_id: str, track: Mapping[str, Any]) -> dict[str, Any]:
@@ -35,37 +49,14 @@ def summarize_object(track_id: str, track: Mapping[str, Any]) -> dict[str, Any]:
     valid = np.asarray(track["state"]["valid"]).astype(bool).reshape(-1)
     position = track["state"]["position"]
     steps = np.diff(position[valid][:, :2], axis=0)
+    rest = valid[int(np.argmax(valid)) :] if valid.any() else valid[:0]
     return {
         "type": track["type"],
         "object_id": track_id,
         "track_length": len(position),
         "moving_distance": float(np.sqrt((steps * steps).sum(axis=1)).sum(dtype=np.float64)),
         "valid_length": int(np.count_nonzero(valid)),
-        "continuous_valid_length": _first_run(valid),
-    }
-
-
-def _first_run(valid: Bool) -> int:
-    rest = valid[int(np.argmax(valid)) :] if valid.any() else valid[:0]
-    return int(np.argmin(rest)) if not rest.all() else len(rest)
-
-
-def _summarize_numbers(description: Mapping[str, Any], objects: Mapping[str, Any]) -> dict[str, Any]:
-    types = [str(track["type"]) for track in description["tracks"].values()]
-    moving = [str(o["type"]) for o in objects.values() if o["moving_distance"] > _MOVING_DISTANCE]
-    lights = description["dynamic_map_states"]
-    shown = Counter(state for light in lights.values() for state in light["state"]["object_state"] if state is not None)
-    return {
-        "num_objects": len(types),
-        "object_types": set(types),
-        "num_objects_each_type": dict(Counter(types)),
-        "num_moving_objects": len(moving),
-        "num_moving_objects_each_type": dict(Counter(moving)),
-        "num_traffic_lights": len(lights),
-        "num_traffic_light_types": set(shown),
-        "num_traffic_light_each_step": dict(shown),
-        "num_map_features": len(description["map_features"]),
-        "map_height_diff": map_height_diff(description["map_features"]),
+        "continuous_valid_length": int(np.argmin(rest)) if not rest.all() else len(rest),
     }
 
 

@@ -17,7 +17,7 @@ from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.execution.executors import Executor, run_serially
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.export.destination import MAPPING_FILE, SUMMARY_FILE, check_destination, new_directory
-from scenarionet_data.export.pickling import WrittenPickle, dump, twice, write_parts, write_scenarios
+from scenarionet_data.export.pickling import dump, twice, write_parts, write_scenarios
 from scenarionet_data.interchange import writer_for
 from scenarionet_data.interchange.base import ExportReport, FormatWriter
 from scenarionet_data.interchange.files import write_files
@@ -81,10 +81,17 @@ def export(
             else write_parts(scenarios, draft, executor, original)
         )
         for done, entry in enumerate(entries, start=1):
-            try:
-                num_bytes += _take(entry, draft, summary)
-            except InvalidScenario as error:
-                refused.append(error)
+            if isinstance(entry, InvalidScenario):
+                refused.append(entry)
+            else:
+                name = entry.path.name if entry.path.name not in summary else entry.other_name
+                target = draft / name
+                if target != entry.path and target.exists():
+                    refused.append(twice(entry.scenario_id, name))
+                else:
+                    entry.path.replace(target)
+                    summary[name] = _without_arrays(entry.metadata)
+                    num_bytes += entry.num_bytes
             if on_progress:
                 on_progress(done, total, done)
         if not summary:
@@ -118,19 +125,6 @@ def export_database(
         loader, directory, replace=replace, original=original, file_format=file_format, parameters=parameters,
         executor=executor, on_progress=on_progress,
     )  # fmt: skip
-
-
-def _take(entry: WrittenPickle | InvalidScenario, draft: Path, summary: dict[str, Any]) -> int:
-    """Move a pickled scenario into the database; return its size."""
-    if isinstance(entry, InvalidScenario):
-        raise entry
-    name = entry.path.name if entry.path.name not in summary else entry.other_name
-    target = draft / name
-    if target != entry.path and target.exists():
-        raise twice(entry.scenario_id, name)
-    entry.path.replace(target)
-    summary[name] = _without_arrays(entry.metadata)
-    return entry.num_bytes
 
 
 def _without_arrays(value: Any) -> Any:

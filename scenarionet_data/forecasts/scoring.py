@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -73,16 +73,11 @@ def score(lake: LakeLike, predictions: Sequence[Prediction] | Path | str) -> For
         BadParameter: The file does not hold predictions.
     """
     listed = read_predictions(predictions) if isinstance(predictions, str | Path) else list(predictions)
-    view = open_view(lake)
-    ids = list(dict.fromkeys(each.scenario_id for each in listed))
-    _, is_known = ScenarioIndex(view.files, view.snapshot).find(pa.array(ids, pa.string()))
-    known = [name for name, found in zip(ids, is_known.tolist(), strict=True) if found]
-    scorer = _TargetScorer()
+    scorer, by_scenario, known = _TargetScorer(), *_by_scenario(lake, listed)
     for each in listed:
-        if each.scenario_id not in set(known):
+        if each.scenario_id not in known:
             scorer.note("of scenarios that the lake does not have", each)
-    by_scenario = {name: list(group) for name, group in groupby(listed, key=lambda each: each.scenario_id)}
-    for scenario in ScenarioLoader(view, known):
+    for scenario in ScenarioLoader(lake, known):
         scorer.add(scenario, by_scenario[scenario.id])
     table = pa.Table.from_pylist(scorer.rows, schema=tables.load("scores").schema)
     return ForecastScores(table, dict(scorer.precision()), dict(scorer.findings))
@@ -126,15 +121,11 @@ def fan_of_velocities(lake: LakeLike, predictions: Sequence[Prediction]) -> list
         lake: The lake with the scenarios.
         predictions: Those to compare with; targets that the lake does not have are left out.
     """
-    view = open_view(lake)
-    ids = list(dict.fromkeys(each.scenario_id for each in predictions))
-    _, is_known = ScenarioIndex(view.files, view.snapshot).find(pa.array(ids, pa.string()))
-    known = [name for name, found in zip(ids, is_known.tolist(), strict=True) if found]
-    by_scenario = {name: list(group) for name, group in groupby(predictions, key=lambda each: each.scenario_id)}
+    by_scenario, known = _by_scenario(lake, predictions)
     factors, angles = np.array(FAN).T
     turns = np.array([[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]])
     found = []
-    for scenario in ScenarioLoader(view, known):
+    for scenario in ScenarioLoader(lake, known):
         for each in by_scenario[scenario.id]:
             if each.track_id not in scenario.tracks.ids or not 0 <= each.timestep < scenario.num_timesteps:
                 continue
@@ -145,6 +136,18 @@ def fan_of_velocities(lake: LakeLike, predictions: Sequence[Prediction]) -> list
             modes = scenario.tracks.position[row, each.timestep, :2] + ways
             found.append(replace(each, modes=modes, probabilities=np.full(len(FAN), 1.0 / len(FAN)), given=None))
     return found
+
+
+def _by_scenario(
+    lake: LakeLike, predictions: Sequence[Prediction]
+) -> tuple[dict[str, list[Prediction]], dict[str, None]]:
+    """Predictions by scenario, and those scenarios, in order, that the lake has."""
+    found: dict[str, list[Prediction]] = defaultdict(list)
+    for each in predictions:
+        found[each.scenario_id].append(each)
+    view = open_view(lake)
+    _, is_known = ScenarioIndex(view.files, view.snapshot).find(pa.array(list(found), pa.string()))
+    return found, dict.fromkeys(compress(found, is_known.tolist()))
 
 
 @dataclass

@@ -25,7 +25,7 @@ from scenarionet_data.storage.snapshots.shard_record import ShardRecord
 from scenarionet_data.storage.write import layouts, rewriting
 
 ROUNDS = 3
-COMMIT_EVERY = 3600.0
+_COMMIT_EVERY = 3600.0
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,19 @@ def compact(
     files.sweep()
     for _ in range(ROUNDS):
         bins = plan_compaction(lake, profile, where=where)
-        late = _rewrite(files, bins, executor or executor_for(min(workers, len(bins))), report, on_progress)
+        if on_progress:
+            on_progress(0, len(bins), 0)
+        workers_for = executor or executor_for(min(workers, len(bins)))
+        done, late, failed = rewrite_bins(files, bins, workers_for, f"compact for {profile}", on_progress)
+        for each in done:
+            report.count(each)
+        current = {record.key: record for record in manifests.shards(files, snapshots.read(files))} if failed else {}
+        report.failed = []
+        for result in failed:
+            if all(current.get(record.key) == record for record in result.bin.records):
+                report.failed.append((result.bin.records[0].name, str(result.error)))
+            else:  # other jobs have replaced its files in the meantime
+                late.append(Rewritten(result.bin.records, ()))
         report.left = sum(len(each.old) for each in late)
         if not late:
             break
@@ -120,11 +132,15 @@ def compact(
     return report
 
 
-def compact_bin(job: Bin) -> BinResult:
+def rewrite_bin(job: Bin) -> BinResult:
     """Rewrite one bin, or adopt files of an earlier run, without committing. Runs on a worker."""
+    files = open_files(job.lake)
     try:
-        records = rewriting.rewrite(open_files(job.lake), job.records, layouts.load(job.profile))
-    except LakeError as error:  # a damaged file must not prevent compaction of the others
+        if job.num_scenarios:
+            records = rewriting.rewrite(files, job.records, layouts.load(job.profile))
+        else:
+            records = [rewriting.rewrite_shared_map(files, record) for record in job.records]
+    except LakeError as error:  # a damaged file must not prevent that the others are rewritten
         return BinResult(job, (), str(error))
     return BinResult(job, tuple(records))
 
@@ -134,51 +150,35 @@ def lost_bin(job: Bin, reason: str) -> BinResult:
     return BinResult(job, (), reason)
 
 
-def _rewrite(
-    files: LakeFiles, bins: list[Bin], executor: Executor, report: Compaction, on_progress: Progress | None
-) -> list[Rewritten]:
-    """Rewrite bins and commit them; return those that other jobs have changed in the meantime."""
-    late: list[Rewritten] = []
-    finished: list[Rewritten] = []
-    failed: list[BinResult] = []
+def rewrite_bins(
+    files: LakeFiles, bins: list[Bin], executor: Executor, operation: str, on_progress: Progress | None
+) -> tuple[list[Rewritten], list[Rewritten], list[BinResult]]:
+    """Rewrite bins and commit them, every hour and at the end.
+
+    Returns:
+        Those committed; those that other jobs have changed in the meantime; those that failed.
+    """
+    done, late, finished = list[Rewritten](), list[Rewritten](), list[Rewritten]()
+    failed = list[BinResult]()
+
+    def commit() -> None:
+        if finished:
+            _, changed = commits.replace_files(files, finished, operation)
+            late.extend(changed)
+            done.extend(each for each in finished if each not in changed)
+            finished.clear()
+
     num_scenarios, committed_at = 0, time.monotonic()
-    if on_progress:
-        on_progress(0, len(bins), 0)
-    for done, result in enumerate(executor(bins, compact_bin, lost_bin), start=1):
+    for number, result in enumerate(executor(bins, rewrite_bin, lost_bin), start=1):
         if result.error:
             failed.append(result)
         else:
             finished.append(Rewritten(result.bin.records, result.records))
         num_scenarios += result.bin.num_scenarios
         if on_progress:
-            on_progress(done, len(bins), num_scenarios)
-        if (
-            time.monotonic() - committed_at > COMMIT_EVERY
-        ):  # well within the day after which a vacuum deletes uncommitted files
-            late += _commit(files, finished, report)
-            finished, committed_at = [], time.monotonic()
-    late += _commit(files, finished, report)
-    return late + _report_failed(files, failed, report)
-
-
-def _report_failed(files: LakeFiles, failed: list[BinResult], report: Compaction) -> list[Rewritten]:
-    """Report why bins failed; return those whose files were replaced by other jobs in the meantime."""
-    report.failed = []
-    late = []
-    current = {record.key: record for record in manifests.shards(files, snapshots.read(files))} if failed else {}
-    for result in failed:
-        if all(current.get(record.key) == record for record in result.bin.records):
-            report.failed.append((result.bin.records[0].name, str(result.error)))
-        else:
-            late.append(Rewritten(result.bin.records, ()))
-    return late
-
-
-def _commit(files: LakeFiles, finished: list[Rewritten], report: Compaction) -> list[Rewritten]:
-    if not finished:
-        return []
-    _, late = commits.replace_files(files, finished, f"compact for {report.profile}")
-    for each in finished:
-        if each not in late:
-            report.count(each)
-    return late
+            on_progress(number, len(bins), num_scenarios)
+        if time.monotonic() - committed_at > _COMMIT_EVERY:  # a vacuum deletes uncommitted files after a day
+            commit()
+            committed_at = time.monotonic()
+    commit()
+    return done, late, failed

@@ -16,11 +16,10 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from scenarionet_data.errors import LakeError
 from scenarionet_data.execution.executors import executor_for
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.maintenance.bin_packing import Bin
-from scenarionet_data.maintenance.compaction import COMMIT_EVERY, ROUNDS, BinResult, lost_bin
+from scenarionet_data.maintenance.compaction import ROUNDS, rewrite_bins
 from scenarionet_data.maintenance.fsck import Fsck, fsck
 from scenarionet_data.packs.contents import SUMS, renew_sums
 from scenarionet_data.schema import tables
@@ -28,12 +27,10 @@ from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.places import LakeFilesLike, open_files
 from scenarionet_data.storage.integrity import seals
-from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
-from scenarionet_data.storage.snapshots.commit import Rewritten
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord
-from scenarionet_data.storage.write import layouts, rewriting
+from scenarionet_data.storage.write import layouts
 from scenarionet_data.storage.write.relocation import copy_sealed
 
 
@@ -82,7 +79,12 @@ def upgrade(lake: LakeFilesLike, *, workers: int = 1, on_progress: Progress | No
     if report.check.is_whole:
         files.sweep()
         for _ in range(ROUNDS):
-            report.left = _rewrite(files, workers, report, on_progress)
+            bins = list(_unsealed_bins(files))
+            executor = executor_for(min(workers, len(bins)))
+            done, late, failed = rewrite_bins(files, bins, executor, "upgrade", on_progress)
+            report.shards += sum(len(each.old) for each in done)
+            report.left = sum(len(each.old) for each in late)
+            report.failed = [(result.bin.records[0].name, str(result.error)) for result in failed]
             if not report.left:
                 break
         _seal_others(files, report, on_progress)
@@ -96,40 +98,6 @@ def upgrade(lake: LakeFilesLike, *, workers: int = 1, on_progress: Progress | No
 # --- data files -------------------------------------------------------------------------------------------
 
 
-def upgrade_bin(job: Bin) -> BinResult:
-    """Rewrite shards that share files, without committing. Runs on a worker."""
-    files = open_files(job.lake)
-    try:
-        if job.num_scenarios:
-            records = rewriting.rewrite(files, job.records, layouts.load(job.profile))
-        else:
-            records = [rewriting.rewrite_shared_map(files, record) for record in job.records]
-    except LakeError as error:  # a file damaged since the check must not prevent the upgrade of the others
-        return BinResult(job, (), str(error))
-    return BinResult(job, tuple(records))
-
-
-def _rewrite(files: LakeFiles, workers: int, report: Upgrade, on_progress: Progress | None) -> int:
-    """Rewrite unsealed data files of the newest snapshot; return the number of shards that others have changed."""
-    bins = list(_unsealed_bins(files))
-    left, num_scenarios, committed_at = 0, 0, time.monotonic()
-    finished: list[Rewritten] = []
-    report.failed = []
-    executor = executor_for(min(workers, len(bins)))
-    for done, result in enumerate(executor(bins, upgrade_bin, lost_bin), start=1):
-        if result.error:
-            report.failed.append((result.bin.records[0].name, result.error))
-        else:
-            finished.append(Rewritten(result.bin.records, result.records))
-        num_scenarios += result.bin.num_scenarios
-        if on_progress:
-            on_progress(done, len(bins), num_scenarios)
-        if time.monotonic() - committed_at > COMMIT_EVERY:
-            left += _commit(files, finished, report)
-            finished, committed_at = [], time.monotonic()
-    return left + _commit(files, finished, report)
-
-
 def _unsealed_bins(files: LakeFiles) -> Iterable[Bin]:
     """Shards of the newest snapshot with unsealed data files, together with those that share these."""
     units: dict[tuple[str, str, str, str], list[ShardRecord]] = defaultdict(list)
@@ -139,16 +107,6 @@ def _unsealed_bins(files: LakeFiles) -> Iterable[Bin]:
         names = {name for record in records for name in record.files if name.split("/")[0] in tables.LOADED}
         if any(not files.end(name).digest for name in sorted(names)):
             yield Bin(str(files.root), layouts.layout_of(records[0]).name, tuple(records))
-
-
-def _commit(files: LakeFiles, finished: list[Rewritten], report: Upgrade) -> int:
-    """Commit rewritten shards; return the number of those that others have changed."""
-    if not finished:
-        return 0
-    _, late = commits.replace_files(files, finished, "upgrade")
-    num_late = sum(len(each.old) for each in late)
-    report.shards += sum(len(each.old) for each in finished) - num_late
-    return num_late
 
 
 # --- other files ------------------------------------------------------------------------------------------

@@ -33,17 +33,13 @@ def write_iceberg(folder: Path, files: Mapping[str, Sequence[str]]) -> dict[str,
         catalog.create_namespace(NAMESPACE)
         locations = {}
         for name, listed in files.items():
-            table = catalog.create_table(f"{NAMESPACE}.{name}", schema=_schema(listed))
+            schemas = [pq.read_schema(file).remove_metadata() for file in listed]
+            columns = pa.unify_schemas(schemas, promote_options="permissive")
+            nullable = pa.schema([field.with_nullable(True) for field in columns])  # older lakes lack some
+            table = catalog.create_table(f"{NAMESPACE}.{name}", schema=nullable)
             table.add_files(list(listed))
             locations[name] = table.metadata_location
     finally:
         logger.setLevel(level)
         catalog.close()
     return locations
-
-
-def _schema(files: Sequence[str]) -> pa.Schema:
-    """Return the columns of all files, nullable: files of older lakes lack some."""
-    schemas = [pq.read_schema(file).remove_metadata() for file in files]
-    columns = pa.unify_schemas(schemas, promote_options="permissive")
-    return pa.schema([field.with_nullable(True) for field in columns])

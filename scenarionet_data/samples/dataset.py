@@ -195,16 +195,12 @@ class Samples(Sequence[Sample]):
         )
         read = self._reader.read([self._rows[number] for number in scenes.tolist()], requests)
         made = dict(self.layout.make(read, self.choices))
-        self._warn_of_unseen(made, numbers)
-        return MappingProxyType(made)
-
-    def _warn_of_unseen(self, made: Mapping[str, Array], numbers: Int64) -> None:
-        """Warn once of targets that are not seen at the current timestep."""
         unseen = numbers[~made["has_centre"]] if "has_centre" in made else numbers[:0]
         if len(unseen) and not self._has_warned:
             self._has_warned = True
             text = f"{self.key(int(unseen[0]))} is not seen at the current timestep: such samples are masked"
-            warnings.warn(SamplesWarning(text), stacklevel=3)
+            warnings.warn(SamplesWarning(text), stacklevel=2)
+        return MappingProxyType(made)
 
     def prefetch(self, indices: Sequence[int] | Int64) -> None:
         """Request what a later batch needs from an object store; nothing for a local lake."""

@@ -14,7 +14,6 @@ from scenarionet_data import codec
 from scenarionet_data.arrays.dtypes import Float64, Int32, UInt64
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.codec.stored_part import ScenarioColumns
-from scenarionet_data.errors import LakeError
 from scenarionet_data.samples.choices import Choices
 from scenarionet_data.samples.kernels import RecordedFrames, Rules, TrackLists, Wanted, find_frames
 from scenarionet_data.samples.polyline_kernels import MapLists
@@ -22,8 +21,7 @@ from scenarionet_data.scenario.description import MapFeatures, ScenarioDescripti
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.read.map_cache import MapCache
-from scenarionet_data.storage.read.scenario_reader import ScenarioReader
-from scenarionet_data.storage.snapshots import snapshot as snapshots
+from scenarionet_data.storage.read.scenario_reader import ScenarioReader, with_tracks
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 _LISTS = ("x", "y", "heading", "vx", "vy", "length", "width", "height", "valid", "is_interpolated")
@@ -183,18 +181,9 @@ class SceneReader:
             LakeError: A file is missing or damaged; the message names it.
         """
         rows = self._reader.read(metadata, self._tables)
-        if rows["tracks"] is None:
-            raise LakeError(
-                f"{metadata[0]['scenario_id']} has no tracks; `scenarionet maintain check` lists all such scenarios"
-            )
         with_map = "maps" in self._tables
-        crops = [self._crop(row) if with_map and row["map_crop"] is not None else None for row in metadata]
-        return Scenes(metadata, rows["tracks"], rows.get("maps"), crops, requests, self._reader.memory)
-
-    def _crop(self, row: Mapping[str, Any]) -> MapFeatures:
-        with snapshots.reading_from(self._files, self._snapshot):
-            shared = self._maps.get(row["dataset"], row["version"], row["map_id"])
-        return shared.crop(tuple(row["map_crop"]), np.array([row["origin_x"], row["origin_y"], row["origin_z"]]))
+        crops = [self._maps.crop(row) if with_map and row["map_crop"] is not None else None for row in metadata]
+        return Scenes(metadata, with_tracks(metadata, rows), rows.get("maps"), crops, requests, self._reader.memory)
 
 
 def timestamps(row: Mapping[str, Any]) -> Float64:

@@ -126,17 +126,6 @@ class ScenarioDescription(ScenarioPart, HasCard):
         validator.check(is_scenario_id(self.id), "id", "wanted <dataset>/<version>/<source id>[@start]")
         release = make_scenario_id(self.dataset, self.version, "")
         validator.check(self.id.startswith(release), "id", f"wanted {release}..., after its dataset and version")
-        self._validate_time(validator)
-        validate_tracks(validator, self.tracks, self.num_timesteps)
-        self._validate_ego(validator)
-        validate_lights(validator, self.lights, self.num_timesteps)
-        if self.map is not None:
-            validate_map(validator, self.map)
-        self._validate_height(validator)
-        self._validate_crop(validator)
-        self._validate_references(validator)
-
-    def _validate_time(self, validator: Validator) -> None:
         steps = self.num_timesteps
         validator.array(self.timestamps, "timestamps", (steps,), np.float64)
         validator.check(steps > 0, "timestamps", "wanted at least one timestep, found none")
@@ -151,32 +140,28 @@ class ScenarioDescription(ScenarioPart, HasCard):
         validator.check(0 <= current < steps, "current_timestep", f"wanted 0 ... {steps - 1}, found {current}")
         validator.array(self.origin, "origin", (3,), np.float64)
         validator.finite(self.origin, "origin")
-
-    def _validate_ego(self, validator: Validator) -> None:
+        validate_tracks(validator, self.tracks, steps)
         rows = np.flatnonzero(self.tracks.ids == self.ego_id)
         validator.check(len(rows) == 1, "ego_id", f"wanted a track {self.ego_id!r}, found none")
-        now = self.current_timestep
-        validator.check(self.tracks.valid[rows[0], now], "ego_id", f"wanted the ego valid at current_timestep {now}")
-
-    def _validate_height(self, validator: Validator) -> None:
-        if self.has_z:
-            return
+        validator.check(
+            self.tracks.valid[rows[0], current], "ego_id", f"wanted the ego valid at current_timestep {current}"
+        )
+        validate_lights(validator, self.lights, steps)
         if self.map is not None:
-            flat = not self.map.polyline.values[:, 2].any() and not self.map.polygon.values[:, 2].any()
-            validator.check(flat, "map.polyline", "wanted z = 0 where has_z is False")
-        is_flat = not self.tracks.position[..., 2].any()
-        validator.check(is_flat, "tracks.position", "wanted z = 0: has_z is False")
-        stops = np.nan_to_num(self.lights.stop_point[:, 2])
-        validator.check(not stops.any(), "lights.stop_point", "wanted z = 0: has_z is False")
-
-    def _validate_crop(self, validator: Validator) -> None:
+            validate_map(validator, self.map)
+        if not self.has_z:
+            if self.map is not None:
+                flat = not self.map.polyline.values[:, 2].any() and not self.map.polygon.values[:, 2].any()
+                validator.check(flat, "map.polyline", "wanted z = 0 where has_z is False")
+            is_flat = not self.tracks.position[..., 2].any()
+            validator.check(is_flat, "tracks.position", "wanted z = 0: has_z is False")
+            stops = np.nan_to_num(self.lights.stop_point[:, 2])
+            validator.check(not stops.any(), "lights.stop_point", "wanted z = 0: has_z is False")
         crop = self.map_crop
         validator.check((self.map_id is None) == (crop is None), "map_crop", "wanted map_id and map_crop, or neither")
         if crop is not None:
             is_box = len(crop) == 4 and np.isfinite(crop).all() and crop[0] <= crop[2] and crop[1] <= crop[3]
             validator.check(is_box, "map_crop", f"wanted min_x, min_y, max_x, max_y in metres, found {crop}")
-
-    def _validate_references(self, validator: Validator) -> None:
         tracks = set(self.tracks.ids)
         for name, ids in (
             ("objects_of_interest", self.objects_of_interest),
@@ -186,6 +171,6 @@ class ScenarioDescription(ScenarioPart, HasCard):
             validator.check(not missing, name, f"wanted tracks of the scenario, found {missing[:3]}")
         if self.map_id is None:  # of a shared map, only the crop is loaded
             lanes = set() if self.map is None else set(self.map.ids)
-            found = np.array([lane in lanes for lane in self.lights.lane_ids], dtype=np.bool_)
-            same = np.array_equal(found, self.lights.is_lane_in_map)
+            is_in_map = np.array([lane in lanes for lane in self.lights.lane_ids], dtype=np.bool_)
+            same = np.array_equal(is_in_map, self.lights.is_lane_in_map)
             validator.check(same, "lights.is_lane_in_map", "wanted True exactly where lane_id is a map feature")

@@ -24,6 +24,8 @@ _MAGIC = b"SNSEAL\x00\x01"
 _DIGEST = 16
 _SEAL = len(_MAGIC) + 2 * _DIGEST
 _BLOCK = 2**18
+_RATIO = 2**15
+"""A block of zstd takes 4 bytes or more and holds at most 128 KiB; that of LZ4 less."""
 
 
 def verify(file: BufferedReader, tail: bytes, end: FileEnd, place: Place, url: Path | str) -> bool:
@@ -54,7 +56,7 @@ def verify(file: BufferedReader, tail: bytes, end: FileEnd, place: Place, url: P
     elif by_content := _NAMED_BY_CONTENT.fullmatch(place.name):
         is_whole = hashlib.file_digest(file, "sha256").hexdigest().startswith(by_content[1])
     else:
-        _read_rows(file, place.name, url)
+        _read_rows(file, end.body, place.name, url)
         return False
     if not is_whole:
         raise damaged(url, "its bytes differ from those that were written under this name")
@@ -80,7 +82,7 @@ def verify_footer(tail: bytes, end: FileEnd, place: Place, url: Path | str) -> b
     return digests[_DIGEST:]
 
 
-def _read_rows(file: BufferedReader, name: str, url: Path | str) -> None:
+def _read_rows(file: BufferedReader, body: int, name: str, url: Path | str) -> None:
     """Read every row, and check that those of a metadata file belong to its folder: two files may have been exchanged.
 
     Raises:
@@ -90,9 +92,12 @@ def _read_rows(file: BufferedReader, name: str, url: Path | str) -> None:
     with reading(url):
         content = pq.ParquetFile(file)
         footer = content.metadata
-        said, held = footer.num_rows, [footer.row_group(number).num_rows for number in range(footer.num_row_groups)]
-        if said != sum(held) or min(held, default=0) < 0:  # of so many rows Arrow allocates the values
-            raise damaged(url, f"its footer says {said:,} rows, its row groups {sum(held):,}")
+        groups = [footer.row_group(number) for number in range(footer.num_row_groups)]
+        for group in groups:  # Arrow allocates its rows; every table has a column in which each takes a bit or more
+            if not 0 <= group.num_rows <= 8 * min(group.total_byte_size, _RATIO * body):
+                raise damaged(url, f"its footer says {group.num_rows:,} rows in {group.total_byte_size:,} bytes")
+        if footer.num_rows != sum(group.num_rows for group in groups):
+            raise damaged(url, f"its footer says {footer.num_rows:,} rows, its row groups others")
         rows = content.read(use_threads=False)
         rows.validate(full=True)
         if not set(wanted).issubset(rows.column_names):

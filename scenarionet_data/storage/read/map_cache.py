@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -22,6 +23,7 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.read.crop_kernels import move_points
 from scenarionet_data.storage.snapshots import manifests
+from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 _MAX_MAPS = 4
@@ -104,6 +106,16 @@ class MapCache:
     @cached_property
     def _names(self) -> dict[tuple[str, str, str], str]:
         return manifests.shared_maps(self._files, self._snapshot)
+
+    def crop(self, row: Mapping[str, Any]) -> MapFeatures:
+        """The crop of a shared map that a scenario has, by its metadata row.
+
+        Raises:
+            ScenarioNotFound: The lake has no such map.
+        """
+        with snapshots.reading_from(self._files, self._snapshot):
+            shared = self.get(row["dataset"], row["version"], row["map_id"])
+        return shared.crop(tuple(row["map_crop"]), np.array([row["origin_x"], row["origin_y"], row["origin_z"]]))
 
     def get(self, dataset: str, version: str, map_id: str) -> SharedMap:
         """Read a map, or return it from the cache.

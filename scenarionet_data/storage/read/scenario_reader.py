@@ -183,6 +183,21 @@ class ScenarioReader:
         return starts, columns
 
 
+def with_tracks(metadata: Sequence[Mapping[str, Any]], rows: Mapping[str, ScenarioColumns | None]) -> ScenarioColumns:
+    """The tracks of scenarios.
+
+    Raises:
+        LakeError: They have none.
+    """
+    tracks = rows["tracks"]
+    if tracks is None:
+        raise LakeError(
+            f"{metadata[0]['scenario_id']} has no tracks; `scenarionet maintain check` lists all such scenarios: "
+            "convert them again"
+        )
+    return tracks
+
+
 class RowGroups(Protocol):
     """Provides row groups of many files; for one thread."""
 

@@ -82,7 +82,7 @@ def test_numbers_of_rows_that_differ_are_refused(table, number, occurrence, tmp_
     at = places[occurrence]
     footer = footer[:at] + b"\x16\xfe\xff\xff\xff\x0f" + footer[at + 2 :]
     content = FILES[table][:start] + footer + len(footer).to_bytes(4, "little") + b"PAR1"
-    with pytest.raises(LakeError, match=r"its footer says [0-9,]+ rows, its row groups [0-9,]+"):
+    with pytest.raises(LakeError, match=r"its footer says [0-9,]+ rows(, its row groups others| in [0-9,]+ bytes)"):
         verify(tmp_path / "1.parquet", content)
 
 
