@@ -25,6 +25,7 @@ from scenarionet_sim.planners.following import ConstantVelocityPlanner, IdmPlann
 from scenarionet_sim.planners.lane_graph import LaneGraphPlanner
 from scenarionet_sim.planners.manual import GamePadPlanner, KeyboardPlanner
 from scenarionet_sim.planners.policy import Planned
+from scenarionet_sim.planners.safety import CarefulHumanPlanner, FuzzySafetyPlanner, RssPlanner
 from scenarionet_sim.planners.tracking import Lqr, PerfectTracking, Tracker
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.constant_velocity import ConstantVelocity
@@ -51,6 +52,9 @@ PLANNERS: dict[str, type[Planner]] = {
     "pure-pursuit": PurePursuitPlanner,
     "idm-planner": IdmPlanner,
     "lane-graph": LaneGraphPlanner,
+    "careful-human": CarefulHumanPlanner,
+    "fuzzy-safety": FuzzySafetyPlanner,
+    "rss": RssPlanner,
     "keyboard": KeyboardPlanner,
     "gamepad": GamePadPlanner,
 }
