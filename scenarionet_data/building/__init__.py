@@ -5,11 +5,9 @@ Canonical: float32 offsets from the origin, wrapped headings, zeros where not va
 
 from __future__ import annotations
 
-from scenarionet_data.building.features import flat_points, make_features
-from scenarionet_data.building.map_builder import MapBuilder, meets
-from scenarionet_data.building.precision import METRES, make_origin, offsets_from, rounded
+from scenarionet_data.building.features import MapBuilder, flat_points, make_features, meets
 from scenarionet_data.building.resampling import EGO_GAP, Resampling, bridge_gaps, resample
-from scenarionet_data.building.tracks import StateGrid, make_tracks
+from scenarionet_data.building.tracks import METRES, StateGrid, make_origin, make_tracks, offsets_from, rounded
 
 __all__ = [
     "EGO_GAP",

@@ -77,7 +77,15 @@ def estimate_motion(
     place = np.zeros(shape, np.complex128)
     place[track, frame] = points
     piece = np.full(shape, -1)
-    piece[track, frame] = _pieces(track, times[frame], points)
+    same = track[1:] == track[:-1]  # tracks are cut into pieces at jumps
+    step = np.divide(np.diff(points), np.diff(times[frame]), out=np.zeros(len(same), np.complex128), where=same)
+    has_before, has_after = same & np.roll(same, 1), same & np.roll(same, -1)
+    has_before[:1], has_after[-1:] = False, False
+    # At the ends of a track the inner step replaces the missing one, so that jumps there are found too.
+    before = np.where(has_before, np.roll(step, 1), np.where(has_after, np.roll(step, -1), step))
+    after = np.where(has_after, np.roll(step, -1), before)
+    usual = _middle(before.real, step.real, after.real) + 1j * _middle(before.imag, step.imag, after.imag)
+    piece[track, frame] = np.concatenate([[0], np.cumsum((np.abs(step - usual) > _JUMP) | ~same)])
     seen, filled = piece >= 0, np.zeros(shape, np.bool_)
     filled[track, frame] = is_interpolated
     velocity, certainty = np.zeros_like(place), np.zeros(shape)
@@ -107,19 +115,6 @@ def _xy(points: Complex128) -> Float64:
     return points.view(np.float64).reshape(*points.shape, 2)
 
 
-def _pieces(track: Int64, time: Float64, points: Complex128) -> Int64:
-    """(R,) number of the piece of each row: tracks are cut at jumps."""
-    same = track[1:] == track[:-1]
-    step = np.divide(np.diff(points), np.diff(time), out=np.zeros(len(same), np.complex128), where=same)
-    has_before, has_after = same & np.roll(same, 1), same & np.roll(same, -1)
-    has_before[:1], has_after[-1:] = False, False
-    # At the ends of a track the inner step replaces the missing one, so that jumps there are found too.
-    before = np.where(has_before, np.roll(step, 1), np.where(has_after, np.roll(step, -1), step))
-    after = np.where(has_after, np.roll(step, -1), before)
-    usual = _middle(before.real, step.real, after.real) + 1j * _middle(before.imag, step.imag, after.imag)
-    return np.concatenate([[0], np.cumsum((np.abs(step - usual) > _JUMP) | ~same)])
-
-
 def _middle(a: Float64, b: Float64, c: Float64) -> Float64:
     """Median of three."""
     middle: Float64 = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
@@ -132,13 +127,9 @@ def _from_nearest(values: Complex128, known: Bool) -> Complex128:
     last = np.maximum.accumulate(np.where(known, here, -far), axis=1)
     following = np.minimum.accumulate(np.where(known, here, far)[:, ::-1], axis=1)[:, ::-1]
     nearest = np.where(here - last <= following - here, last, following)
-    return _at(values, np.where((nearest < 0) | (nearest >= known.shape[1]), here, nearest))
-
-
-def _at(values: Complex128, frames: Int64) -> Complex128:
-    """Take values (N, S) at each track's frames (N, T)."""
     rows = np.arange(len(values))[:, None] * values.shape[1]
-    taken: Complex128 = values.ravel().take(rows + frames)  # faster than take_along_axis
+    nearest = np.where((nearest < 0) | (nearest >= known.shape[1]), here, nearest)
+    taken: Complex128 = values.ravel().take(rows + nearest)  # faster than take_along_axis
     return taken
 
 

@@ -54,6 +54,17 @@ def _line_lengths(lines: Ragged) -> Float64:
     return lengths
 
 
+def directions(lines: Ragged) -> Float64:
+    """(P, 2) unit tangents of each line, from the previous to the next point."""
+    index = np.arange(len(lines.values))
+    after = np.minimum(index + 1, np.repeat(lines.offsets[1:] - 1, lines.lengths))
+    before = np.maximum(index - 1, np.repeat(lines.offsets[:-1], lines.lengths))
+    step = lines.values[after, :2] - lines.values[before, :2]
+    norm = np.hypot(step[:, 0], step[:, 1])[:, None]
+    unit: Float64 = step / np.where(norm > 0, norm, 1.0)
+    return unit
+
+
 def between(centers: Ragged, left: Ragged, right: Ragged) -> tuple[Ragged, Ragged]:
     """Combine centrelines with their sides, point by point at the same fraction of arc length.
 
@@ -64,18 +75,8 @@ def between(centers: Ragged, left: Ragged, right: Ragged) -> tuple[Ragged, Ragge
     positions = positions_along(centers)
     sides = points_at(left, positions), points_at(right, positions)
     points = np.column_stack([centers.values[:, :2], (sides[0][:, 2] + sides[1][:, 2]) / 2.0])
-    across = _leftward(centers)
+    ahead = directions(centers)
+    across = np.column_stack([-ahead[:, 1], ahead[:, 0]])
     to_left, to_right = ((side[:, :2] - points[:, :2]) * across for side in sides)
     distances = np.column_stack([to_left.sum(axis=1), -to_right.sum(axis=1)]).clip(min=0.0)
     return Ragged(centers.offsets, points), Ragged(centers.offsets, distances)
-
-
-def _leftward(lines: Ragged) -> Float64:
-    """(P, 2) unit normals to the left of each line, from the previous to the next point."""
-    index = np.arange(len(lines.values))
-    after = np.minimum(index + 1, np.repeat(lines.offsets[1:] - 1, lines.lengths))
-    before = np.maximum(index - 1, np.repeat(lines.offsets[:-1], lines.lengths))
-    ahead = lines.values[after, :2] - lines.values[before, :2]
-    norm = np.hypot(ahead[:, 0], ahead[:, 1])
-    unit: Float64 = np.column_stack([-ahead[:, 1], ahead[:, 0]]) / np.where(norm > 0, norm, 1.0)[:, None]
-    return unit

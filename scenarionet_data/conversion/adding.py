@@ -9,10 +9,9 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from itertools import islice
 
-from scenarionet_data.conversion.committer import Committer
+from scenarionet_data.conversion.committer import Committer, ConversionReport
 from scenarionet_data.conversion.jobs import ShardResult
 from scenarionet_data.conversion.plan import ConversionPlan
-from scenarionet_data.conversion.report import ConversionReport
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard
@@ -21,7 +20,6 @@ from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.places import LakeFilesLike, open_files
-from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.write.shard_writer import SCENARIOS_PER_FILE, ShardWriter
@@ -55,7 +53,7 @@ def add_scenarios(
         for record in manifests.shards(files, snapshots.read(files))
         for each in zip(record.items, record.fingerprints, strict=True)
     }
-    committer = Committer(files, ConversionPlan((), 0, {}, 0), "add scenarios", report, in_one=True)
+    committer = Committer(files, ConversionPlan((), 0, {}, 0), "add scenarios", report, started, in_one=True)
     waiting = iter(scenarios)
     while batch := list(islice(waiting, SCENARIOS_PER_FILE)):
         parts: dict[tuple[str, str, str], list[tuple[RawItem, ScenarioDescription]]] = defaultdict(list)
@@ -73,9 +71,7 @@ def add_scenarios(
         for result in _write(files, parts, check):
             committer.add(result)
     committer.commit()
-    report.snapshot = commits.consolidate(files).number
-    report.seconds = time.monotonic() - started
-    return report
+    return committer.report()
 
 
 def _write(

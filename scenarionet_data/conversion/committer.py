@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 from scenarionet_data.conversion.jobs import ShardResult
 from scenarionet_data.conversion.plan import ConversionPlan
-from scenarionet_data.conversion.report import ConversionReport
-from scenarionet_data.execution.worker_stats import WorkerStats
+from scenarionet_data.execution.executors import WorkerStats
+from scenarionet_data.execution.progress import Progress
+from scenarionet_data.ingest.defects import merge_defects
+from scenarionet_data.ingest.passed_over import PassedOver
+from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, read_defects
@@ -27,6 +32,7 @@ class Committer:
         plan: Which old shards the new ones replace.
         operation: Operation recorded in the snapshot, for example ``convert waymo``.
         report: Updated with every result.
+        started: When the work began, by ``time.monotonic``.
         in_one: Commit nothing before the end.
     """
 
@@ -36,6 +42,7 @@ class Committer:
         plan: ConversionPlan,
         operation: str,
         report: ConversionReport,
+        started: float,
         in_one: bool = False,
     ) -> None:
         self._files = files
@@ -44,6 +51,7 @@ class Committer:
         self._report = report
         self._finished: list[ShardRecord] = []
         self._in_one = in_one
+        self._started = started
         self._committed_at = time.monotonic()
 
     def add(self, result: ShardResult) -> None:
@@ -68,6 +76,31 @@ class Committer:
         if is_due and not self._plan.replaced:
             self.commit()
 
+    def add_all(self, results: Iterable[ShardResult], number: int, on_progress: Progress | None) -> ConversionReport:
+        """Add results as they come, commit the rest at the end, even after an error, and return the report.
+
+        Args:
+            results: Of the shards.
+            number: Of the shards.
+            on_progress: Called before the first result and after each one.
+        """
+        if on_progress:
+            on_progress(0, number, 0)
+        try:
+            for done, result in enumerate(results, start=1):
+                self.add(result)
+                if on_progress:
+                    on_progress(done, number, self._report.converted)
+        finally:
+            self.commit()
+        return self.report()
+
+    def report(self) -> ConversionReport:
+        """Write the lake's last snapshot so that it is quick to read, and return the report."""
+        self._report.snapshot = commits.consolidate(self._files).number
+        self._report.seconds = time.monotonic() - self._started
+        return self._report
+
     def commit(self) -> None:
         """Commit the finished shards that may be committed; report the others as failed."""
         finished = self._finished
@@ -88,7 +121,11 @@ class Committer:
             finished = [record for record in finished if record.key not in keys]
         settled = {record.key for record in ready}
         reduced = {old.key: new for old, new in done.reduced}
-        self._count_duplicates(done.reduced)
+        for old, new in done.reduced:
+            number = old.num_scenarios - new.num_scenarios
+            self._report.converted -= number
+            self._report.quarantined += number
+            self._report.duplicates += number
         refused_keys = {record.key for record, _ in refused}
         kept = [reduced.get(record.key, record) for record in ready if record.key not in refused_keys]
         self._report.add_defects(defect for record in kept for defect in read_defects(self._files, record))
@@ -99,14 +136,67 @@ class Committer:
         self._finished = []
         self._committed_at = time.monotonic()
 
-    def _count_duplicates(self, reduced: commits.Reduced) -> None:
-        for old, new in reduced:
-            number = old.num_scenarios - new.num_scenarios
-            self._report.converted -= number
-            self._report.quarantined += number
-            self._report.duplicates += number
-
     def _leave_out(self, record: ShardRecord, reason: str) -> None:
         self._report.failed.append((record.name, reason))
         self._report.converted -= record.num_scenarios
         self._report.shards -= 1
+
+
+@dataclass
+class ConversionReport:
+    """Result of a conversion.
+
+    Attributes:
+        converted: Scenarios written.
+        quarantined: Scenarios rejected.
+        duplicates: Of these, scenarios whose id the lake has already, from another source or split.
+        defects: What was dropped or assumed in the scenarios and maps that were written, by file and reason.
+        passed_over: Raw files that were recognised and not used.
+        shards: Shards converted.
+        adopted: Shards that an earlier, interrupted run had finished.
+        skipped: Shards that were in the lake already.
+        replaced: Old shards removed in favour of new ones.
+        stale: Shards in the lake written by another converter version and kept.
+        partitions: Partitions written: dataset, version, split.
+        failed: Shard name and reason.
+        seconds: Time taken.
+        snapshot: Number of the lake's newest snapshot.
+        size: Bytes written.
+        workers: Statistics by worker, with counts of scenarios and bytes.
+    """
+
+    converted: int = 0
+    quarantined: int = 0
+    duplicates: int = 0
+    defects: tuple[Defect, ...] = ()
+    passed_over: tuple[PassedOver, ...] = ()
+    shards: int = 0
+    adopted: int = 0
+    skipped: int = 0
+    replaced: int = 0
+    stale: int = 0
+    partitions: set[tuple[str, str, str]] = field(default_factory=set)
+    failed: list[tuple[str, str]] = field(default_factory=list)
+    seconds: float = 0.0
+    snapshot: int = 0
+    size: int = 0
+    workers: dict[str, WorkerStats] = field(default_factory=dict)
+
+    @property
+    def dropped(self) -> int:
+        """Rows and features that were dropped."""
+        return sum(defect.count for defect in self.defects if defect.action == "dropped")
+
+    @property
+    def assumed(self) -> int:
+        """Rows and features that were completed by an assumption."""
+        return sum(defect.count for defect in self.defects if defect.action == "assumed")
+
+    def add_defects(self, defects: Iterable[Defect]) -> None:
+        """Count defects; those of one kind in one file become one."""
+        self.defects = merge_defects((*self.defects, *defects))
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether no shard failed and no scenario was quarantined."""
+        return not self.failed and not self.quarantined

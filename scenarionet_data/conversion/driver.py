@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace as replaced
 from pathlib import Path
@@ -16,13 +16,11 @@ from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 from scenarionet_data import converters
-from scenarionet_data.conversion.committer import Committer
+from scenarionet_data.conversion.committer import Committer, ConversionReport
 from scenarionet_data.conversion.jobs import ShardJob, convert_map, convert_shard, lost_shard, run_limited
-from scenarionet_data.conversion.plan import ConversionPlan, largest_first, make_plan
+from scenarionet_data.conversion.plan import ConversionPlan, InputSelection, ShardFilter, largest_first, make_plan
 from scenarionet_data.conversion.remote_raw.downloads import remove_downloads
 from scenarionet_data.conversion.remote_raw.mirror import mirrored
-from scenarionet_data.conversion.report import ConversionReport
-from scenarionet_data.conversion.selection import InputSelection, ShardFilter
 from scenarionet_data.converters.splits import guess_split, lake_spelling, split_folder
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor, executor_for
@@ -32,7 +30,6 @@ from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.places import LakeFilesLike, is_url, open_files
-from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
@@ -94,7 +91,7 @@ def convert(
         files.sweep()
         report = ConversionReport(skipped=plan.num_skipped, stale=plan.num_stale, passed_over=plan.passed_over)
         if maps.shards:  # shared maps first: a scenario in the lake always finds its map
-            committer = Committer(files, maps, "convert maps", report)
+            committer = Committer(files, maps, "convert maps", report, started)
             for shard in maps.shards:
                 committer.add(convert_map(ShardJob(dataset, shard, str(files.root), check=check)))
             committer.commit()
@@ -104,19 +101,8 @@ def convert(
             results = executor(jobs, convert_shard, lost_shard)
         else:
             results = run_limited(jobs, limit)
-        committer = Committer(files, plan, f"convert {dataset}", report)
-        if on_progress:
-            on_progress(0, len(jobs), 0)
-        try:
-            for done, result in enumerate(results, start=1):
-                committer.add(result)
-                if on_progress:
-                    on_progress(done, len(jobs), report.converted)
-        finally:
-            committer.commit()
-        report.snapshot = commits.consolidate(files).number
-        report.seconds = time.monotonic() - started
-        return report
+        committer = Committer(files, plan, f"convert {dataset}", report, started)
+        return committer.add_all(results, len(jobs), on_progress)
     finally:
         if is_url(raw):
             remove_downloads()
@@ -187,7 +173,10 @@ def _plan(wanted: _Wanted, *, sort: bool) -> tuple[LakeFiles, ConversionPlan, Co
                 raise BadParameter(f"{name}={value!r}: use letters, digits, '.', '_' and '-'")
         listed = list(converter.shards(folder, split, version, options))
         shards = (wanted.selection or InputSelection()).select(listed)
-        passed_over = [*converter.passed_over(folder, split, options, listed), *_not_selected(listed, shards)]
+        passed_over = [*converter.passed_over(folder, split, options, listed)]
+        left_out = count_items(listed) - count_items(shards)
+        if left_out:
+            passed_over.append(PassedOver("raw inputs", left_out, "not selected"))
         plans = []
         may = {"may_replace": wanted.replace, "reconvert_stale": wanted.reconvert_stale}
         for each in (converter.maps(folder, version, options), shards):
@@ -198,8 +187,6 @@ def _plan(wanted: _Wanted, *, sort: bool) -> tuple[LakeFiles, ConversionPlan, Co
     return files, plans[0], replaced(plans[1], passed_over=tuple(passed_over))
 
 
-def _not_selected(listed: Sequence[Shard], selected: Sequence[Shard]) -> Iterator[PassedOver]:
-    """Inputs that the caller left out."""
-    number = sum(len(shard.items) for shard in listed) - sum(len(shard.items) for shard in selected)
-    if number:
-        yield PassedOver("raw inputs", number, "not selected")
+def count_items(shards: Sequence[Shard]) -> int:
+    """Number of raw inputs of shards."""
+    return sum(len(shard.items) for shard in shards)

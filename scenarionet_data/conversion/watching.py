@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace as replaced
 from pathlib import Path
 
-from scenarionet_data.conversion.report import ConversionReport
-from scenarionet_data.conversion.selection import InputSelection
+from scenarionet_data.conversion.committer import ConversionReport
+from scenarionet_data.conversion.plan import InputSelection
 from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.ingest.shard import Shard
 

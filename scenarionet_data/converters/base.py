@@ -6,15 +6,16 @@ or access a lake.
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from scenarionet_data.converters.splits import is_of_split, splits_of
-from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.ingest.listing import walk
 from scenarionet_data.ingest.options import Options
@@ -24,7 +25,6 @@ from scenarionet_data.scenario.description import ScenarioDescription
 
 if TYPE_CHECKING:
     from scenarionet_data.building import MapBuilder
-
 
 _RAYLEIGH_75, _RAYLEIGH_995, _NORMAL_995 = 1.665, 3.255, 2.576
 """Quantiles of the length of a normal vector in the plane (75 %, 99.5 %), and of a normal number (99 % both sides)."""
@@ -171,10 +171,14 @@ class Converter(ABC, Generic[Record]):
             raw, split, options: As for :meth:`shards`.
             shards: The shards that it listed.
         """
-        inputs = {path for shard in shards for path in shard.paths}
-        named = {name for shard in shards for name in next(iter(self.files(shard)), ())}
-        inputs |= {Path(shards[0].root, name) for name in named if "*" not in name} if shards else set()
-        patterns = {*self.listed, *(name for name in named if "*" in name)}
+        inputs, patterns = set[Path](), set(self.listed)
+        for shard in shards:
+            inputs.update(shard.paths)
+            for name in next(iter(self.files(shard)), ()):
+                if "*" in name:
+                    patterns.add(name)
+                else:
+                    inputs.add(Path(shards[0].root, name))
 
         def is_used(path: Path) -> bool:
             return any(path.match(pattern) for pattern in patterns) or not inputs.isdisjoint((path, *path.parents))
@@ -221,3 +225,54 @@ def find_files(
     if not found:
         raise SourceNotFound(f"{raw}: nothing named {pattern} in it; give the folder with {what}")
     return sorted(found)
+
+
+_CHECKSUMS = (".md5", ".sha1", ".sha256", ".crc32", ".crc32c", ".sig", ".asc")
+_PARTIAL = (".gstmp", ".part", ".partial", ".tmp", ".crdownload", ".aria2")
+
+
+def unused_files(
+    raw: Path, is_used: Callable[[Path], bool], split: str = "", ignored: Collection[str] = ()
+) -> Iterator[PassedOver]:
+    """Yield the files below a folder that are not used, grouped by ending and reason, with an example of each.
+
+    Args:
+        raw: The folder; nothing is yielded for anything else.
+        is_used: Whether a conversion uses a file.
+        split: Split that is converted: files below folders named after others are grouped by that.
+        ignored: Names of folders that are counted and not searched.
+    """
+    groups: Counter[tuple[str, str]] = Counter()
+    examples: dict[tuple[str, str], str] = {}
+    for place, folders, files in walk(raw):
+        inside = [f"folders {name}" for name in folders if name in ignored]
+        folders[:] = sorted(name for name in folders if name not in ignored)
+        found = [(what, "its content is not read", what.removeprefix("folders ")) for what in inside]
+        for name in sorted(files):
+            path = Path(place, name)
+            if not is_used(path):
+                _, dot, ending = name.rpartition(".")
+                pattern = f"*.{re.sub('[0-9]{3,}', 'N', ending)}" if dot and ending else name
+                found.append((f"files {pattern}", _reason(path, raw, split), name))
+        for what, reason, name in found:
+            groups[what, reason] += 1
+            examples.setdefault((what, reason), Path(place, name).relative_to(raw).as_posix())
+    for (what, reason), count in sorted(groups.items()):
+        example = examples[what, reason]
+        yield PassedOver(f"{what}: {example}" if count == 1 else f"{what}, for example {example}", count, reason)
+
+
+def counted(what: str, count: int, reason: str) -> Iterator[PassedOver]:
+    """Yield a group if there is anything in it."""
+    if count:
+        yield PassedOver(what, count, reason)
+
+
+def _reason(path: Path, raw: Path, split: str) -> str:
+    if split and not is_of_split(path, raw, split):
+        return f"of another split than {split}"
+    if path.name.endswith(_PARTIAL):
+        return "an unfinished download"
+    if path.name.endswith(_CHECKSUMS):
+        return "a checksum"
+    return "not read by this converter"

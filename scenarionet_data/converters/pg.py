@@ -6,6 +6,7 @@ The generator is ``scenarionet_data.procedural``; this module converts its episo
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -22,12 +23,12 @@ from scenarionet_data.converters.formats.map_files import read_map
 from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
-from scenarionet_data.procedural.construction import boxes
 from scenarionet_data.procedural.drawn_map import DrawnMap
 from scenarionet_data.procedural.generate import Episode, generate
 from scenarionet_data.procedural.options import GeneratorOptions
+from scenarionet_data.procedural.population import boxes
 from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
-from scenarionet_data.procedural.roadmap import Lane, RoadMap
+from scenarionet_data.procedural.roadmap import RoadMap
 from scenarionet_data.scenario.description import (
     Lights,
     ScenarioDescription,
@@ -98,7 +99,8 @@ class Procedural(Converter[int]):
 
     def records(self, shard: Shard) -> Iterator[int]:
         """Yield the seeds."""
-        return (int(item.name.rpartition("-")[2]) for item in shard.items)
+        for item in shard.items:
+            yield int(item.name.rpartition("-")[2])
 
     def files(self, shard: Shard) -> Iterator[list[str]]:  # noqa: ARG002
         """Nothing: seeds are no files."""
@@ -189,16 +191,23 @@ def _tracks(episode: Episode, origin: Float64) -> Tracks:
     motion = np.concatenate([episode.motion, standing])
     position = np.concatenate([motion[..., :2], np.zeros((*motion.shape[:2], 1))], axis=-1)
     direction = np.stack([np.cos(motion[..., 2]), np.sin(motion[..., 2])], axis=-1)
+    ids, types, words = ["ego"], [ObjectType.VEHICLE] * moving, list[str | None](episode.population.kinds)
+    for row in range(1, moving):
+        ids.append(f"v{row}")
+    for row, obstacle in enumerate(episode.obstacles):
+        ids.append(f"o{row}")
+        types.append(obstacle.type)
+        words.append(obstacle.word)
     return make_tracks(
-        ["ego", *(f"v{row}" for row in range(1, moving)), *(f"o{row}" for row in range(len(poses)))],
-        [*[ObjectType.VEHICLE] * moving, *(obstacle.type for obstacle in episode.obstacles)],
+        ids,
+        types,
         position,
         motion[..., 2],
         motion[..., 3:] * direction,
         np.concatenate([episode.population.size, sizes]),
         np.concatenate([episode.valid, np.ones((len(poses), steps), np.bool_)]),
         origin=origin,
-        source_type=[*episode.population.kinds, *(obstacle.word for obstacle in episode.obstacles)],
+        source_type=words,
     )
 
 
@@ -206,10 +215,12 @@ def _lights(episode: Episode, origin: Float64) -> Lights:
     """Build one light for each lane across a signalised intersection."""
     signal = episode.graph.lanes.signal
     controlled = np.flatnonzero(signal >= 0)
-    lanes = episode.road_map.lanes
-    ids = strings(lanes[row].id for row in controlled)
-    starts = [lanes[row].path.start for row in controlled]
-    stop_point = np.array([(pose.x, pose.y, 0.0) for pose in starts], dtype=np.float64).reshape(-1, 3) - origin
+    lanes, names, stops = episode.road_map.lanes, list[str](), []
+    for row in controlled.tolist():
+        start = lanes[row].path.start
+        names.append(lanes[row].id)
+        stops.append((start.x, start.y, 0.0))
+    ids, stop_point = strings(names), np.array(stops, dtype=np.float64).reshape(-1, 3) - origin
     table = np.zeros(max(_LIGHT_STATES) + 1, dtype=np.uint8)
     table[list(_LIGHT_STATES)] = list(_LIGHT_STATES.values())
     return Lights(
@@ -224,36 +235,30 @@ def _lights(episode: Episode, origin: Float64) -> Lights:
 
 def map_features(road_map: RoadMap) -> MapBuilder:
     """Collect lanes, lines and areas, block by block."""
-    builder = MapBuilder()
-    entries: dict[str, list[str]] = {}
-    exits: dict[str, list[str]] = {}
+    builder, half = MapBuilder(), road_map.road.lane_width / 2.0
+    entries, exits = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
     for before, after in road_map.links:
-        exits.setdefault(before, []).append(after)
-        entries.setdefault(after, []).append(before)
+        exits[before].append(after)
+        entries[after].append(before)
     for block in road_map.blocks:
         for lane in block.lanes:
-            _add_lane(builder, lane, road_map, entries.get(lane.id, []), exits.get(lane.id, []))
+            builder.add(
+                lane.id,
+                MapFeatureType.LANE_SURFACE_STREET,
+                polyline=lane.samples[0],
+                polygon=lane.outline(half),
+                speed_limit=road_map.road.speed_limit,
+                width=(half, half),
+                entry_lanes=entries[lane.id],
+                exit_lanes=exits[lane.id],
+                left_neighbors=[lane.left] if lane.left else [],
+                right_neighbors=[lane.right] if lane.right else [],
+                left_boundaries=lane.left_boundaries,
+                right_boundaries=lane.right_boundaries,
+                is_intersection=lane.is_intersection,
+            )
         for line in block.lines:
             builder.add(line.id, line.type, polyline=line.points, controlled_lanes=line.controlled_lanes)
         for area in block.areas:
             builder.add(area.id, area.type, polygon=area.outline, controlled_lanes=area.controlled_lanes)
     return builder
-
-
-def _add_lane(builder: MapBuilder, lane: Lane, road_map: RoadMap, entries: list[str], exits: list[str]) -> None:
-    half = road_map.road.lane_width / 2.0
-    builder.add(
-        lane.id,
-        MapFeatureType.LANE_SURFACE_STREET,
-        polyline=lane.samples[0],
-        polygon=lane.outline(half),
-        speed_limit=road_map.road.speed_limit,
-        width=(half, half),
-        entry_lanes=entries,
-        exit_lanes=exits,
-        left_neighbors=[lane.left] if lane.left else [],
-        right_neighbors=[lane.right] if lane.right else [],
-        left_boundaries=lane.left_boundaries,
-        right_boundaries=lane.right_boundaries,
-        is_intersection=lane.is_intersection,
-    )

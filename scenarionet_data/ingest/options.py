@@ -56,13 +56,12 @@ class Options:
     @property
     def identity(self) -> dict[str, Any]:
         """Values by name that the output depends on, see the class."""
-        left_out = {
-            each.name
-            for each in fields(self)
-            if each.metadata.get("is_path")
-            or (each.metadata.get("is_added") and getattr(self, each.name) == each.default)
-        }
-        return {name: value for name, value in asdict(self).items() if name not in left_out}
+        values = asdict(self)
+        for each in fields(self):
+            is_unset = each.metadata.get("is_added") and getattr(self, each.name) == each.default
+            if is_unset or each.metadata.get("is_path"):
+                del values[each.name]
+        return values
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Self:

@@ -87,7 +87,8 @@ class Shard:
     def key(self, converter_version: str) -> str:
         """16 hex digits that depend on the inputs, options and converter, and not on the machine."""
         identity = [self.dataset, self.version, self.split, self.name, self.options_text, converter_version]
-        identity += [f"{item.name}={item.fingerprint}" for item in self.items]
+        for item in self.items:
+            identity.append(f"{item.name}={item.fingerprint}")
         return hashlib.blake2b("\n".join(identity).encode(), digest_size=8).hexdigest()
 
 

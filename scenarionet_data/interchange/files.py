@@ -85,7 +85,20 @@ def write_files(
         if not report.num_scenarios:
             shutil.rmtree(draft)
             raise report.refused[0]
-        _publish(draft, parts, target)
+        with (draft / INDEX).open("w", encoding="utf-8") as file:
+            for line in _lines(parts):
+                file.write(json.dumps(line, sort_keys=True) + "\n")
+        for part in parts:
+            part.entries.unlink()
+        for left in draft.rglob("*.tmp"):
+            left.unlink()
+        if target.exists():
+            old = draft.with_suffix(".old")
+            target.replace(old)
+            draft.replace(target)
+            shutil.rmtree(old)
+        else:
+            draft.replace(target)
     except OSError as error:
         raise LakeError(
             f"cannot write {directory}: {error.strerror or error}; free some space or choose another directory, and "
@@ -179,21 +192,3 @@ def _summarise(parts: Sequence[_Part], target: Path) -> ExportReport:
         sizes |= line["files"]
         losses.add(Loss(**loss) for loss in line["losses"])
     return ExportReport(target, count, sum(sizes.values()), tuple(refused), len(sizes), losses.found())
-
-
-def _publish(draft: Path, parts: Sequence[_Part], target: Path) -> None:
-    """Join the lists of the parts, and put the folder in its place."""
-    with (draft / INDEX).open("w", encoding="utf-8") as file:
-        for line in _lines(parts):
-            file.write(json.dumps(line, sort_keys=True) + "\n")
-    for part in parts:
-        part.entries.unlink()
-    for left in draft.rglob("*.tmp"):
-        left.unlink()
-    if target.exists():
-        old = draft.with_suffix(".old")
-        target.replace(old)
-        draft.replace(target)
-        shutil.rmtree(old)
-    else:
-        draft.replace(target)

@@ -141,7 +141,20 @@ def make_roads(features: MapFeatures, losses: Losses) -> RoadNetwork:
         if any(trim):
             roads[number] = _fit_road(number, groups[number], lines, widths, trim)
     _report(roads, lines, widths, losses)
-    return _connect(roads, place_of, nodes, going_on)
+    connections: list[Connection] = []
+    num_junctions = 0
+    for node, found in nodes.items():
+        if node in going_on:
+            first, second = roads[found[0].road], roads[found[0].other]
+            first.end = End(road=second.number, lanes=tuple(joint.other_lane for joint in found))
+            second.start = End(road=first.number, lanes=tuple(joint.lane for joint in found))
+            continue
+        for joint in found:
+            roads[joint.road].end = roads[joint.other].start = End(junction=num_junctions)
+            connections.append(Connection(num_junctions, joint, len(roads)))
+            roads.append(_connecting(len(roads), num_junctions, roads, joint))
+        num_junctions += 1
+    return RoadNetwork(roads, place_of, connections, num_junctions)
 
 
 class Joint(NamedTuple):
@@ -350,29 +363,6 @@ def _report(
             wanted = np.interp(road.stations / road.stations[-1], *_whole_width(widths[row]))
             off = float(np.abs(drawn_width - wanted).max())
             losses.approximate("widths of lanes", int(off > _NOTICED), off, "m")
-
-
-def _connect(
-    roads: list[LaneRoad],
-    place_of: dict[int, tuple[int, int]],
-    nodes: dict[int, list[Joint]],
-    going_on: set[int],
-) -> RoadNetwork:
-    """Join roads where lanes continue one to one, and lay connections through junctions elsewhere."""
-    connections: list[Connection] = []
-    num_junctions = 0
-    for node, found in nodes.items():
-        if node in going_on:
-            first, second = roads[found[0].road], roads[found[0].other]
-            first.end = End(road=second.number, lanes=tuple(joint.other_lane for joint in found))
-            second.start = End(road=first.number, lanes=tuple(joint.lane for joint in found))
-            continue
-        for joint in found:
-            roads[joint.road].end = roads[joint.other].start = End(junction=num_junctions)
-            connections.append(Connection(num_junctions, joint, len(roads)))
-            roads.append(_connecting(len(roads), num_junctions, roads, joint))
-        num_junctions += 1
-    return RoadNetwork(roads, place_of, connections, num_junctions)
 
 
 def _connecting(number: int, junction: int, roads: list[LaneRoad], joint: Joint) -> LaneRoad:

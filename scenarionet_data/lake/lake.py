@@ -26,7 +26,7 @@ from scenarionet_data.operations.tagging import Tagging
 if TYPE_CHECKING:  # loading, packs and export import numba, which takes 0.5 s that a query does not need
     import polars as pl
 
-    from scenarionet_data.conversion.report import ConversionReport
+    from scenarionet_data.conversion.committer import ConversionReport
     from scenarionet_data.execution.executors import Executor
     from scenarionet_data.execution.progress import Progress
     from scenarionet_data.export import ExportReport

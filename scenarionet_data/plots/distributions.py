@@ -83,7 +83,13 @@ def distributions(
     parts = [(each.reference, view.restrict_to(each)) for each in chosen] or [("", view)]
     limits = [part.sql(_LIMITS.format(column=column)).row(0) for _, part in parts]
     fewest = min(known for _, _, known in limits)
-    edges = _edges(limits, _is_whole(column), bins or int(np.clip(2 * np.cbrt(fewest), 5, 60)))
+    table = tables.load("metadata")
+    types = {each.name: each.type for each in (*table.columns, *table.derived)}
+    edges = _edges(
+        limits,
+        types.get(column, "").startswith(("int", "uint", "bool")),
+        bins or int(np.clip(2 * np.cbrt(fewest), 5, 60)),
+    )
     bound = {"bins": len(edges) - 1, "lower": float(edges[0]), "step": (edges.max() - edges.min()) / (len(edges) - 1)}
     found = []
     for reference, part in parts:
@@ -160,20 +166,10 @@ def draw_distributions(
                 panel.stairs(share, group.edges, color=color, fill=True, alpha=0.10)
             missing = sum(group.missing for group in groups)
             panel.set_title(f"{missing:,} missing" if missing else "", fontsize=8, fontweight="normal", loc="right")
-            panel.set(xlabel=_words(column), ylabel="scenarios [%]", ylim=(0, None))
+            table = tables.load("metadata")
+            units = {each.name: each.unit for each in (*table.columns, *table.derived)}
+            unit = units.get(column, "")
+            panel.set(xlabel=(f"{column} [{unit}]" if unit else column), ylabel="scenarios [%]", ylim=(0, None))
         handles, names = panels[0].get_legend_handles_labels()
         figure.legend(handles, names, loc="outside lower center", ncols=min(len(names), 4))
     return figure
-
-
-def _is_whole(column: str) -> bool:
-    table = tables.load("metadata")
-    types = {each.name: each.type for each in (*table.columns, *table.derived)}
-    return types.get(column, "").startswith(("int", "uint", "bool"))
-
-
-def _words(column: str) -> str:
-    table = tables.load("metadata")
-    units = {each.name: each.unit for each in (*table.columns, *table.derived)}
-    unit = units.get(column, "")
-    return f"{column} [{unit}]" if unit else column

@@ -71,7 +71,7 @@ def draw_scenario(
     scene = Scene.of(scenario)
     past = _past(scene, timestep) if moments is None else moments
     seen = window(view, scene, past[-1], width)
-    left, right, bottom, top = seen.shaped(ratio or _readable_ratio(seen)).corners
+    left, right, bottom, top = seen.shaped(ratio or float(np.clip(seen.width / seen.height, *_RATIOS))).corners
     axes.set(xlim=(left, right), ylim=(bottom, top), facecolor=GROUND, xticks=[], yticks=[])
     axes.set_aspect("equal", adjustable="box")
     axes.grid(visible=False)
@@ -245,11 +245,6 @@ def style_colors(mappable: ScalarMappable, limit: float) -> None:
     """Set the colour map and its range, from 0 to the limit."""
     mappable.set_cmap(COLORMAP)
     mappable.set_clim(0.0, limit)
-
-
-def _readable_ratio(seen: Window) -> float:
-    """Aspect ratio of a window, limited to a readable range."""
-    return float(np.clip(seen.width / seen.height, *_RATIOS))
 
 
 def small_multiples(

@@ -47,10 +47,17 @@ class MapShapes:
         lane_rows = np.flatnonzero(is_lane(types))
         area_rows = np.flatnonzero(~is_lane(types) & (features.polygon.lengths > 2))
         open_rows, closed_rows = np.flatnonzero(is_line & has_line), np.flatnonzero(is_line & ~has_line)
+        outlines = features.polygon.take(closed_rows)
+        filled = outlines.take(np.flatnonzero(outlines.lengths))
+        place = np.arange(len(filled.values)) + np.repeat(np.arange(len(filled)), filled.lengths)
+        values = np.empty((len(filled.values) + len(filled), 2), np.float32)
+        values[place] = filled.values[:, :2]
+        values[filled.offsets[1:] + np.arange(len(filled))] = filled.values[filled.offsets[:-1], :2]
+        lengths = np.where(outlines.lengths > 0, outlines.lengths + 1, 0)
         return cls(
             areas=_joined(lane_outlines(features, lane_rows), _in_plane(features.polygon.take(area_rows))),
             area_type=types[np.concatenate([lane_rows, area_rows])],
-            lines=_joined(_in_plane(features.polyline.take(open_rows)), _closed(features.polygon.take(closed_rows))),
+            lines=_joined(_in_plane(features.polyline.take(open_rows)), Ragged.from_flat(lengths, values)),
             line_type=types[np.concatenate([open_rows, closed_rows])],
             lanes=_in_plane(features.polyline.take(lane_rows)),
         )
@@ -63,14 +70,3 @@ def _in_plane(points: Ragged) -> Ragged:
 def _joined(first: Ragged, second: Ragged) -> Ragged:
     lengths = np.concatenate([first.lengths, second.lengths])
     return Ragged.from_flat(lengths, np.concatenate([first.values[:, :2], second.values[:, :2]]))
-
-
-def _closed(outlines: Ragged) -> Ragged:
-    """Close outlines by repeating their first point."""
-    filled = outlines.take(np.flatnonzero(outlines.lengths))
-    place = np.arange(len(filled.values)) + np.repeat(np.arange(len(filled)), filled.lengths)
-    values = np.empty((len(filled.values) + len(filled), 2), np.float32)
-    values[place] = filled.values[:, :2]
-    values[filled.offsets[1:] + np.arange(len(filled))] = filled.values[filled.offsets[:-1], :2]
-    lengths = np.where(outlines.lengths > 0, outlines.lengths + 1, 0)
-    return Ragged.from_flat(lengths, values)

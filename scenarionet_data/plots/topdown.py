@@ -61,10 +61,33 @@ class TopDown:
         Args:
             moments: The current states last, after those shown as trails.
         """
-        left, bottom = self._corner(moments[-1])
+        moment = moments[-1]
+        if self.follows and moment.present[self.scene.ego]:
+            x, y = moment.position[self.scene.ego].tolist()
+            self._last = x, y
+        x, y = self._last
+        left, bottom = round(x * self.scale - self._width / 2), round(y * self.scale - self._height / 2)
         renderer = self._canvas.get_renderer()  # type: ignore[no-untyped-call]
         buffer = np.asarray(renderer.buffer_rgba())
-        self._paste_map(buffer, left, bottom)
+        top = bottom + self._height
+        for column in range(math.floor(left / TILE), math.ceil((left + self._width) / TILE)):
+            for row in range(math.floor(bottom / TILE), math.ceil(top / TILE)):
+                first_x, end_x = max(left, column * TILE), min(left + self._width, (column + 1) * TILE)
+                first_y, end_y = max(bottom, row * TILE), min(top, (row + 1) * TILE)
+                rows = slice((row + 1) * TILE - end_y, (row + 1) * TILE - first_y)
+                columns = slice(first_x - column * TILE, end_x - column * TILE)
+                key = column, row
+                if key not in self._tiles:
+                    side = TILE / self.scale
+                    self._map_axes.set_xlim(column * side, (column + 1) * side)
+                    self._map_axes.set_ylim(row * side, (row + 1) * side)
+                    self._map_canvas.draw()  # type: ignore[no-untyped-call]
+                    self._tiles[key] = np.array(self._map_canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+                    if len(self._tiles) > _MOST_TILES:
+                        self._tiles.popitem(last=False)
+                self._tiles.move_to_end(key)
+                part = self._tiles[key][rows, columns]
+                buffer[top - end_y : top - first_y, first_x - left : end_x - left] = part
         self._axes.set_xlim(left / self.scale, (left + self._width) / self.scale)
         self._axes.set_ylim(bottom / self.scale, (bottom + self._height) / self.scale)
         artists = object_layer.moving(self.scene, moments)
@@ -76,40 +99,6 @@ class TopDown:
             artist.draw(renderer)
             artist.remove()
         return buffer[..., :3].copy()
-
-    def _corner(self, moment: Moment) -> tuple[int, int]:
-        """Lower left corner of the frame [pixel], relative to the origin of the scenario."""
-        if self.follows and moment.present[self.scene.ego]:
-            x, y = moment.position[self.scene.ego].tolist()
-            self._last = x, y
-        x, y = self._last
-        return round(x * self.scale - self._width / 2), round(y * self.scale - self._height / 2)
-
-    def _paste_map(self, buffer: UInt8, left: int, bottom: int) -> None:
-        """Copy the visible parts of tiles into a frame, given its lower left corner."""
-        top = bottom + self._height
-        for column in range(math.floor(left / TILE), math.ceil((left + self._width) / TILE)):
-            for row in range(math.floor(bottom / TILE), math.ceil(top / TILE)):
-                first_x, end_x = max(left, column * TILE), min(left + self._width, (column + 1) * TILE)
-                first_y, end_y = max(bottom, row * TILE), min(top, (row + 1) * TILE)
-                rows = slice((row + 1) * TILE - end_y, (row + 1) * TILE - first_y)
-                columns = slice(first_x - column * TILE, end_x - column * TILE)
-                part = self._tile(column, row)[rows, columns]
-                buffer[top - end_y : top - first_y, first_x - left : end_x - left] = part
-
-    def _tile(self, column: int, row: int) -> UInt8:
-        """A tile of the map (TILE, TILE, 4) from a least-recently-used cache."""
-        key = column, row
-        if key not in self._tiles:
-            side = TILE / self.scale
-            self._map_axes.set_xlim(column * side, (column + 1) * side)
-            self._map_axes.set_ylim(row * side, (row + 1) * side)
-            self._map_canvas.draw()  # type: ignore[no-untyped-call]
-            self._tiles[key] = np.array(self._map_canvas.buffer_rgba())  # type: ignore[no-untyped-call]
-            if len(self._tiles) > _MOST_TILES:
-                self._tiles.popitem(last=False)
-        self._tiles.move_to_end(key)
-        return self._tiles[key]
 
 
 def blank_axes(width: int, height: int) -> tuple[Axes, FigureCanvasAgg]:

@@ -7,8 +7,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import ArrayRecord, RecordArray
 from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_data.compiled.decorators import device_function
-from scenarionet_data.procedural.conflicts import CROSS, SPLIT
-from scenarionet_data.procedural.graph import NONE, LaneGraph
+from scenarionet_data.procedural.graph import CROSS, NONE, SPLIT, LaneGraph
 from scenarionet_data.procedural.vehicles import PLACES
 
 HORIZON = 30.0, 5.0  # [m], [s] look-ahead distance: constant part, and the time whose driving distance is added

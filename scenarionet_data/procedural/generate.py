@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
+from shapely import Polygon
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
-from scenarionet_data.procedural.assemble import make_map
-from scenarionet_data.procedural.construction import Obstacle, place_construction
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.procedural import sections
 from scenarionet_data.procedural.drawn_map import DrawnMap
 from scenarionet_data.procedural.drive import drive
 from scenarionet_data.procedural.graph import LaneGraph, make_graph, signal_rows
-from scenarionet_data.procedural.options import GeneratorOptions
-from scenarionet_data.procedural.population import Population, populate
-from scenarionet_data.procedural.roadmap import RoadMap
-from scenarionet_data.procedural.signals import make_lights
+from scenarionet_data.procedural.intersection import intersection, t_intersection
+from scenarionet_data.procedural.options import BLOCK_NAMES, GeneratorOptions
+from scenarionet_data.procedural.path import Pose
+from scenarionet_data.procedural.population import Obstacle, Population, place_construction, populate
+from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
+from scenarionet_data.procedural.roadmap import Block, Road, RoadMap, Socket
+from scenarionet_data.procedural.roundabout import roundabout
+from scenarionet_data.procedural.sections import add_road, ids_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,3 +59,94 @@ def generate(seed: int, options: GeneratorOptions, drawn: DrawnMap | None = None
     lights = make_lights(rows, options.max_steps, options.dt, rng)
     motion, valid = drive(graph, population.vehicles, lights, options.dt)
     return Episode(road_map, graph, population, motion, valid, lights[:, : valid.shape[1]], obstacles)
+
+
+YELLOW = 3.0  # [s]
+ALL_RED = 2.0  # [s]
+GREEN = (9.0, 16.0)  # [s] shortest and longest
+
+
+def make_lights(rows: list[tuple[int, int]], steps: int, dt: float, rng: np.random.Generator) -> Int32:
+    """Return (rows, steps) GO, CAUTION or STOP for the (junction, axis) of each row."""
+    lights = np.full((max(len(rows), 1), steps), STOP, dtype=np.int32)
+    for junction in sorted({junction for junction, _ in rows}):
+        greens = rng.uniform(*GREEN, size=2)
+        starts = np.array([0.0, greens[0] + YELLOW + ALL_RED])
+        cycle = starts[1] + greens[1] + YELLOW + ALL_RED
+        offset = rng.uniform(0.0, cycle)
+        for axis in (0, 1):
+            if (junction, axis) in rows:
+                since = (np.arange(steps) * dt + offset - starts[axis]) % cycle
+                row = lights[rows.index((junction, axis))]
+                row[since < greens[axis] + YELLOW] = CAUTION
+                row[since < greens[axis]] = GO
+    return lights
+
+
+_PLAIN: dict[str, Callable[[Block, Socket, np.random.Generator], None]] = {
+    "straight": sections.straight,
+    "curve": sections.curve,
+    "fork": sections.fork,
+    "merge": sections.merge,
+    "on_ramp": sections.on_ramp,
+    "off_ramp": sections.off_ramp,
+    "roundabout": roundabout,
+}
+_CROSSING = {"intersection": intersection, "t_intersection": t_intersection}
+_ATTEMPTS = 30
+_MAPS = 200
+_MAX_RING_LANES = 2
+
+
+def make_map(options: GeneratorOptions, rng: np.random.Generator) -> RoadMap:
+    """Return a straight road followed by ``num_blocks`` random blocks, redrawn where they would overlap.
+
+    Starts again in the rare case that no block fits the end of the last one.
+
+    Raises:
+        BadParameter: None of the blocks that the options allow fits.
+    """
+    for _ in range(_MAPS):
+        road = Road(options.lane_width, float(rng.uniform(options.min_speed_limit, options.max_speed_limit)))
+        count = int(rng.integers(options.min_lanes, options.max_lanes + 1))
+        first = Block("start", 0, road)
+        entrance = Socket(Pose(0.0, 0.0, 0.0), ((),) * count, ((),) * count)
+        end: Socket | None = add_road(first, "", entrance, ((rng.uniform(30.0, 50.0), 0.0),))
+        chain, surface = [first], list(first.footprint)
+        while end and len(chain) <= options.num_blocks:
+            block = _draw_block(options, rng, Block("", len(chain), road), end, surface)
+            chain.append(block)
+            surface += block.footprint
+            end = block.exit
+        if end:
+            start = sum(ids_of(first.lanes[:count]), ())
+            return RoadMap(road, tuple(chain), start, sum(end.forward, ()))
+    raise BadParameter(
+        f"{options.num_blocks} of blocks={options.blocks!r} on roads of {options.min_lanes} to {options.max_lanes} "
+        f"lanes never fit together (a roundabout has at most {_MAX_RING_LANES} lanes); allow other blocks, or fewer"
+    )
+
+
+def _draw_block(
+    options: GeneratorOptions, rng: np.random.Generator, empty: Block, end: Socket, surface: list[Polygon]
+) -> Block:
+    """Return the first random block that fits the end and the surface of the roads so far, or else ``empty``."""
+    forward, weights = len(end.forward), dict(options.weights)
+    for name, is_excluded in (
+        ("fork", forward >= options.max_lanes),
+        ("merge", forward <= options.min_lanes),
+        ("roundabout", forward != len(end.backward) or forward > _MAX_RING_LANES),
+    ):
+        weights[name] *= not is_excluded
+    total = sum(weights.values())
+    for _ in range(_ATTEMPTS if total else 0):
+        name = str(rng.choice(BLOCK_NAMES, p=np.array(list(weights.values())) / total))
+        block = Block(name, empty.index, empty.road)
+        if name in _CROSSING:
+            _CROSSING[name](block, end, rng, bool(rng.random() < options.lights))
+        else:
+            _PLAIN[name](block, end, rng)
+        common = shapely.area(shapely.intersection(np.array(block.footprint)[:, None], np.array(surface)))
+        if common.max() <= 0.5:
+            return block
+    return empty

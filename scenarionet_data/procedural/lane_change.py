@@ -8,8 +8,7 @@ from scenarionet_data.arrays.dtypes import ArrayRecord, RecordArray
 from scenarionet_data.arrays.idm import free_acceleration, interaction, is_worth_changing
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.procedural.following import braking_along, nearest_on, room_needed
-from scenarionet_data.procedural.graph import NONE, LaneGraph
-from scenarionet_data.procedural.routes import LANE_CHANGE_COST
+from scenarionet_data.procedural.graph import LANE_CHANGE_COST, NONE, LaneGraph
 from scenarionet_data.procedural.vehicles import PLACES
 
 SHORTEST = 12.0  # [m] least length of a lane change

@@ -42,7 +42,10 @@ class RoadPath:
     @cached_property
     def length(self) -> float:
         """Arc length [m]."""
-        return sum(length for length, _ in self.pieces)
+        total = 0.0
+        for length, _ in self.pieces:  # not `sum`, which rounds otherwise from Python 3.12 on
+            total += length
+        return total
 
     @cached_property
     def end(self) -> Pose:
@@ -60,16 +63,21 @@ class RoadPath:
     @property
     def max_curvature(self) -> float:
         """Largest absolute curvature [1/m]."""
-        return max(abs(curvature) for _, curvature in self.pieces)
+        return float(np.abs(np.array(self.pieces)[:, 1]).max())
 
     def offset(self, left: float) -> RoadPath:
         """Return the parallel path ``left`` metres to the left (negative: right)."""
-        pieces = tuple((length * (1.0 - k * left), k / (1.0 - k * left)) for length, k in self.pieces)
+        pieces: PathPieces = ()
+        for length, curvature in self.pieces:
+            stretch = 1.0 - curvature * left
+            pieces += ((length * stretch, curvature / stretch),)
         return RoadPath(self.start.moved(0.0, left), pieces)
 
     def reversed(self) -> RoadPath:
         """Return the same curve in the opposite direction."""
-        pieces = tuple((length, -curvature) for length, curvature in reversed(self.pieces))
+        pieces: PathPieces = ()
+        for length, curvature in self.pieces:
+            pieces = ((length, -curvature), *pieces)
         return RoadPath(self.end.moved(0.0, 0.0, math.pi), pieces)
 
     def then(self, *pieces: tuple[float, float]) -> RoadPath:

@@ -1,39 +1,43 @@
-"""Vehicles of a scenario: their kinds, start positions and destinations."""
+"""What is on the roads of a scenario: vehicles with their kinds, start positions and destinations, and road works."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, Int64, RecordArray
-from scenarionet_data.procedural.graph import NONE, LaneGraph
+from scenarionet_data.arrays.dtypes import Float64, RecordArray
+from scenarionet_data.procedural.graph import LANE_CHANGE_COST, NONE, LaneGraph, close_lane
 from scenarionet_data.procedural.options import GeneratorOptions
 from scenarionet_data.procedural.roadmap import NO_JUNCTION, RoadMap
 from scenarionet_data.procedural.vehicles import VEHICLE
+from scenarionet_data.scenario.vocabulary import ObjectType
 
-
-@dataclass(frozen=True)
-class VehicleKind:
-    """A kind of vehicle: share of traffic; ranges of length, width and height [m] and of acceleration [m/s2]."""
-
-    name: str
-    share: float
-    length: tuple[float, float]
-    width: tuple[float, float]
-    height: tuple[float, float]
-    accel: tuple[float, float]
-
-
-KINDS = (
-    VehicleKind("car", 0.74, (4.1, 5.0), (1.75, 1.95), (1.4, 1.65), (1.4, 2.2)),
-    VehicleKind("van", 0.14, (4.9, 5.8), (1.95, 2.05), (1.9, 2.4), (1.1, 1.6)),
-    VehicleKind("truck", 0.08, (6.5, 8.5), (2.2, 2.4), (2.7, 3.4), (0.8, 1.1)),
-    VehicleKind("bus", 0.04, (9.0, 10.5), (2.4, 2.5), (3.0, 3.2), (0.9, 1.2)),
+_KINDS = np.array(["car", "van", "truck", "bus"])
+_SHARES = np.array([0.74, 0.14, 0.08, 0.04])
+_RANGES = np.array(
+    [
+        [(4.1, 5.0), (1.75, 1.95), (1.4, 1.65), (1.4, 2.2)],
+        [(4.9, 5.8), (1.95, 2.05), (1.9, 2.4), (1.1, 1.6)],
+        [(6.5, 8.5), (2.2, 2.4), (2.7, 3.4), (0.8, 1.1)],
+        [(9.0, 10.5), (2.4, 2.5), (3.0, 3.2), (0.9, 1.2)],
+    ]
 )
+"""Share of each kind in traffic; (4, 4, 2) least and greatest length, width, height [m] and acceleration [m/s2]."""
 ROOM = 3.0  # [m] bumper to bumper between vehicles at the start, at least
 END_ROOM = 6.0  # [m] free of vehicles' centres at both ends of a lane, at the start
 _TRIES = 20
+
+TAPER = 12.0  # [m] over which cones close the lane
+WORKS = 12.0  # [m] behind the taper
+APPROACH = 30.0  # [m] of lane ahead of a closure, to see it and change lanes
+_CONES = 5
+_CONE = ObjectType.TRAFFIC_CONE, "cone", (0.35, 0.35, 0.7), 0.0
+_BARRIER = ObjectType.TRAFFIC_BARRIER, "barrier", (1.6, 0.4, 1.0), math.pi / 2.0
+_BROKEN_CAR = ObjectType.VEHICLE, "broken-down car", (4.6, 1.85, 1.5), 0.0
+"""Type, name, length, width and height [m] of obstacles, and how they are turned to the lane [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,93 +55,143 @@ class Population:
     vehicles: RecordArray
 
 
+class Obstacle(NamedTuple):
+    """A stationary object: type, name, position [m], heading [rad], and length, width and height [m]."""
+
+    type: ObjectType
+    word: str
+    x: float
+    y: float
+    heading: float
+    size: tuple[float, float, float]
+
+
 def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng: np.random.Generator) -> Population:
-    """Draw the vehicles: the ego on the first road, the others on all roads by density."""
-    share = _lane_shares(road_map, graph, options)
-    wanted = 1 + int(share.sum() + rng.random())
-    kinds, size = _draw_vehicles(wanted, rng)
-    places = _place(road_map, graph, share, size[:, 0], rng)
-    kept = [row for row, place in enumerate(places) if place is not None]
-    lane = np.array([place[0] for place in places if place is not None], dtype=np.int64)
-    s = np.array([place[1] for place in places if place is not None])
-    vehicles: RecordArray = np.recarray(len(kept), VEHICLE)
-    _draw_drivers(vehicles, [kinds[row] for row in kept], size[kept], rng)
-    _draw_start(vehicles, graph, lane, s, rng)
-    return Population([kinds[row].name for row in kept], size[kept], vehicles)
+    """Draw the vehicles: the ego on the first road, the others on all roads by density.
 
+    They start at speeds that ``drive`` lowers where necessary, with destinations that they can reach.
+    """
+    lanes, cost = graph.lanes, graph.routes.cost
+    # No vehicles start in junctions, tapers and on very short lanes.
+    is_open = (lanes.junction == NO_JUNCTION) & (lanes.conflicts_begin == lanes.conflicts_end)
+    is_open &= (lanes.length > 3.0 * END_ROOM) & np.isfinite(cost).any(axis=0)
+    density = options.density / 100.0 * np.where(np.isfinite(cost[0]), 1.0, options.oncoming)
+    expected = density * lanes.length * is_open
+    count = 1 + int(expected.sum() + rng.random())
+    kind = rng.choice(len(_KINDS), size=count, p=_SHARES / _SHARES.sum())
+    kind[0] = 0  # the ego is a car
+    low, high = _RANGES[kind, :3].transpose(2, 0, 1)
+    size = low + rng.random((count, 1)) * (high - low)
+    kept, lane, s = _place(road_map, graph, expected, size[:, 0], rng)
+    kind, size, count = kind[kept], size[kept], len(kept)
 
-def _lane_shares(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions) -> Float64:
-    """(L,) expected number of vehicles on each lane; none in junctions, tapers and on very short lanes."""
-    is_open = np.array([lane.junction == NO_JUNCTION for lane in road_map.lanes])
-    is_open &= graph.lanes.conflicts_begin == graph.lanes.conflicts_end
-    is_open &= graph.lanes.length > 3.0 * END_ROOM
-    is_open &= np.isfinite(graph.routes.cost).any(axis=0)
-    with_ego = np.isfinite(graph.routes.cost[0])
-    density = options.density / 100.0 * np.where(with_ego, 1.0, options.oncoming)
-    shares: Float64 = density * graph.lanes.length * is_open
-    return shares
-
-
-def _draw_vehicles(count: int, rng: np.random.Generator) -> tuple[list[VehicleKind], Float64]:
-    shares = np.array([kind.share for kind in KINDS])
-    drawn = rng.choice(len(KINDS), size=count, p=shares / shares.sum())
-    drawn[0] = 0  # the ego is a car
-    kinds = [KINDS[k] for k in drawn]
-    low, high = (np.array([[kind.length[end], kind.width[end], kind.height[end]] for kind in kinds]) for end in (0, 1))
-    return kinds, low + rng.random((count, 1)) * (high - low)
-
-
-def _place(
-    road_map: RoadMap, graph: LaneGraph, share: Float64, length: Float64, rng: np.random.Generator
-) -> list[tuple[int, float] | None]:
-    """Lane and distance along it for each vehicle, or None where there was no room."""
-    number = {lane.id: row for row, lane in enumerate(road_map.lanes)}
-    start = number[road_map.start[int(rng.integers(len(road_map.start)))]]
-    s = float(rng.uniform(END_ROOM, 12.0))
-    places: list[tuple[int, float] | None] = [(start, s)]
-    taken = {start: [(s, float(length[0]))]}
-    cumulative = np.cumsum(share)
-    for own in length[1:]:
-        place = None
-        for u, v in rng.random((_TRIES, 2)):
-            lane = int(np.searchsorted(cumulative, u * cumulative[-1], side="right"))
-            s = float(END_ROOM + v * (graph.lanes.length[lane] - 2.0 * END_ROOM))
-            if _has_room(graph, taken.get(lane, []), lane, s, own):
-                place = (lane, s)
-                taken.setdefault(lane, []).append((s, float(own)))
-                break
-        places.append(place)
-    return places
-
-
-def _has_room(graph: LaneGraph, taken: list[tuple[float, float]], lane: int, s: float, length: float) -> bool:
-    begin, end = graph.lanes.closed_from[lane], graph.lanes.closed_until[lane]
-    if begin - 40.0 < s < end + length:
-        return False
-    return all(abs(s - other) > ROOM + (length + other_length) / 2.0 for other, other_length in taken)
-
-
-def _draw_drivers(vehicles: RecordArray, kinds: list[VehicleKind], size: Float64, rng: np.random.Generator) -> None:
-    """Set the constant parameters of vehicles and drivers."""
-    count = len(kinds)
+    vehicles: RecordArray = np.recarray(count, VEHICLE)
     vehicles.length, vehicles.width = size[:, 0], size[:, 1]
-    vehicles.accel = [rng.uniform(*kind.accel) for kind in kinds]
+    vehicles.accel = rng.uniform(*_RANGES[kind, 3].T)
     vehicles.eagerness = rng.uniform(0.85, 1.1, count)
     vehicles.headway = rng.uniform(1.0, 1.8, count)
     vehicles.decel = rng.uniform(1.6, 2.6, count)
     vehicles.standstill = rng.uniform(1.8, 2.8, count)
     vehicles.politeness = rng.uniform(0.1, 0.5, count)
-
-
-def _draw_start(vehicles: RecordArray, graph: LaneGraph, lane: Int64, s: Float64, rng: np.random.Generator) -> None:
-    """Set the state at time 0, with reachable destinations; ``drive`` lowers speeds where necessary."""
-    count = len(lane)
     vehicles.active, vehicles.lane, vehicles.s = True, lane, s
     vehicles.destination = 0
     for i in range(1, count):
-        (reachable,) = np.nonzero(np.isfinite(graph.routes.cost[:, lane[i]]))
-        vehicles.destination[i] = rng.choice(reachable)
-    vehicles.speed = graph.lanes.speed[lane] * vehicles.eagerness * rng.uniform(0.5, 1.0, count)
+        vehicles.destination[i] = rng.choice(np.flatnonzero(np.isfinite(cost[:, lane[i]])))
+    vehicles.speed = lanes.speed[lane] * vehicles.eagerness * rng.uniform(0.5, 1.0, count)
     vehicles.previous = vehicles.granted = vehicles.origin = NONE
     vehicles.lateral, vehicles.progress, vehicles.span = 0.0, 0.0, 1.0
     vehicles.patience = rng.uniform(0.0, 4.0, count)
+    return Population(_KINDS[kind].tolist(), size, vehicles)
+
+
+def _place(
+    road_map: RoadMap, graph: LaneGraph, expected: Float64, lengths: Float64, rng: np.random.Generator
+) -> tuple[list[int], list[int], list[float]]:
+    """Vehicles for which there is room, in order, and the lane and distance along it of each."""
+    lanes, cumulative = graph.lanes, np.cumsum(expected)
+    start = road_map.start[int(rng.integers(len(road_map.start)))]
+    for row, own in enumerate(road_map.lanes):
+        if own.id == start:
+            chosen = [row]
+    kept, along = [0], [float(rng.uniform(END_ROOM, 12.0))]
+    for vehicle, length in enumerate(lengths[1:].tolist(), 1):
+        for u, v in rng.random((_TRIES, 2)).tolist():
+            lane = int(np.searchsorted(cumulative, u * cumulative[-1], side="right"))
+            s = float(END_ROOM + v * (lanes.length[lane] - 2.0 * END_ROOM))
+            if lanes.closed_from[lane] - 40.0 < s < lanes.closed_until[lane] + length:
+                continue
+            for other, beside, behind in zip(kept, chosen, along, strict=True):
+                if lane == beside and abs(s - behind) <= ROOM + (length + lengths[other]) / 2.0:
+                    break
+            else:
+                kept.append(vehicle)
+                chosen.append(lane)
+                along.append(s)
+                break
+    return kept, chosen, along
+
+
+def place_construction(
+    road_map: RoadMap, graph: LaneGraph, probability: float, rng: np.random.Generator
+) -> tuple[LaneGraph, list[Obstacle]]:
+    """Decide at random whether there are road works, and place them on an outermost lane of the ego's route.
+
+    A lane is closed where traffic can avoid it; otherwise the works are on the shoulder. The ego's first lane leaves no
+    room to change lanes before the works.
+
+    Returns:
+        The graph, with the closed lane if any, and the obstacles.
+    """
+    if rng.random() >= probability:
+        return graph, []
+    lanes, cost = graph.lanes, graph.routes.cost[0]
+    is_candidate = (lanes.junction == NO_JUNCTION) & (lanes.right == NONE) & np.isfinite(cost)
+    is_candidate &= (lanes.length > TAPER + WORKS + 3.0) & (lanes.conflicts_begin == lanes.conflicts_end)
+    candidates, closable = [], []
+    for row, lane in enumerate(road_map.lanes):
+        if not is_candidate[row] or lane.id in road_map.start:
+            continue
+        candidates.append(row)
+        after = graph.successors[lanes.successors_begin[row] : lanes.successors_end[row]]
+        if (
+            lanes.left[row] != NONE
+            and lanes.length[row] >= APPROACH + TAPER + WORKS
+            and (lanes.junction[after] == NO_JUNCTION).all()
+            and abs(cost[row] - cost[lanes.left[row]]) < LANE_CHANGE_COST / 2.0
+        ):
+            closable.append(row)
+    if not candidates:
+        return graph, []
+    row = int(rng.choice(closable or candidates))
+    is_breakdown, latest = bool(rng.random() < 0.4), lanes.length[row] - TAPER - WORKS
+    width = road_map.road.lane_width
+    if closable:
+        begin = float(rng.uniform(APPROACH, latest))
+        graph = close_lane(graph, row, begin - 2.0, begin + TAPER + WORKS)
+        # A taper of cones across the lane, followed by barriers and cones, or a car, in the closed part.
+        shares, edge = np.linspace(0.0, 1.0, _CONES), 0.5 * width - 0.45
+        s = np.append(begin + shares * TAPER, begin + TAPER + shares[1:] * WORKS)
+        left = np.append((2.0 * shares - 1.0) * edge, np.full(_CONES - 1, edge))
+        things = [_CONE] * len(s) + [_BARRIER] * 2 + [_BROKEN_CAR] * is_breakdown
+        s = np.append(s, [begin + TAPER + 0.5, begin + TAPER + 0.5, begin + TAPER + WORKS - 4.0])
+        left = np.append(left, [-0.85, 0.85, 0.0])
+    else:
+        begin, beyond = float(rng.uniform(0.5, 1.0)) * latest, -0.5 * width
+        # Cones along the edge, and a barrier or a car beyond it.
+        things = [_CONE] * _CONES + [_BROKEN_CAR if is_breakdown else _BARRIER]
+        s = np.append(begin + np.arange(_CONES) * (TAPER + WORKS) / _CONES, begin + TAPER)
+        left = np.append(np.full(_CONES, beyond - 0.25), beyond - (1.5 if is_breakdown else 1.3))
+    obstacles = []
+    for (kind, word, size, turn), ahead, aside in zip(things, s.tolist(), left.tolist(), strict=False):
+        pose = road_map.lanes[row].path.pose_at(ahead).moved(0.0, aside, turn)
+        room = np.hypot(graph.points.x - pose.x, graph.points.y - pose.y).min() - graph.lane_width / 2.0
+        # Beside the road they may not block a lane, for example a ramp; only a car is parallel to the lane.
+        if closable or room > size[kind == ObjectType.VEHICLE] / 2.0:
+            obstacles.append(Obstacle(kind, word, pose.x, pose.y, pose.heading, size))
+    return graph, obstacles
+
+
+def boxes(obstacles: list[Obstacle]) -> tuple[Float64, Float64]:
+    """Return (N, 3) x, y, heading and (N, 3) sizes of obstacles."""
+    table = np.array([(o.x, o.y, o.heading, *o.size) for o in obstacles], np.float64).reshape(-1, 6)
+    return table[:, :3], table[:, 3:]

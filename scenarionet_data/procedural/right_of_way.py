@@ -11,8 +11,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import ArrayRecord, Int32, RecordArray
 from scenarionet_data.compiled.decorators import device_function
-from scenarionet_data.procedural.conflicts import SPLIT
-from scenarionet_data.procedural.graph import NONE, LaneGraph
+from scenarionet_data.procedural.graph import NONE, SPLIT, LaneGraph
 from scenarionet_data.procedural.vehicles import PLACES
 
 GO, CAUTION, STOP = 1, 2, 3

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from typing import Protocol
 
 import numpy as np
@@ -175,7 +176,7 @@ class Block:
 
     def link(self, before: tuple[str, ...], after: tuple[str, ...]) -> None:
         """Link every lane of ``before`` to every lane of ``after``."""
-        self.links += [(first, second) for first in before for second in after]
+        self.links += product(before, after)
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,9 +198,15 @@ class RoadMap:
     @property
     def lanes(self) -> list[Lane]:
         """Every lane, in order."""
-        return [lane for block in self.blocks for lane in block.lanes]
+        found: list[Lane] = []
+        for block in self.blocks:
+            found += block.lanes
+        return found
 
     @property
     def links(self) -> list[tuple[str, str]]:
         """Every (lane, successor)."""
-        return [link for block in self.blocks for link in block.links]
+        found: list[tuple[str, str]] = []
+        for block in self.blocks:
+            found += block.links
+        return found

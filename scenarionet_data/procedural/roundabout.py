@@ -15,7 +15,7 @@ from shapely import Polygon
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.procedural.path import Pose, RoadPath, bend
 from scenarionet_data.procedural.roadmap import LINE_SPACING, Block, Lane, Socket
-from scenarionet_data.procedural.sections import EDGE, SEPARATOR, add_road
+from scenarionet_data.procedural.sections import EDGE, SEPARATOR, add_road, ids_of
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 ENTRY_RADIUS = 12.0  # [m] of the arcs that lead into and out of the ring
@@ -61,15 +61,11 @@ def roundabout(block: Block, socket: Socket, rng: np.random.Generator) -> None:
         if number == 0:
             _join(block, approach, entries, exits)
         else:
-            opening = Socket(arm.moved(distance, 0.0), _ids(exits), _ids(entries))
+            opening = Socket(arm.moved(distance, 0.0), ids_of(exits), ids_of(entries))
             end = add_road(block, f"arm{number}", opening, ((rng.uniform(20.0, 60.0), 0.0),))
             block.exit = end if number == leave else block.exit
     _add_ring(block, ring, arms)
     _add_edges(block, ring, arms, distance)
-
-
-def _ids(lanes: list[Lane]) -> tuple[tuple[str, ...], ...]:
-    return tuple((lane.id,) for lane in lanes)
 
 
 def _join(block: Block, approach: Socket, entries: list[Lane], exits: list[Lane]) -> None:

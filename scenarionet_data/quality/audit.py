@@ -41,19 +41,23 @@ def audit(scenarios: Sequence[Encoded]) -> dict[int, InvalidScenario]:
     Args:
         scenarios: Scenarios of one release of a dataset.
     """
-    own = [s for s in scenarios if s.metadata["map_crop"] is None]
-    rows = {
-        "metadata_rows": pa.Table.from_pylist([dict(s.metadata) for s in scenarios], schema=_schema("metadata_rows")),
-        "tracks": _table("tracks", [s.tracks for s in scenarios]),
-        "lights": _table("lights", [s.lights for s in own]),
-        "maps": _table("maps", [s.maps for s in own]),
-    }
-    release = scenarios[0].metadata["dataset"], scenarios[0].metadata["version"]
-    found: dict[str, InvalidScenario] = {}
-    for name, scenario_id, detail in _broken(rows, *release):
-        found.setdefault(scenario_id, InvalidScenario(scenario_id, name, detail))
-    numbers = {s.metadata["scenario_id"]: number for number, s in enumerate(scenarios)}
-    return {numbers[scenario_id]: error for scenario_id, error in found.items()}
+    parts: dict[str, list[Any]] = {"tracks": [], "lights": [], "maps": []}
+    numbers, metadata = {}, []
+    for number, scenario in enumerate(scenarios):
+        numbers[scenario.metadata["scenario_id"]] = number
+        metadata.append(dict(scenario.metadata))
+        parts["tracks"].append(scenario.tracks)
+        if scenario.metadata["map_crop"] is None:
+            parts["lights"].append(scenario.lights)
+            parts["maps"].append(scenario.maps)
+    rows = {"metadata_rows": pa.Table.from_pylist(metadata, schema=_schema("metadata_rows"))}
+    for name, batches in parts.items():  # a scenario without rows has None
+        schema = _schema(name)
+        rows[name] = pa.Table.from_batches([each.select(schema.names) for each in batches if each is not None], schema)
+    found: dict[int, InvalidScenario] = {}
+    for name, scenario_id, detail in _broken(rows, metadata[0]["dataset"], metadata[0]["version"]):
+        found.setdefault(numbers[scenario_id], InvalidScenario(scenario_id, name, detail))
+    return found
 
 
 def audit_shared_map(files: LakeFiles, record: ShardRecord) -> None:
@@ -92,12 +96,6 @@ def _engine() -> Engine:
     Cached per process, as opening DuckDB costs as much as a query. Single-threaded: workers are processes.
     """
     return Engine(open_files(tempfile.gettempdir()), snapshots.EMPTY, given=_GIVEN, threads=1)
-
-
-def _table(name: str, batches: Sequence[Any]) -> pa.Table:
-    """Return the record batches of scenarios as one table; a scenario without rows has None."""
-    names = _schema(name).names
-    return pa.Table.from_batches([batch.select(names) for batch in batches if batch is not None], _schema(name))
 
 
 @cache

@@ -32,7 +32,21 @@ def save_passing(
         EmptyResult: No scenario passes and ``allow_empty`` is False.
     """
     query = DatabaseQuery.over(report.view, report.database)
-    sql = query.query("operations/passing", {"rules": _failing_sql(report, strict)})
+    rules = [check.query for check in report.checks if check.is_hard or strict]
+    rules = rules or ["SELECT NULL AS scenario_id WHERE false"]
+    union = "\nUNION ALL\n".join(f"SELECT scenario_id::VARCHAR AS scenario_id FROM (\n{rule}\n)" for rule in rules)
+    datasets = sorted(set(report.totals["dataset"].to_pylist()))
+    budgets = [{"dataset": dataset, **asdict(converters.budgets(dataset))} for dataset in datasets]
+    sql = query.query(
+        "operations/passing",
+        {
+            "rules": (
+                f"budgets AS ({_values(budgets, {'dataset': '', **asdict(Budgets())})}), "
+                f"broken_files AS ({_values(report.broken_files.to_pylist(), {'file': '', 'reason': ''})}), "
+                f"broken AS (SELECT scenario_id FROM (\n{union}\n) WHERE scenario_id IS NOT NULL)"
+            )
+        },
+    )
     parameters = {"checks": [check.name for check in report.checks], "is_strict": strict}
     failing = report.failing_ids(strict=strict)
     rows = (
@@ -40,20 +54,6 @@ def save_passing(
         for batch in query.batches(query.query("operations/keep"), {})
     )
     return query.save(query.lineage("check", sql, parameters), name, rows, replace=replace, allow_empty=allow_empty)
-
-
-def _failing_sql(report: CheckReport, strict: bool) -> str:
-    """Return the rules as parts of a WITH clause, with all tables they need, so that the lineage can run them again."""
-    rules = [check.query for check in report.checks if check.is_hard or strict]
-    rules = rules or ["SELECT NULL AS scenario_id WHERE false"]
-    union = "\nUNION ALL\n".join(f"SELECT scenario_id::VARCHAR AS scenario_id FROM (\n{rule}\n)" for rule in rules)
-    datasets = sorted(set(report.totals["dataset"].to_pylist()))
-    budgets = [{"dataset": dataset, **asdict(converters.budgets(dataset))} for dataset in datasets]
-    return (
-        f"budgets AS ({_values(budgets, {'dataset': '', **asdict(Budgets())})}), "
-        f"broken_files AS ({_values(report.broken_files.to_pylist(), {'file': '', 'reason': ''})}), "
-        f"broken AS (SELECT scenario_id FROM (\n{union}\n) WHERE scenario_id IS NOT NULL)"
-    )
 
 
 def _values(rows: list[dict[str, object]], like: Mapping[str, object]) -> str:

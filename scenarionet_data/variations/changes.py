@@ -12,7 +12,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, IntP
 from scenarionet_data.arrays.geometry import estimate_velocity, rotate, wrap_angle
-from scenarionet_data.building.precision import METRES, RADIANS, rounded
+from scenarionet_data.building.tracks import METRES, RADIANS, rounded
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.description import Lights, ScenarioDescription, Tracks, strings
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -90,7 +90,12 @@ def change(scenario: ScenarioDescription, values: Mapping[str, float]) -> tuple[
     for name, value in values.items():
         target, _, word = name.rpartition(".")
         if target == LIGHTS:
-            lights = _later_lights(lights, scenario.timestamps, value)
+            lights = replace(
+                lights,
+                state=lights.state[
+                    :, np.abs((scenario.timestamps - value)[:, None] - scenario.timestamps[None]).argmin(axis=1)
+                ],
+            )
         else:
             by_target.setdefault(find_track(scenario, target), {})[word] = value
     tracks = scenario.tracks
@@ -229,11 +234,6 @@ def _check_extension(scenario: ScenarioDescription, row: int, motion: VariedMoti
         if away > MAX_EXTENSION:
             reason = f"track {scenario.tracks.ids[row]} would be {away:.0f} m from its recorded path, more than 30 m"
             raise InvalidScenario(scenario.id, "path", reason)
-
-
-def _later_lights(lights: Lights, time: Float64, delay: float) -> Lights:
-    """All phases ``delay`` seconds later; the first or last one lasts longer."""
-    return replace(lights, state=lights.state[:, np.abs((time - delay)[:, None] - time[None]).argmin(axis=1)])
 
 
 def _with_tracks(

@@ -13,10 +13,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from scenarionet_data.conversion.committer import Committer
+from scenarionet_data.conversion.committer import Committer, ConversionReport
 from scenarionet_data.conversion.jobs import ShardJob, convert_shard, lost_shard
 from scenarionet_data.conversion.plan import make_plan
-from scenarionet_data.conversion.report import ConversionReport
 from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor, executor_for
@@ -26,7 +25,6 @@ from scenarionet_data.ingest.shard import RawItem, Shard, bucket
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import ScenarioDescription, is_scenario_id, make_scenario_id
-from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.variations.changes import change, find_track
@@ -172,18 +170,7 @@ def vary(
     ]
     plan = make_plan(shards, manifests.shards(files, snapshots.read(files)), Variations.version, may_replace=replace)
     report = ConversionReport(skipped=plan.num_skipped, stale=plan.num_stale)
-    committer = Committer(files, plan, f"vary {name}", report)
+    committer = Committer(files, plan, f"vary {name}", report, started)
     jobs = [ShardJob(f"{__name__}:{Variations.__name__}", shard, str(files.root)) for shard in plan.shards]
     run = executor or executor_for(min(workers, len(jobs)))
-    if on_progress:
-        on_progress(0, len(jobs), 0)
-    try:
-        for done, result in enumerate(run(jobs, convert_shard, lost_shard), start=1):
-            committer.add(result)
-            if on_progress:
-                on_progress(done, len(jobs), report.converted)
-    finally:
-        committer.commit()
-    report.snapshot = commits.consolidate(files).number
-    report.seconds = time.monotonic() - started
-    return report
+    return committer.add_all(run(jobs, convert_shard, lost_shard), len(jobs), on_progress)

@@ -12,8 +12,7 @@ import click
 from scenarionet_pipelines.cli.output import count, duration, size
 
 if TYPE_CHECKING:
-    from scenarionet_data.execution.executors import Executor
-    from scenarionet_data.execution.worker_stats import WorkerStats
+    from scenarionet_data.execution.executors import Executor, WorkerStats
 
 _MAX_WORKER_ROWS = 8
 
@@ -45,7 +44,7 @@ def executor_from_options(cluster: str | None, workers: int | None, *, quiet: bo
     if cluster is None:
         yield Execution()
         return
-    from scenarionet_data.execution.worker_stats import MeasuringExecutor
+    from scenarionet_data.execution.executors import MeasuringExecutor
     from scenarionet_pipelines.cluster import open_cluster
 
     with open_cluster(cluster, workers) as executor:

@@ -70,7 +70,11 @@ class Argoverse1(Converter[RawItem]):
 
     def shards(self, raw: str, split: str, version: str, options: Argoverse1Options) -> Iterator[Shard]:
         """List buckets of files."""
-        files = _find_recordings(raw, split)
+        files = find_files(raw, "*.csv", f"Argoverse 1 recordings of split {split}", split)
+        if not any(is_recording(path) or not is_local(path) for path in files[:_PEEKED]):
+            raise SourceNotFound(
+                f"{files[0]} and others are not Argoverse 1 recordings; give a folder that contains some"
+            )
         root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
         maps = _maps_for(raw, options)
         known = fingerprint(maps) if maps else ""  # scenarios change if a map is added later
@@ -109,18 +113,6 @@ class Argoverse1(Converter[RawItem]):
 
 def _fact(path: Path, _key: str) -> str | tuple[str, ...]:
     return city_of(path) or ()
-
-
-def _find_recordings(raw: str, split: str) -> list[Path]:
-    """Find the CSV files of a split.
-
-    Raises:
-        SourceNotFound: No files, or files of another dataset.
-    """
-    found = find_files(raw, "*.csv", f"Argoverse 1 recordings of split {split}", split)
-    if not any(is_recording(path) or not is_local(path) for path in found[:_PEEKED]):
-        raise SourceNotFound(f"{found[0]} and others are not Argoverse 1 recordings; give a folder that contains some")
-    return found
 
 
 def _maps_for(raw: str, options: Argoverse1Options) -> list[Path]:

@@ -11,6 +11,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building.plausible import find_bad_geometry
+from scenarionet_data.building.polylines import directions
 from scenarionet_data.ingest.defects import Defects
 
 _BOOLEANS = {"True": True, "False": False}
@@ -66,7 +67,17 @@ def read_lanes(root: ElementTree.Element, file: str, defects: Defects) -> tuple[
             lane = _lane(way)
             if lane.id in lanes:
                 raise _BadLane("lane_id", "expected an id that no other lane has, found one again")
-            centers.append(_center(way, points, rows, middle))
+            names = [reference.get("ref") for reference in way.iter("nd")]
+            missing = [name for name in names if name not in rows]
+            if missing:
+                raise _BadLane("nd", f"expected nodes of the file, found {missing[0]}")
+            if len(names) < 2:
+                raise _BadLane("nd", f"expected at least 2 nodes, found {len(names)}")
+            center: Float64 = points[[rows[name] for name in names]]
+            reason = find_bad_geometry(center, middle)
+            if reason:
+                raise _BadLane("node", reason)
+            centers.append(center)
         except _BadLane as error:
             name = way.get("lane_id")
             defects.drop("maps", file, [f"lane {name}" if name else f"way {number}"], error.field, error.reason)
@@ -82,20 +93,6 @@ def _number(text: str | None) -> float:
         return float(text or "")
     except ValueError:
         return float("nan")
-
-
-def _center(way: ElementTree.Element, points: Float64, rows: Mapping[str | None, int], middle: Float64) -> Float64:
-    names = [reference.get("ref") for reference in way.iter("nd")]
-    missing = [name for name in names if name not in rows]
-    if missing:
-        raise _BadLane("nd", f"expected nodes of the file, found {missing[0]}")
-    if len(names) < 2:
-        raise _BadLane("nd", f"expected at least 2 nodes, found {len(names)}")
-    center: Float64 = points[[rows[name] for name in names]]
-    reason = find_bad_geometry(center, middle)
-    if reason:
-        raise _BadLane("node", reason)
-    return center
 
 
 def _lane(way: ElementTree.Element) -> Argoverse1Lane:
@@ -183,7 +180,7 @@ def _beside(centers: Ragged, lanes: Int64, others: Int64) -> tuple[Float64, Bool
     """Lateral offset of another lane at the middle of a lane [m], positive to the left, and whether it is opposite."""
     if not len(lanes):
         return np.zeros(0), np.zeros(0, np.bool_)
-    direction = _directions(centers)
+    direction = directions(centers)
     middle = centers.offsets[lanes] + centers.lengths[lanes] // 2
     there = centers.take(others)
     away = there.values - np.repeat(centers.values[middle], there.lengths, axis=0)
@@ -195,14 +192,3 @@ def _beside(centers: Ragged, lanes: Int64, others: Int64) -> tuple[Float64, Bool
     ahead_there = direction[nearest - there.offsets[:-1] + centers.offsets[others]]
     aside = ahead[:, 0] * away[nearest, 1] - ahead[:, 1] * away[nearest, 0]
     return aside, (ahead * ahead_there).sum(axis=1) < 0
-
-
-def _directions(lines: Ragged) -> Float64:
-    """(P, 2) unit tangents of each line, from the previous to the next point."""
-    index = np.arange(len(lines.values))
-    after = np.minimum(index + 1, np.repeat(lines.offsets[1:] - 1, lines.lengths))
-    before = np.maximum(index - 1, np.repeat(lines.offsets[:-1], lines.lengths))
-    step = lines.values[after] - lines.values[before]
-    norm = np.hypot(step[:, 0], step[:, 1])[:, None]
-    unit: Float64 = step / np.where(norm > 0, norm, 1.0)
-    return unit

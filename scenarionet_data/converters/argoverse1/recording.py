@@ -65,7 +65,8 @@ def read_recording(path: Path, file: str, defects: Defects) -> Argoverse1Recordi
     cleaning = _Cleaning(file, defects)
     rows = cleaning.plausible(read_rows(path, file, defects), path)
     rows, stamps = cleaning.timed(rows, path)
-    ids, track = _numbered(rows.track)
+    numbers = {name: number for number, name in enumerate(dict.fromkeys(rows.track.tolist()))}
+    ids, track = list(numbers), np.array([numbers[name] for name in rows.track.tolist()], np.int64)
     types = cleaning.types(rows, track, len(ids), path)
     frame = np.searchsorted(stamps, rows.time)
     repeated = find_repeated_rows(track, frame)
@@ -177,9 +178,3 @@ class _Cleaning:
             np.concatenate([position, path[missing]]),
             np.append(np.zeros(len(track), np.bool_), np.ones(len(missing), np.bool_)),
         )
-
-
-def _numbered(names: Array) -> tuple[list[str], Int64]:
-    """Distinct names in order of first appearance, and the number of each row's."""
-    numbers = {name: number for number, name in enumerate(dict.fromkeys(names.tolist()))}
-    return list(numbers), np.array([numbers[name] for name in names.tolist()], np.int64)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
-from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import make_origin, make_tracks
 from scenarionet_data.building.motion import DT, Motion, estimate_motion, step_of
 from scenarionet_data.converters.argoverse1.map_features import Argoverse1City
@@ -166,20 +165,17 @@ def _lane_headings(motion: Motion, origin: Float64, roads: MapFeatures | None) -
         return heading, is_near
     valid = motion.valid[standing, :, None]
     mean = (motion.position[standing] * valid).sum(axis=1) / valid.sum(axis=1)
-    distance, heading[standing] = _nearest_segments(mean - origin[:2], roads.polyline)
-    is_near[standing] = distance < _NEAR_LANE
-    return heading, is_near
-
-
-def _nearest_segments(places: Float64, lines: Ragged) -> tuple[Float64, Float64]:
-    """Distance [m] of points (K, 2) to the nearest segment of the lines, and its direction [rad]: both (K,)."""
-    inner = np.ones(len(lines.values) - 1, np.bool_)
-    inner[lines.offsets[1:-1] - 1] = False
-    x, y = lines.values[:, :2].T.copy()  # one coordinate after the other: sums over a last axis of length 2 are slow
+    places = mean - origin[:2]
+    inner = np.ones(len(roads.polyline.values) - 1, np.bool_)
+    inner[roads.polyline.offsets[1:-1] - 1] = False
+    # One coordinate after the other: sums over a last axis of length 2 are slow.
+    x, y = roads.polyline.values[:, :2].T.copy()
     step_x, step_y = np.diff(x)[inner], np.diff(y)[inner]
     away_x, away_y = places.T[..., None].astype(np.float32) - np.stack([x[:-1][inner], y[:-1][inner]])[:, None]
     squared = np.maximum(step_x * step_x + step_y * step_y, 1e-9)
     share = np.clip((away_x * step_x + away_y * step_y) / squared, 0.0, 1.0)
     distance = np.hypot(away_x - share * step_x, away_y - share * step_y)
     nearest = distance.argmin(axis=1)
-    return distance[np.arange(len(places)), nearest].astype(np.float64), np.arctan2(step_y[nearest], step_x[nearest])
+    heading[standing] = np.arctan2(step_y[nearest], step_x[nearest])
+    is_near[standing] = distance.min(axis=1).astype(np.float64) < _NEAR_LANE
+    return heading, is_near

@@ -90,23 +90,18 @@ def read_rows(path: Path, file: str, defects: Defects) -> CsvRows:
         data = path.read_bytes()
     except OSError as error:
         raise CorruptSource(f"{path} cannot be read ({error.strerror}); download it again") from error
-    try:
-        rows = _read_fast(data)
+    try:  # the quick way needs every value to have the type of its column
+        options = pa.csv.ReadOptions(use_threads=False, block_size=max(len(data), 1))
+        parsing = pa.csv.ParseOptions(ignore_empty_lines=False)
+        table = pa.csv.read_csv(pa.BufferReader(data), options, parsing, _CONVERT)
+        numbers = [table[name].to_numpy() for name in ("TIMESTAMP", "X", "Y")]
+        words = [_words(table[name].combine_chunks()) for name in ("TRACK_ID", "OBJECT_TYPE", "CITY_NAME")]
+        rows = CsvRows(np.arange(2, table.num_rows + 2), *numbers, *words)
     except (KeyError, pa.ArrowException):  # something in it is damaged
         rows = _read_line_by_line(data, path, file, defects)
     if not len(rows.line):
         raise CorruptSource(f"{path}: expected rows, found none; download it again")
     return rows
-
-
-def _read_fast(data: bytes) -> CsvRows:
-    """Read a file in which every value has the type of its column; otherwise Arrow raises."""
-    options = pa.csv.ReadOptions(use_threads=False, block_size=max(len(data), 1))
-    parsing = pa.csv.ParseOptions(ignore_empty_lines=False)
-    table = pa.csv.read_csv(pa.BufferReader(data), options, parsing, _CONVERT)
-    numbers = [table[name].to_numpy() for name in ("TIMESTAMP", "X", "Y")]
-    words = [_words(table[name].combine_chunks()) for name in ("TRACK_ID", "OBJECT_TYPE", "CITY_NAME")]
-    return CsvRows(np.arange(2, table.num_rows + 2), *numbers, *words)
 
 
 def _words(column: Any) -> Object:
@@ -134,7 +129,15 @@ def _read_line_by_line(data: bytes, path: Path, file: str, defects: Defects) -> 
         defects.drop("tracks", file, numbers[~is_complete].tolist(), "row", reason)
     table = np.array([row for row in cells if len(row) == len(names)], object).reshape(-1, len(names))
     time, track, word, x, y, city = (table[:, names.index(name)] for name in _TYPES)
-    return CsvRows(numbers[is_complete], _floats(time), _floats(x), _floats(y), _texts(track), word, city)
+    return CsvRows(
+        numbers[is_complete],
+        _floats(time),
+        _floats(x),
+        _floats(y),
+        np.array(["" if _UNREADABLE in cell else cell for cell in track], object),
+        word,
+        city,
+    )
 
 
 def _floats(cells: Array) -> Float64:
@@ -147,8 +150,3 @@ def _floats(cells: Array) -> Float64:
             return np.nan
 
     return np.array([number(cell) for cell in cells], np.float64)
-
-
-def _texts(cells: Array) -> Object:
-    """(R,) text; empty where it is not UTF-8."""
-    return np.array(["" if _UNREADABLE in cell else cell for cell in cells], object)

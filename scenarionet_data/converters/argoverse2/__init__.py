@@ -83,7 +83,12 @@ class Argoverse2(Converter[RawItem | Argoverse2Window]):
         """List buckets of forecasting scenarios, then sensor logs."""
         scenarios, logs = _find(Path(raw), split, options.kind)
         items = [
-            _item(raw, path, _scenario_files(path), LazyProperties({}, ("location",), _fact, path))
+            _item(
+                raw,
+                path,
+                [file for file in _scenario_pair(path) if file.is_file()],
+                LazyProperties({}, ("location",), _fact, path),
+            )
             for path in scenarios
         ]
         for name, members in bucket(items).items():
@@ -153,10 +158,6 @@ def _item(raw: str, path: Path, files: list[Path], properties: InputProperties) 
 
 def _fact(scenario: Path, _key: str) -> str | tuple[str, ...]:
     return word_in_footer(scenario, "city") or ()
-
-
-def _scenario_files(path: Path) -> list[Path]:
-    return [file for file in _scenario_pair(path) if file.is_file()]
 
 
 def _scenario_pair(path: Path) -> list[Path]:

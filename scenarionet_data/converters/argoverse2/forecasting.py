@@ -184,7 +184,9 @@ def _describe(
     shard: Shard, scenario_id: str, source: Source, table: _Table, roads: Argoverse2Map
 ) -> ScenarioDescription:
     kinds = [_kind(track, word) for track, word in zip(table.grid.ids, table.types, strict=True)]
-    position = _positions(table, kinds, roads)
+    position, valid = np.pad(table.motion[..., :2], ((0, 0), (0, 0), (0, 1))), table.grid.valid
+    position[valid, 2] = ground_height(roads.ground, position[valid, :2])
+    position[..., 2] += np.array([kind.size[2] / 2.0 for kind in kinds])[:, None]
     ego = table.grid.ids.index(EGO)
     origin = make_origin(position[ego], table.grid.valid[ego], has_z=True)
     scored = [track for track, word in zip(table.grid.ids, table.categories, strict=True) if word == "SCORED"]
@@ -219,14 +221,6 @@ def _describe(
 def _kind(track: str, word: str) -> TypeMapping:
     kind = OBJECTS.get(word, UNKNOWN_OBJECT)
     return kind._replace(size=EGO_SIZE) if track == EGO else kind
-
-
-def _positions(table: _Table, kinds: list[TypeMapping], roads: Argoverse2Map) -> Float64:
-    """(N, T, 3) box centres in the city frame, half a height above the map's ground."""
-    position, valid = np.pad(table.motion[..., :2], ((0, 0), (0, 0), (0, 1))), table.grid.valid
-    position[valid, 2] = ground_height(roads.ground, position[valid, :2])
-    position[..., 2] += np.array([kind.size[2] / 2.0 for kind in kinds])[:, None]
-    return position
 
 
 def _tracks(table: _Table, kinds: list[TypeMapping], position: Float64, origin: Float64) -> Tracks:

@@ -74,7 +74,13 @@ def road_edges(outlines: list[Float64]) -> list[list[Float64]]:
         return []
     start = np.concatenate([ring[:, :2] for ring in outlines])
     end = np.concatenate([np.roll(ring[:, :2], -1, axis=0) for ring in outlines])
-    kept = ~(_is_cut(start, end) | _is_repeated(start, end))
+    points = np.concatenate([start, end])
+    nodes = points[:, 0] + 1.0j * points[:, 1]
+    code = np.unique(nodes, return_inverse=True)[1].astype(np.int64).reshape(2, -1)
+    keys = code.min(axis=0) * len(nodes) + code.max(axis=0)
+    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    repeated: Bool = counts[inverse] > 1
+    kept = ~(_is_cut(start, end) | repeated)
     parts = np.split(kept, np.cumsum([len(ring) for ring in outlines])[:-1])
     return [_runs(ring, part) for ring, part in zip(outlines, parts, strict=True)]
 
@@ -83,17 +89,6 @@ def _is_cut(start: Float64, end: Float64) -> Bool:
     on_tile = np.abs(start - TILE * np.round(start / TILE)) < 1e-6
     cut: Bool = ((start == end) & on_tile).any(axis=1)
     return cut
-
-
-def _is_repeated(start: Float64, end: Float64) -> Bool:
-    """Whether a segment occurs twice among the outlines, in either direction: areas touch there."""
-    points = np.concatenate([start, end])
-    nodes = points[:, 0] + 1.0j * points[:, 1]
-    code = np.unique(nodes, return_inverse=True)[1].astype(np.int64).reshape(2, -1)
-    keys = code.min(axis=0) * len(nodes) + code.max(axis=0)
-    _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    repeated: Bool = counts[inverse] > 1
-    return repeated
 
 
 def _runs(ring: Float64, kept: Bool) -> list[Float64]:

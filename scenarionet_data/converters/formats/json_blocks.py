@@ -127,15 +127,10 @@ def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table | None:
         parsing = pa.json.ParseOptions(schema, newlines_in_values=True, unexpected_field_behavior="ignore")
         return pa.json.read_json(io.BytesIO(lines), reading, parsing)
     except (ValueError, pa.ArrowException):
-        return _parsed_singly(lines, schema)
-
-
-def _parsed_singly(lines: bytes, schema: pa.Schema) -> pa.Table:
-    """Parse records one by one; values of another type than in ``schema`` are null."""
-    records = [_record(text) for text in _ENTRY.findall(lines)]
-    fitting = {field.name: _fitting(field.type) for field in schema}
-    columns = {name: [fit(record.get(name)) for record in records] for name, fit in fitting.items()}
-    return pa.table(columns, schema=schema)
+        records = [_record(text) for text in _ENTRY.findall(lines)]
+        fitting = {field.name: _fitting(field.type) for field in schema}
+        columns = {name: [fit(record.get(name)) for record in records] for name, fit in fitting.items()}
+        return pa.table(columns, schema=schema)
 
 
 def _record(text: bytes) -> dict[str, Any]:

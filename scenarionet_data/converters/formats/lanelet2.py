@@ -89,7 +89,18 @@ class _MapFile:
         root = read_xml(path, "osm")
         self.points = self._nodes(root, anchor)
         self.tags = {way.get("id", ""): _tags(way) for way in root.iter("way")}
-        self.nodes = self._ways(root)
+        found = {}
+        for way in root.iter("way"):
+            name, nodes = way.get("id", ""), [nd.get("ref", "") for nd in way.iter("nd")]
+            missing = [node for node in nodes if node not in self.points]
+            if missing:
+                self._drop([f"node of way {name}"] * len(missing), "nd", "nodes of the map", missing[0])
+            nodes = [node for node in nodes if node in self.points]
+            if len(nodes) > 1:
+                found[name] = nodes
+            else:
+                self._drop([f"way {name}"], "nd", "two nodes or more", str(len(nodes)))
+        self.nodes = found
         relations = list(root.iter("relation"))
         self.rules = {each.get("id", ""): each for each in relations if _tags(each).get("type") == "regulatory_element"}
         self.lanelets = self._lanelets(relations)
@@ -168,21 +179,6 @@ class _MapFile:
                 self.defects.drop("maps", self.path.name, [f"node {name}"], "position", reason)
             else:
                 found[name] = point
-        return found
-
-    def _ways(self, root: Element) -> dict[str, list[str]]:
-        """Nodes of each way; a way goes on without a node that is missing."""
-        found = {}
-        for way in root.iter("way"):
-            name, nodes = way.get("id", ""), [nd.get("ref", "") for nd in way.iter("nd")]
-            missing = [node for node in nodes if node not in self.points]
-            if missing:
-                self._drop([f"node of way {name}"] * len(missing), "nd", "nodes of the map", missing[0])
-            nodes = [node for node in nodes if node in self.points]
-            if len(nodes) > 1:
-                found[name] = nodes
-            else:
-                self._drop([f"way {name}"], "nd", "two nodes or more", str(len(nodes)))
         return found
 
     def _lanelets(self, relations: list[Element]) -> list[_Lanelet]:

@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.base import Budgets, Converter
+from scenarionet_data.converters.base import Budgets, Converter, unused_files
 from scenarionet_data.converters.lyft.files import (
     DESCRIPTIONS,
     MAP_FILES,
@@ -34,7 +34,6 @@ from scenarionet_data.converters.lyft.files import (
 from scenarionet_data.converters.lyft.map_features import LyftCity, read_city
 from scenarionet_data.converters.lyft.recording import TABLES, LyftRecording, LyftScene
 from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, LyftOptions, LyftWindow, describe, windows
-from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import CorruptSource, InvalidScenario
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.passed_over import PassedOver

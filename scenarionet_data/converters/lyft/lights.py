@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, UInt8
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.converters.lyft.map_features import LyftCity
 from scenarionet_data.converters.lyft.recording import LyftContent
 from scenarionet_data.scenario.description import Lights, strings
@@ -37,31 +37,14 @@ def lights(content: LyftContent, city: LyftCity | None, origin: Float64) -> Ligh
     is_lit = faces["traffic_light_face_status"][:, 0] > 0
     for number, kind in enumerate(kinds.tolist()):
         mine = kind_of_row == number
-        value = np.where(is_lit[mine], _ranked(_state(city, kind)), _ranked(_UNKNOWN))
+        _, face = kind.split("\n")
+        value = np.where(
+            is_lit[mine], _ranked(city.faces[face][0] if city and face in city.faces else _UNKNOWN), _ranked(_UNKNOWN)
+        )
         for target in _targets(city, kind):
             row = shown[rows.setdefault(target, len(rows))]
             np.maximum.at(row, content.faces_frame[mine], value)
-    return _made(list(rows), shown[: len(rows)] % _CODES, city, origin)
-
-
-def _ranked(state: LightState) -> int:
-    """Encode a state as a number that increases with its restrictiveness."""
-    return int(LIGHT_COLORS[state]) * _CODES + int(state)
-
-
-def _state(city: LyftCity | None, kind: str) -> LightState:
-    _, face = kind.split("\n")
-    return city.faces[face][0] if city and face in city.faces else _UNKNOWN
-
-
-def _targets(city: LyftCity | None, kind: str) -> list[tuple[str, str]]:
-    """Light and lane of the rows of a face."""
-    light, face = kind.split("\n")
-    lanes = city.faces[face][1] if city and face in city.faces else []
-    return [(light, lane) for lane in lanes or [light]]
-
-
-def _made(keys: list[tuple[str, str]], state: UInt8, city: LyftCity | None, origin: Float64) -> Lights:
+    keys = list(rows)
     lanes = [lane for _, lane in keys]
     exits = city.exits if city else {}
     unknown = np.full(2, np.nan)
@@ -70,7 +53,19 @@ def _made(keys: list[tuple[str, str]], state: UInt8, city: LyftCity | None, orig
         ids=strings(light for light, _ in keys),
         lane_ids=strings(lanes),
         stop_point=np.column_stack([stop, np.where(np.isnan(stop[:, 0]), np.nan, 0.0)]).astype(np.float32),
-        state=state,
+        state=shown[: len(rows)] % _CODES,
         is_lane_in_map=np.array([lane in exits for lane in lanes], dtype=np.bool_),
         provenance=np.full(len(keys), Provenance.OBSERVED, np.uint8),
     )
+
+
+def _ranked(state: LightState) -> int:
+    """Encode a state as a number that increases with its restrictiveness."""
+    return int(LIGHT_COLORS[state]) * _CODES + int(state)
+
+
+def _targets(city: LyftCity | None, kind: str) -> list[tuple[str, str]]:
+    """Light and lane of the rows of a face."""
+    light, face = kind.split("\n")
+    lanes = city.faces[face][1] if city and face in city.faces else []
+    return [(light, lane) for lane in lanes or [light]]

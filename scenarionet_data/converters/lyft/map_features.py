@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -94,7 +93,15 @@ def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> LyftCity:  #
     Raises:
         CorruptSource: A file is missing or damaged.
     """
-    ecef_to_world = np.linalg.inv(_read_world_to_ecef(meta_file)).astype(np.float64)
+    try:
+        matrix = np.array(json.loads(meta_file.read_bytes())["world_to_ecef"], dtype=np.float64)
+    except OSError as error:
+        raise CorruptSource(f"{meta_file}: cannot be read ({error.strerror}); download it again") from error
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
+        raise CorruptSource(f"{meta_file}: expected JSON with the matrix world_to_ecef; download it again") from error
+    if not _is_rigid(matrix):
+        raise CorruptSource(f"{meta_file}: world_to_ecef: expected a 4 x 4 rigid transform; download it again")
+    ecef_to_world = np.linalg.inv(matrix).astype(np.float64)
     wire, file, defects = read_map(map_file), f"{map_file.parent.name}/{map_file.name}", Defects()
     for number, reason in wire.damaged:
         defects.drop("maps", file, [f"element {number}"], "element", f"expected a sound map element, found {reason}")
@@ -102,26 +109,19 @@ def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> LyftCity:  #
     lanes = _lanes(wire.lanes, ecef_to_world, file, defects)
     builder = MapBuilder()
     exits = _add_lanes(builder, wire, lanes)
-    controlled = _controlled_lanes(wire)
+    lights = {name: faces for name, faces in zip(wire.controls.ids, wire.controls.faces, strict=True) if faces}
+    ordered: dict[str, dict[str, None]] = {}
+    for lane, controls in zip(wire.lanes.ids, wire.lanes.controls, strict=True):
+        for control in controls:
+            for name in (control, *lights.get(control, ())):
+                ordered.setdefault(name, {})[lane] = None
+    controlled = {name: list(names) for name, names in ordered.items()}
     centre = np.median(list(exits.values()), axis=0)
     _add_controls(builder, wire.controls, ecef_to_world, controlled, centre, file, defects)
     builder.defects = defects.found()
     kinds = zip(wire.controls.ids, wire.controls.kinds.tolist(), strict=True)
     faces = {name: (FACES[kind], controlled.get(name, [])) for name, kind in kinds if kind in FACES}
     return LyftCity(builder, exits, faces)
-
-
-def _read_world_to_ecef(path: Path) -> Float64:
-    """(4, 4) transform from the world to earth-centred coordinates."""
-    try:
-        matrix = np.array(json.loads(path.read_bytes())["world_to_ecef"], dtype=np.float64)
-    except OSError as error:
-        raise CorruptSource(f"{path}: cannot be read ({error.strerror}); download it again") from error
-    except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
-        raise CorruptSource(f"{path}: expected JSON with the matrix world_to_ecef; download it again") from error
-    if not _is_rigid(matrix):
-        raise CorruptSource(f"{path}: world_to_ecef: expected a 4 x 4 rigid transform; download it again")
-    return matrix
 
 
 def _is_rigid(matrix: Float64) -> bool:
@@ -173,12 +173,21 @@ def _add_lanes(builder: MapBuilder, wire: LyftWireMap, lanes: Mapping[str, LaneS
     for (name, sides), center, width in zip(lanes.items(), centers, widths, strict=True):
         row = rows[name]
         parent = wire.lanes.parents[row]
+        forward, backward, _ = wire.segments.get(wire.lanes.parents[row], (0.0, 0.0, 0))
+        limit = backward if wire.lanes.orientations[row] == _BACKWARD and backward > 0.0 else forward
+        access, turn = _ACCESS[wire.lanes.access[row]], _TURNS[wire.lanes.turns[row]]
+        extras = {
+            "parent": wire.lanes.parents[row],
+            "access_restriction": access if access.startswith("ONLY_") else "",
+            "turn_type": turn if turn != "UNKNOWN" else "",
+            "can_have_parked_cars": bool(wire.lanes.can_have_parked_cars[row]),
+        }
         builder.add(
             name,
             _lane_type(wire, row),
             polyline=center,
             polygon=np.concatenate([sides.left.points, sides.right.points[::-1]]),
-            speed_limit=_speed_limit(wire, row),
+            speed_limit=limit if 0.0 < limit < np.inf else np.nan,
             width=width,
             entry_lanes=entries[name],
             exit_lanes=wire.lanes.ahead[row],
@@ -187,7 +196,7 @@ def _add_lanes(builder: MapBuilder, wire: LyftWireMap, lanes: Mapping[str, LaneS
             left_boundaries=_add_paint(builder, f"{name}-left", sides.left),
             right_boundaries=_add_paint(builder, f"{name}-right", sides.right),
             is_intersection=False if parent in wire.segments else wire.junctions.get(parent),
-            extras=_lane_extras(wire.lanes, row),
+            extras={key: value for key, value in extras.items() if value} or None,
         )
     return {name: sides.ends[1] for name, sides in lanes.items()}
 
@@ -208,24 +217,6 @@ def _lane_type(wire: LyftWireMap, row: int) -> Type:
     return Type.LANE_FREEWAY if road_class in _MOTORWAYS else Type.LANE_SURFACE_STREET
 
 
-def _speed_limit(wire: LyftWireMap, row: int) -> float:
-    """Speed limit of the lane's segment in its direction [m/s]; NaN if unknown and in junctions."""
-    forward, backward, _ = wire.segments.get(wire.lanes.parents[row], (0.0, 0.0, 0))
-    limit = backward if wire.lanes.orientations[row] == _BACKWARD and backward > 0.0 else forward
-    return limit if 0.0 < limit < np.inf else np.nan
-
-
-def _lane_extras(lanes: WireLanes, row: int) -> dict[str, Any] | None:
-    access, turn = _ACCESS[lanes.access[row]], _TURNS[lanes.turns[row]]
-    extras = {
-        "parent": lanes.parents[row],
-        "access_restriction": access if access.startswith("ONLY_") else "",
-        "turn_type": turn if turn != "UNKNOWN" else "",
-        "can_have_parked_cars": bool(lanes.can_have_parked_cars[row]),
-    }
-    return {key: value for key, value in extras.items() if value} or None
-
-
 def _add_paint(builder: MapBuilder, name: str, side: LaneSide) -> list[str]:
     """Add the lines along one side of a lane; return their ids."""
     added = []
@@ -239,17 +230,6 @@ def _add_paint(builder: MapBuilder, name: str, side: LaneSide) -> list[str]:
 
 
 # --- traffic controls -----------------------------------------------------------------------------------
-
-
-def _controlled_lanes(wire: LyftWireMap) -> dict[str, list[str]]:
-    """Lanes by the traffic control at their exit; the faces of a traffic light have its lanes."""
-    lights = {name: faces for name, faces in zip(wire.controls.ids, wire.controls.faces, strict=True) if faces}
-    controlled: dict[str, dict[str, None]] = {}
-    for lane, controls in zip(wire.lanes.ids, wire.lanes.controls, strict=True):
-        for control in controls:
-            for name in (control, *lights.get(control, ())):
-                controlled.setdefault(name, {})[lane] = None
-    return {name: list(lanes) for name, lanes in controlled.items()}
 
 
 def _add_controls(

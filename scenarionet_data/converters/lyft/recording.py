@@ -10,7 +10,6 @@ Format version 1 has no lights and narrower numbers. Ranges are half open and co
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -131,9 +130,14 @@ class LyftRecording:
     def __init__(self, path: Path) -> None:
         self.path = path
         attributes = read_attributes(path)
-        self.labels = _labels(path, attributes)
+        labels = attributes.get("labels", LABELS)
+        if not isinstance(labels, list | tuple) or not all(isinstance(label, str) for label in labels):
+            raise CorruptSource(
+                f"{path}/.zattrs: labels: expected a list of names, found {labels!r}; download it again"
+            )
+        self.labels = tuple(labels)
         self._tables = {name: _table(path, name) for name in ("scenes", "frames", "agents")}
-        self._has_lights = _LIGHTS in self._names("frames")
+        self._has_lights = _LIGHTS in (self._tables["frames"].dtype.names or ())
         if self._has_lights:
             self._tables["traffic_light_faces"] = _table(path, "traffic_light_faces")
         shape = self._tables["agents"].dtype["label_probabilities"].shape
@@ -144,9 +148,6 @@ class LyftRecording:
         if not is_text(rows["host"]).all():
             raise CorruptSource(f"{path / 'scenes'}: expected host to be text; download it again")
         self.scenes = [_scene(index, row) for index, row in enumerate(rows)]
-
-    def _names(self, table: str) -> tuple[str, ...]:
-        return self._tables[table].dtype.names or ()
 
     @property
     def num_frames(self) -> int:
@@ -237,13 +238,6 @@ def _table(path: Path, name: str) -> ChunkedTable:
                 f"{path / name}: field {field}: expected {wanted}, found {found}; is this a Lyft recording?"
             )
     return table
-
-
-def _labels(path: Path, attributes: Mapping[str, Any]) -> tuple[str, ...]:
-    labels = attributes.get("labels", LABELS)
-    if not isinstance(labels, list | tuple) or not all(isinstance(label, str) for label in labels):
-        raise CorruptSource(f"{path}/.zattrs: labels: expected a list of names, found {labels!r}; download it again")
-    return tuple(labels)
 
 
 def is_text(words: Array) -> Bool:

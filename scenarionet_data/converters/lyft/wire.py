@@ -280,15 +280,10 @@ def _controls(messages: Messages, ids: list[str]) -> WireControls:
     faces: list[list[str]] = [[] for _ in ids]
     for row, names in zip(lights.owner.tolist(), _id_lists(lights.fields(), 3, len(lights)), strict=True):
         faces[row] += names
-    return WireControls(ids, kinds, _filled(points, bare, places), faces)
-
-
-def _filled(points: Ragged, rows: Int64, places: Float64) -> Ragged:
-    """``points`` with one point added to each of the empty lists ``rows``."""
-    values = np.insert(points.values, points.offsets[rows], places, axis=0)
+    values = np.insert(points.values, points.offsets[bare], places, axis=0)
     lengths = points.lengths.copy()
-    lengths[rows] = 1
-    return Ragged.from_flat(lengths.tolist(), values)
+    lengths[bare] = 1
+    return WireControls(ids, kinds, Ragged.from_flat(lengths.tolist(), values), faces)
 
 
 def _segments(messages: Messages, ids: list[str]) -> dict[str, tuple[float, float, int]]:

@@ -21,7 +21,7 @@ from typing import ClassVar, get_args
 import numpy as np
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.base import Budgets, Converter
+from scenarionet_data.converters.base import Budgets, Converter, counted, unused_files
 from scenarionet_data.converters.nuplan.content import read_content
 from scenarionet_data.converters.nuplan.files import (
     MANIFESTS,
@@ -35,7 +35,6 @@ from scenarionet_data.converters.nuplan.files import (
 from scenarionet_data.converters.nuplan.log import opened, read_log, scenes, tag_windows
 from scenarionet_data.converters.nuplan.map_features import read_city
 from scenarionet_data.converters.nuplan.scenario import Cut, describe
-from scenarionet_data.converters.unused import counted, unused_files
 from scenarionet_data.errors import BadParameter, CorruptSource
 from scenarionet_data.ingest.options import Frames, Options
 from scenarionet_data.ingest.passed_over import PassedOver

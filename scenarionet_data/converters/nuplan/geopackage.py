@@ -108,23 +108,19 @@ class GeoPackage:
         rows = [row for row, good in zip(rows, is_good, strict=True) if good]
         points = self._projected(shapes[is_good], system)
         holes = shapely.get_num_interior_rings(shapes[is_good])
-        kept = self._inside(name, [row[0] for row in rows], points)
+        middles = np.array([each.mean(axis=0) for each in points]).reshape(-1, 2)
+        finite = middles[np.isfinite(middles).all(axis=1)]
+        centre = np.median(finite, axis=0) if len(finite) else np.zeros(2)
+        is_on = [bool((np.abs(each - centre) <= MAX_MAP_DISTANCE).all()) for each in points]
+        lost = [fid for fid, on in zip([row[0] for row in rows], is_on, strict=True) if not on]
+        self.drop(name, lost, "expected coordinates on the map, found others")
+        kept = [k for k, on in enumerate(is_on) if on]
         return Layer(
             fids=[rows[k][0] for k in kept],
             points=[points[k] for k in kept],
             num_holes=holes[kept],
             columns={column: [rows[k][2 + place] for k in kept] for place, column in enumerate(columns)},
         )
-
-    def _inside(self, name: str, fids: list[int], points: list[Float64]) -> list[int]:
-        """Positions of the features whose points are on the map."""
-        middles = np.array([each.mean(axis=0) for each in points]).reshape(-1, 2)
-        finite = middles[np.isfinite(middles).all(axis=1)]
-        centre = np.median(finite, axis=0) if len(finite) else np.zeros(2)
-        is_on = [bool((np.abs(each - centre) <= MAX_MAP_DISTANCE).all()) for each in points]
-        lost = [fid for fid, on in zip(fids, is_on, strict=True) if not on]
-        self.drop(name, lost, "expected coordinates on the map, found others")
-        return [k for k, on in enumerate(is_on) if on]
 
     def _projected(self, shapes: Object, system: int) -> list[Float64]:
         """Coordinates of lines, or of polygons' exterior rings without the closing point; not finite off the map."""

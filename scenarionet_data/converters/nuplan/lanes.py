@@ -122,7 +122,12 @@ def _add_lanes(
     connectors: Layer,
     sides: _Sides,
 ) -> None:
-    entries, exits = _ends(connectors)
+    entries: defaultdict[str, list[str]] = defaultdict(list)
+    exits: defaultdict[str, list[str]] = defaultdict(list)
+    rows = zip(connectors.fids, connectors["exit_lane_fid"], connectors["entry_lane_fid"], strict=True)
+    for fid, incoming, outgoing in rows:
+        exits[identifier(incoming)].append(identifier(fid))
+        entries[identifier(outgoing)].append(identifier(fid))
     # Lanes of a lane group are numbered from the left.
     places = list(zip(map(identifier, lanes["lane_group_fid"]), lanes["lane_index"], strict=True))
     lane_at = dict(zip(places, ids, strict=True))
@@ -176,17 +181,6 @@ def _add_connectors(
             is_intersection=True,
             extras={"roadblock_id": identifier(connectors["lane_group_connector_fid"][row]), "turn": turn},
         )
-
-
-def _ends(connectors: Layer) -> tuple[Mapping[str, list[str]], Mapping[str, list[str]]]:
-    """Connectors into each lane, and out of it."""
-    entries: defaultdict[str, list[str]] = defaultdict(list)
-    exits: defaultdict[str, list[str]] = defaultdict(list)
-    rows = zip(connectors.fids, connectors["exit_lane_fid"], connectors["entry_lane_fid"], strict=True)
-    for fid, incoming, outgoing in rows:
-        exits[identifier(incoming)].append(identifier(fid))
-        entries[identifier(outgoing)].append(identifier(fid))
-    return entries, exits
 
 
 def _at(lane_at: Mapping[tuple[str, Any], str], group: str, index: Any, side: int) -> list[str]:

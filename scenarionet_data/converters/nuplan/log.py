@@ -188,7 +188,12 @@ def read_log(database: sqlite3.Connection, path: Path) -> NuPlanLog:
     tokens, times, scene_tokens, epsg = list(zip(*rows, strict=True))[:4]
     known = {scene.token: scene for scene in _read_scenes(database)}
     used = {token: row for row, token in enumerate(dict.fromkeys(filter(None, (*scene_tokens, *lost))))}
-    ego, bad_poses = _repaired(_ego(_floats([row[4:] for row in rows])), np.array(times, np.int64))
+    poses = _floats([row[4:] for row in rows])
+    box = _box_of(poses[:, :6])
+    # The centre is d ahead of the rear axle on the rigid body, so its velocity is (vx, vy + yaw rate x d).
+    forward, left, yaw_rate = poses[:, 6:].T
+    velocity = np.stack([forward, left + yaw_rate * REAR_AXLE_TO_CENTER], axis=-1)
+    ego, bad_poses = _repaired(np.concatenate([box, rotate(velocity, box[:, 2])], axis=1), np.array(times, np.int64))
     return NuPlanLog(
         name=path.stem,
         place=read_place(database, path),
@@ -253,18 +258,6 @@ def _floats(rows: Sequence[Sequence[Any]]) -> Float64:
         return np.array(rows, np.float64)
     except (TypeError, ValueError):
         return np.array([[v if isinstance(v, (int, float)) else np.nan for v in row] for row in rows], np.float64)
-
-
-def _ego(poses: Float64) -> Float64:
-    """(S, 5) box and velocity of the ego from its recorded poses (S, 9).
-
-    The log contains the pose of the rear axle, its velocity in the vehicle frame (x forward, y left) and the yaw rate
-    w. The centre is d ahead of the axle on the rigid body, so its velocity is (vx, vy + w d).
-    """
-    box = _box_of(poses[:, :6])
-    forward, left, yaw_rate = poses[:, 6:].T
-    velocity = np.stack([forward, left + yaw_rate * REAR_AXLE_TO_CENTER], axis=-1)
-    return np.concatenate([box, rotate(velocity, box[:, 2])], axis=1)
 
 
 def _box_of(poses: Float64) -> Float64:

@@ -16,7 +16,7 @@ from pathlib import Path
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.converters.cities import CityMap
-from scenarionet_data.converters.nuplan.geopackage import GeoPackage, Layer, opened
+from scenarionet_data.converters.nuplan.geopackage import GeoPackage, opened
 from scenarionet_data.converters.nuplan.lanes import add_lanes, identifier, identifiers
 from scenarionet_data.converters.nuplan.types import INTERSECTIONS, LINES, STOPS
 from scenarionet_data.errors import CorruptSource
@@ -66,21 +66,20 @@ def _read_city(path: Path, file: str, state: tuple[int, int]) -> NuPlanCity:  # 
     with opened(path, file) as package:
         boundaries = package.lines("boundaries", "boundary_type_fid")
         starts = add_lanes(builder, package, boundaries)
-        _add_lines(builder, boundaries)
+        for fid, points, kind in zip(boundaries.fids, boundaries.points, boundaries["boundary_type_fid"], strict=True):
+            line = LINES.get(kind, MapFeatureType.UNKNOWN_LINE)
+            builder.add(
+                f"boundary-{fid}",
+                line,
+                polyline=points,
+                extras={"boundary_type": kind if isinstance(kind, int) else None},
+            )
         _add_road_blocks(builder, package)
         _add_stops(builder, package)
         _add_areas(builder, package)
         projection = package.projection
         builder.defects = package.defects.found()
     return NuPlanCity(builder, starts, projection)
-
-
-def _add_lines(builder: MapBuilder, boundaries: Layer) -> None:
-    for fid, points, kind in zip(boundaries.fids, boundaries.points, boundaries["boundary_type_fid"], strict=True):
-        line = LINES.get(kind, MapFeatureType.UNKNOWN_LINE)
-        builder.add(
-            f"boundary-{fid}", line, polyline=points, extras={"boundary_type": kind if isinstance(kind, int) else None}
-        )
 
 
 def _add_road_blocks(builder: MapBuilder, package: GeoPackage) -> None:

@@ -79,6 +79,7 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
     known = set(tracks.ids)
     if not len(roads):
         report.defects.assume_empty_map(shard.items[0].name)
+    written = re.match(r"\d{4}-\d{2}-\d{2}", log.place.date or "")
     return ScenarioDescription(
         id=scenario_id,
         dataset=shard.dataset,
@@ -96,7 +97,7 @@ def describe(shard: Shard, cut: Cut, licence: str) -> ScenarioDescription:
             licence=licence,
             log=log.name,
             city=log.place.city,
-            date=_date(log),
+            date=written[0] if written else str(log.times[0].astype("datetime64[us]").astype("datetime64[D]")),
             crs=cut.city.projection.upper(),
         ),
         tracks=tracks,
@@ -168,12 +169,6 @@ def _scene_of(cut: Cut, report: _Report) -> NuPlanScene | None:
     if scene is not None and scene.name is None:
         report.assume("tracks", [scene.token], "scene", "expected a row of scene, found none; it has no name and route")
     return scene
-
-
-def _date(log: NuPlanLog) -> str:
-    """Date of the recording: of the log if in ISO 8601, else of the first sweep in UTC."""
-    written = re.match(r"\d{4}-\d{2}-\d{2}", log.place.date or "")
-    return written[0] if written else str(log.times[0].astype("datetime64[us]").astype("datetime64[D]"))
 
 
 def _extras(cut: Cut, scene: NuPlanScene | None, origin: Float64) -> Mapping[str, Any]:

@@ -23,7 +23,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar, get_args
 
 from scenarionet_data.building import MapBuilder
-from scenarionet_data.converters.base import Budgets, Converter
+from scenarionet_data.converters.base import Budgets, Converter, counted, unused_files
 from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.nuscenes.can_bus import can_bus_files, can_bus_mark, read_can_bus
 from scenarionet_data.converters.nuscenes.files import (
@@ -48,7 +48,6 @@ from scenarionet_data.converters.nuscenes.windows import (
     read_challenge,
     whole,
 )
-from scenarionet_data.converters.unused import counted, unused_files
 from scenarionet_data.errors import BadParameter, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.options import Frames, Options
@@ -147,8 +146,13 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
             items = []
             for name, log in names.items():
                 can_bus_digest = can_bus_mark(root, name) if options.has_can_bus else ""
+                told = {"log": log_name(log), "date": log["date_captured"]} if "token" in log else {}
                 items.append(
-                    RawItem(f"{folder.name}/{name}{_SUFFIX[options.by]}", mark + can_bus_digest, _properties(log))
+                    RawItem(
+                        f"{folder.name}/{name}{_SUFFIX[options.by]}",
+                        mark + can_bus_digest,
+                        {key: value for key, value in told.items() if value},
+                    )
                 )
             for number, members in bucket(items, _SCENES_PER_SHARD[options.by]).items():
                 shard = f"{folder.name}-{map_id(place)}-{options.by}-{number}"
@@ -292,9 +296,3 @@ def _scenes_by_place(folder: Path, split: str, options: NuScenesOptions) -> dict
     if not found:
         raise SourceNotFound(f"{folder}: none of its scenes belongs to split {split!r}; give another split")
     return {place: found[place] for place in sorted(found)}
-
-
-def _properties(log: dict[str, Any]) -> dict[str, str]:
-    """Input properties of scenes from their log's record, if any."""
-    told = {"log": log_name(log), "date": log["date_captured"]} if "token" in log else {}
-    return {key: value for key, value in told.items() if value}

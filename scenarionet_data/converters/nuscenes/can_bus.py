@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import fingerprint
 
@@ -100,14 +100,12 @@ def signals_at(messages: Mapping[str, CanBusMessages], times: Float64) -> dict[s
                 at = values[last]
             else:
                 at = np.column_stack([np.interp(times, kind_messages.times, column) for column in values.T])
-            found[f"{kind}.{name}"] = _listed(at, is_known)
+            rows = np.round(at, _DIGITS).tolist()
+            told = [row[0] if len(row) == 1 else row for row in rows]
+            found[f"{kind}.{name}"] = [
+                value if known else None for value, known in zip(told, is_known.tolist(), strict=True)
+            ]
     return found
-
-
-def _listed(values: Float64, is_known: Bool) -> list[Any]:
-    rows = np.round(values, _DIGITS).tolist()
-    told = [row[0] if len(row) == 1 else row for row in rows]
-    return [value if known else None for value, known in zip(told, is_known.tolist(), strict=True)]
 
 
 @lru_cache(maxsize=len(MEASURED))

@@ -41,7 +41,14 @@ def centerlines(lanes: Sequence[Sequence[DubinsPath]], spacing: float = SPACING)
     paths = [path for lane in lanes for path in lane]
     if not paths:
         return Ragged(np.zeros(len(lanes) + 1, np.int32), np.zeros((0, 2)))
-    poses, lengths, curvature = _segments(paths)
+    lengths = np.array([path["segment_length"] for path in paths], np.float64).reshape(-1, 3)
+    radius = np.array([path["radius"] for path in paths], np.float64)
+    turns = np.array([[_TURNS[letter] for letter in path["shape"]] for path in paths]).reshape(-1, 3)
+    poses = np.zeros((len(paths), 3, 3))
+    poses[:, 0] = np.array([path["start_pose"] for path in paths], np.float64)
+    curvature = turns / radius[:, None]
+    for number in (0, 1):  # each segment starts at the end of the previous one
+        poses[:, number + 1] = advance(poses[:, number], curvature[:, number], lengths[:, number])
     total = lengths.sum(axis=1)
     counts = np.maximum(np.ceil(total / spacing - 1e-9).astype(np.int64), 1) + 1
     path = np.repeat(np.arange(len(paths)), counts)
@@ -71,19 +78,6 @@ def are_paths(paths: Sequence[Any]) -> bool:
         and bool((radius > 0).all() and (lengths >= 0).all() and (lengths <= _LONGEST).all())
         and all(isinstance(shape, str) and len(shape) == 3 and set(shape) <= set(_TURNS) for shape in shapes)
     )
-
-
-def _segments(paths: Sequence[DubinsPath]) -> tuple[Float64, Float64, Float64]:
-    """Start pose (P, 3, 3), length (P, 3) [m] and curvature (P, 3) [1/m] of the three segments of each path."""
-    lengths = np.array([path["segment_length"] for path in paths], np.float64).reshape(-1, 3)
-    radius = np.array([path["radius"] for path in paths], np.float64)
-    turns = np.array([[_TURNS[letter] for letter in path["shape"]] for path in paths]).reshape(-1, 3)
-    poses = np.zeros((len(paths), 3, 3))
-    poses[:, 0] = np.array([path["start_pose"] for path in paths], np.float64)
-    curvature = turns / radius[:, None]
-    for number in (0, 1):  # each segment starts at the end of the previous one
-        poses[:, number + 1] = advance(poses[:, number], curvature[:, number], lengths[:, number])
-    return poses, lengths, curvature
 
 
 def advance(poses: Float64, curvature: Float64, length: Float64) -> Float64:

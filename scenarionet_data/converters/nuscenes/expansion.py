@@ -66,7 +66,9 @@ class Expansion:
         self.defects = Defects()
         self._file = file
         self._paths, self._links = content["arcline_path_3"], content["connectivity"]
-        self._has_good_paths = are_paths([path for paths in self._paths.values() for path in _listed(paths)])
+        self._has_good_paths = are_paths(
+            [path for paths in self._paths.values() for path in (paths if isinstance(paths, list) else [paths])]
+        )
         self._nodes = _nodes(content["node"])
         self._lines = {record["token"]: record for record in _named(content["line"])}
         self._polygons = {record["token"]: record for record in _named(content["polygon"])}
@@ -175,11 +177,6 @@ def read_expansion(path: Path, file: str) -> Expansion:
 def words(value: Any) -> list[str]:
     """The texts in a list."""
     return [each for each in value if isinstance(each, str)] if isinstance(value, list) else []
-
-
-def _listed(value: Any) -> list[Any]:
-    """A list, or a list of a value that is none."""
-    return value if isinstance(value, list) else [value]
 
 
 def _reference(record: LayerRecord, field: str) -> str:

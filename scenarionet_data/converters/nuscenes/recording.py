@@ -227,7 +227,9 @@ class _SceneReader:
         release = self._release
         rows = release.boxes.of(self._number)
         stated = np.bincount(rows["instance"][rows["instance"] >= 0], minlength=len(release.instances["token"]))
-        place = self._keyframe_of(rows["sample"], step)
+        number = rows["sample"] - self._release.samples.start[self._number]
+        is_inside = (number >= 0) & (number < len(step))
+        place = np.append(step, -1)[np.where(is_inside, number, -1)]
         good = np.ones(len(place), np.bool_)
 
         def drop(mask: Bool, field: str, reason: str) -> None:
@@ -256,12 +258,6 @@ class _SceneReader:
             boxes[is_jump], source[is_jump] = 0.0, -1
         return self._described(rows, which, boxes, source, stated)
 
-    def _keyframe_of(self, sample: Int64, step: Int64) -> Int64:
-        """(R,) keyframe of each row by its row of ``sample``; -1 if that is unknown, unusable, or of another scene."""
-        number = sample - self._release.samples.start[self._number]
-        is_inside = (number >= 0) & (number < len(step))
-        return np.append(step, -1)[np.where(is_inside, number, -1)]
-
     def _described(self, rows: dict[str, Array], which: Int64, boxes: Float64, source: Int64, stated: Int64) -> Objects:
         """Objects from their boxes and the row (N, K) of each; ``stated`` is the number of rows that name an object."""
         kept = (source >= 0).any(axis=1)
@@ -281,7 +277,10 @@ class _SceneReader:
             first = np.argmax(is_short)
             reason = f"expected {count[first]} annotations, found {stated[which][first]}; their number is not used"
             self.defects.assume("tracks", self._file("instance"), tokens[is_short].tolist(), "nbr_annotations", reason)
-        attributes = _attributes(bits, row, len(which), self._release.attributes)
+        shifts = np.arange(len(self._release.attributes), dtype=np.uint64)
+        counts = np.zeros((len(which), len(self._release.attributes)), np.int64)
+        np.add.at(counts, row, ((bits[:, None] >> shifts) & np.uint64(1)).astype(np.int64))
+        attributes = [{self._release.attributes[k]: n for k, n in enumerate(line) if n} for line in counts.tolist()]
         return Objects(tokens, categories, attributes, boxes, source >= 0)
 
     def _drop(self, table: str, rows: dict[str, Array], mask: Bool, field: str, reason: str) -> None:
@@ -292,11 +291,3 @@ class _SceneReader:
 
 
 _TOO_FAST = f"expected less than {MAX_SPEED:.0f} m/s from and to the neighbouring positions, found more"
-
-
-def _attributes(bits: Array, row: Array, num_objects: int, words: list[str]) -> list[dict[str, int]]:
-    """Number of rows of each object with each bit."""
-    shifts = np.arange(len(words), dtype=np.uint64)
-    counts = np.zeros((num_objects, len(words)), np.int64)
-    np.add.at(counts, row, ((bits[:, None] >> shifts) & np.uint64(1)).astype(np.int64))
-    return [{words[k]: n for k, n in enumerate(line) if n} for line in counts.tolist()]

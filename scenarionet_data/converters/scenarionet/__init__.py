@@ -19,11 +19,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from scenarionet_data.converters.base import Converter, find_files
+from scenarionet_data.converters.base import Converter, find_files, unused_files
 from scenarionet_data.converters.scenarionet.scenario import UNKNOWN_LICENCE, make_scenario
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.converters.scenarionet.usable import UNREADABLE, explain
-from scenarionet_data.converters.unused import unused_files
 from scenarionet_data.errors import CorruptSource, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties
 from scenarionet_data.ingest.options import Options

@@ -236,7 +236,10 @@ def _feature_form(name: str, value: Any, feature: Mapping[str, Any]) -> str:
     if name in LINES:
         return OWN if name == "polyline" and "position" in feature else _line_form(value)
     if name in LINKS:
-        return _links_form(value)
+        if type(value) is not list:
+            return literal(value) if value is None else OWN
+        kinds = {_ID_KINDS.get(type(item), OWN) for item in value}
+        return "none" if not value else kinds.pop() if len(kinds) == 1 else OWN
     if name == "width" and isinstance(value, np.ndarray) and value.ndim == 2 and value.size:
         count = len(feature.get("polyline", ()))
         if value.any():
@@ -259,14 +262,6 @@ def _line_form(line: Any) -> str:
     if type(first) in (list, tuple) and all(type(number) is float for number in first):
         return f"{type(line).__name__} of {type(first).__name__} {len(first)}"
     return OWN
-
-
-def _links_form(items: Any) -> str:
-    """Form of a list of ids or records."""
-    if type(items) is not list:
-        return literal(items) if items is None else OWN
-    kinds = {_ID_KINDS.get(type(item), OWN) for item in items}
-    return "none" if not items else kinds.pop() if len(kinds) == 1 else OWN
 
 
 def _keep_thirds(features: Members, own: list[dict[str, Any]]) -> None:

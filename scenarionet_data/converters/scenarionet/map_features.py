@@ -49,13 +49,27 @@ def make_map(features: Mapping[Any, Feature], frame: Frame, own: Sequence[dict[s
     keys: set[str] = set().union(*known)  # most datasets have few of the keys, and each takes a pass over the map
     links = {key: [_listed(feature.get(key)) for feature in known] for key in LINKS if key in keys}
     extras = _extras(known, links, frame.is_ours)
+    lines = _points([feature.get("position", feature.get("polyline")) for feature in known], frame)
+    if frame.moved.any():
+        is_sign = np.array(["position" in feature for feature in known])
+        lines.values[np.repeat(is_sign, lines.lengths)] += frame.moved
+    outlines = _points([feature.get("polygon") for feature in known], frame)
+    for row, feature in enumerate(known):
+        if "polygon_z" in feature:
+            outlines[row][:, 2] = feature["polygon_z"]
+    is_lane = np.array([str(feature["type"]).startswith("LANE_") for feature in known])
+    exact = np.array([feature.get("speed_limit_mps") or np.nan for feature in known], np.float64)
+    kmh = np.array([_kmh(feature) or np.nan for feature in known], np.float64)
+    for invented in _INVENTED_LIMITS.get(frame.quirks, ()):
+        kmh[np.abs(kmh - invented) < 1e-3] = np.nan
+    limits: Float64 = np.where(is_lane, np.where(np.isnan(exact), kmh / 3.6, exact), np.nan)
     return make_features(
         list(features),
         [_FEATURE_TYPES[str(feature["type"])] for feature in known],
-        polyline=_lines(known, frame),
-        polygon=_polygons(known, frame),
+        polyline=lines,
+        polygon=outlines,
         width=_widths(known) if "width" in keys else Ragged.empty(len(known), width=2),
-        speed_limit=_speed_limits(known, frame.quirks),
+        speed_limit=limits,
         links={LINKS[key]: _ids(lists) for key, lists in links.items()},
         is_intersection=[-1 if (told := feature.get("is_intersection")) is None else int(told) for feature in known],
         extras=[
@@ -64,24 +78,6 @@ def make_map(features: Mapping[Any, Feature], frame: Frame, own: Sequence[dict[s
         origin=frame.local_origin,
         has_z=frame.has_z,
     )
-
-
-def _lines(features: Sequence[Feature], frame: Frame) -> Ragged:
-    """Polylines, or the point of a stop sign, in the frame of the pickle's tracks."""
-    lines = _points([feature.get("position", feature.get("polyline")) for feature in features], frame)
-    if frame.moved.any():
-        is_sign = np.array(["position" in feature for feature in features])
-        lines.values[np.repeat(is_sign, lines.lengths)] += frame.moved
-    return lines
-
-
-def _polygons(features: Sequence[Feature], frame: Frame) -> Ragged:
-    """Polygons; this project's export stores the heights of a lane's polygon separately."""
-    outlines = _points([feature.get("polygon") for feature in features], frame)
-    for row, feature in enumerate(features):
-        if "polygon_z" in feature:
-            outlines[row][:, 2] = feature["polygon_z"]
-    return outlines
 
 
 def _points(lines: Sequence[Any], frame: Frame) -> Ragged:
@@ -152,17 +148,6 @@ def _extras(
             if items and isinstance(items[0], dict):  # all items of a list have the same form
                 found[key] = items
     return extras
-
-
-def _speed_limits(features: Sequence[Feature], dataset: str) -> Float64:
-    """(M,) speed limits of lanes [m/s]; NaN if unknown."""
-    is_lane = np.array([str(feature["type"]).startswith("LANE_") for feature in features])
-    exact = np.array([feature.get("speed_limit_mps") or np.nan for feature in features], np.float64)
-    kmh = np.array([_kmh(feature) or np.nan for feature in features], np.float64)
-    for invented in _INVENTED_LIMITS.get(dataset, ()):
-        kmh[np.abs(kmh - invented) < 1e-3] = np.nan
-    limits: Float64 = np.where(is_lane, np.where(np.isnan(exact), kmh / 3.6, exact), np.nan)
-    return limits
 
 
 def _kmh(feature: Feature) -> float | None:

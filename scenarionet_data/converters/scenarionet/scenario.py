@@ -76,7 +76,9 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
         InvalidScenario, or an error of Python's for a field that is missing or of the wrong type.
     """
     metadata, length, defects = description["metadata"], description["length"], Defects()
-    times = _read_times(metadata, length, where)
+    times = np.asarray(metadata["ts"], dtype=np.float64)
+    if times.shape != (length,) or not length or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        raise InvalidScenario(where, "metadata.ts", f"expected {length} increasing times [s], found others")
     tracks, states = build_usable(
         "tracks", description["tracks"], lambda members: read_states(members, length, where), where, defects
     )
@@ -87,7 +89,12 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
             where, "metadata.sdc_id", f"expected a track that can be read, found none named {ego_id!r}"
         )
     ego = ids.index(ego_id)
-    _assume_types(tracks, where, defects)
+    found: dict[str, list[str]] = {}
+    for track_id, track in tracks.items():
+        if track["type"] not in ObjectType.__members__:
+            found.setdefault(str(track["type"]), []).append(f"track {track_id}")
+    for word, names in found.items():
+        defects.assume("tracks", where, names, "type", f"expected a type of MetaDrive's, found {word!r}")
     drop_bad_states(states, ids, ego, times, where, defects)
     features, has_heights = build_usable("maps", description["map_features"], _have_heights, where, defects)
     has_heights = has_heights or bool(states.position[..., 2][states.valid].any())
@@ -113,6 +120,7 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
     if map_features is None and not frame.is_ours:
         defects.assume_empty_map(where)
     name = str(description.get("id", metadata.get("scenario_id")))
+    named = [str(track_id) for track_id in metadata.get("objects_of_interest", ())]
     scenario = ScenarioDescription(
         id=make_scenario_id(shard.dataset, shard.version, f"{frame.dataset}_{name}"),
         dataset=shard.dataset,
@@ -128,7 +136,7 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
         tracks=make_pickled_tracks(tracks, states, frame, ego, own),
         lights=lights,
         map=map_features,
-        objects_of_interest=_of_interest(metadata, ids, where, defects),
+        objects_of_interest=tuple(_present(named, ids, "objects_of_interest", where, defects)),
         tracks_to_predict=_to_predict(metadata, ids, where, defects),
         extras=_make_extras(description, frame, name),
         defects=defects.found(),
@@ -152,18 +160,6 @@ def make_scenario(shard: Shard, where: str, description: dict[str, Any]) -> Scen
     scenario = replace(scenario, extras={**scenario.extras, LAYOUT: pickled})
     str(to_json(scenario.extras)).encode()  # raises an error for text that is not Unicode, and numbers not in JSON
     return scenario
-
-
-def _read_times(metadata: Mapping[str, Any], length: int, where: str) -> Float64:
-    """(T,) times [s] of the timesteps.
-
-    Raises:
-        InvalidScenario: They are not T increasing numbers.
-    """
-    times = np.asarray(metadata["ts"], dtype=np.float64)
-    if times.shape != (length,) or not length or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-        raise InvalidScenario(where, "metadata.ts", f"expected {length} increasing times [s], found others")
-    return times
 
 
 def _make_map(members: Mapping[Any, Any], frame: Frame, where: str) -> tuple[dict[str, Any], MapFeatures | None]:
@@ -193,21 +189,6 @@ def _have_heights(features: Mapping[Any, Any]) -> bool:
     """Whether any line has heights; raises an error for a feature without a type, or whose line cannot be read."""
     typed = [(feature["type"], feature.get("polyline", ())) for feature in features.values()]
     return any(len(line) and len(line[0]) == 3 and np.asarray(line)[:, 2].any() for _, line in typed)
-
-
-def _assume_types(tracks: Mapping[Any, Any], where: str, defects: Defects) -> None:
-    """Report types that the lake does not have, which become OTHER."""
-    found: dict[str, list[str]] = {}
-    for track_id, track in tracks.items():
-        if track["type"] not in ObjectType.__members__:
-            found.setdefault(str(track["type"]), []).append(f"track {track_id}")
-    for word, names in found.items():
-        defects.assume("tracks", where, names, "type", f"expected a type of MetaDrive's, found {word!r}")
-
-
-def _of_interest(metadata: Mapping[str, Any], ids: list[str], where: str, defects: Defects) -> tuple[str, ...]:
-    named = [str(track_id) for track_id in metadata.get("objects_of_interest", ())]
-    return tuple(_present(named, ids, "objects_of_interest", where, defects))
 
 
 def _to_predict(
@@ -259,14 +240,15 @@ def _make_extras(description: Mapping[str, Any], frame: Frame, name: str) -> dic
     metadata = description["metadata"]
     if frame.is_ours:
         return dict(metadata.get("extras", {}))
-    rest = {str(key): value for key, value in metadata.items() if key not in _STORED and _is_simple(value)}
+    rest = {
+        str(key): value
+        for key, value in metadata.items()
+        if key not in _STORED
+        and (value is None or type(value) in (str, int, bool) or (type(value) is float and math.isfinite(value)))
+    }
     return {
         "dataset": frame.dataset,
         "version": str(description["version"]),
         "id": name,
         **({"metadata": rest} if rest else {}),
     }
-
-
-def _is_simple(value: Any) -> bool:
-    return value is None or type(value) in (str, int, bool) or (type(value) is float and math.isfinite(value))

@@ -79,10 +79,13 @@ def read_states(tracks: TrackDicts, length: int, where: str) -> States:
     unknown = np.asarray((valid & (size == 0).any(axis=-1)).any(axis=1), dtype=np.bool_)
     for row in np.flatnonzero(unknown):
         size[row] = _ASSUMED_SIZES.get(int(types[row]), _ASSUMED_SIZE)
+    heading = stack.scalars("heading")
+    if (heading == _MINUS_PI).any():  # float32's -pi is below -pi and would be wrapped to +pi
+        heading = np.where(heading == _MINUS_PI, np.float64(-np.pi), heading)
     return States(
         object_type=types,
         position=stack.points("position", 3),
-        heading=_headings(stack.scalars("heading")),
+        heading=heading,
         velocity=stack.points("velocity", 2),
         size=size,
         valid=valid,
@@ -90,11 +93,6 @@ def read_states(tracks: TrackDicts, length: int, where: str) -> States:
         is_interpolated=np.zeros_like(valid),
         is_velocity_repaired=np.zeros(len(types), np.bool_),
     )
-
-
-def _headings(heading: Array) -> Array:
-    """Headings with -pi in place of float32's -pi, which is below -pi and would be wrapped to +pi."""
-    return np.where(heading == _MINUS_PI, np.float64(-np.pi), heading) if (heading == _MINUS_PI).any() else heading
 
 
 def _object_type(track: Mapping[str, Any]) -> int:

@@ -33,13 +33,24 @@ def to_plain(value: Any) -> Any:
     if isinstance(value, list):
         return [to_plain(item) for item in value]
     if isinstance(value, dict):
-        return _plain_mapping(value)
+        counts = isinstance(value, defaultdict) and value.default_factory is int
+        if not counts and all(type(key) is str for key in value) and _KIND not in value:
+            return {key: to_plain(item) for key, item in value.items()}
+        items = [[to_plain(key), to_plain(item)] for key, item in value.items()]
+        return {_KIND: "mapping", "counts": counts, "items": items}
     if isinstance(value, tuple):
         return {_KIND: "tuple", "items": [to_plain(item) for item in value]}
     if isinstance(value, set | frozenset):
         return {_KIND: type(value).__name__, "items": [to_plain(item) for item in sorted(value, key=repr)]}
     if isinstance(value, np.ndarray):
-        return _plain_array(value)
+        plain = {_KIND: "array", "dtype": value.dtype.str, "shape": list(value.shape)}
+        if value.dtype.kind in "OUS":
+            return plain | {"items": to_plain(value.reshape(-1).tolist())}
+        data = value.tobytes()
+        first = data[: value.itemsize]
+        if value.size > 1 and data == first * value.size:  # such as controls that are 0 throughout
+            data = first
+        return plain | {"data": base64.b64encode(data).decode()}
     if isinstance(value, bytes | bytearray):
         return {_KIND: "bytes", "data": base64.b64encode(value).decode()}
     raise TypeError(f"expected builtins and arrays, found {type(value).__name__}")
@@ -59,38 +70,15 @@ def from_plain(value: Any) -> Any:
     if kind == "bytes":
         return base64.b64decode(value["data"])
     if kind == "array":
-        return _array(value)
+        dtype, shape = np.dtype(value["dtype"]), tuple(value["shape"])
+        if "items" in value:
+            values = np.empty(len(value["items"]), dtype)
+            values[:] = from_plain(value["items"])
+            return values.reshape(shape)
+        values = np.frombuffer(base64.b64decode(value["data"]), dtype)
+        size = math.prod(shape)
+        return np.array(np.broadcast_to(values, (size,)) if len(values) == 1 else values).reshape(shape)
     if kind == "mapping":
         items = [(from_plain(key), from_plain(item)) for key, item in value["items"]]
         return defaultdict(int, items) if value["counts"] else dict(items)
     return _COLLECTIONS[kind]([from_plain(item) for item in value["items"]])
-
-
-def _plain_mapping(value: dict[Any, Any]) -> dict[str, Any]:
-    counts = isinstance(value, defaultdict) and value.default_factory is int
-    if not counts and all(type(key) is str for key in value) and _KIND not in value:
-        return {key: to_plain(item) for key, item in value.items()}
-    items = [[to_plain(key), to_plain(item)] for key, item in value.items()]
-    return {_KIND: "mapping", "counts": counts, "items": items}
-
-
-def _plain_array(array: np.ndarray[Any, Any]) -> dict[str, Any]:
-    plain = {_KIND: "array", "dtype": array.dtype.str, "shape": list(array.shape)}
-    if array.dtype.kind in "OUS":
-        return plain | {"items": to_plain(array.reshape(-1).tolist())}
-    data = array.tobytes()
-    first = data[: array.itemsize]
-    if array.size > 1 and data == first * array.size:  # such as controls that are 0 throughout
-        data = first
-    return plain | {"data": base64.b64encode(data).decode()}
-
-
-def _array(plain: dict[str, Any]) -> np.ndarray[Any, Any]:
-    dtype, shape = np.dtype(plain["dtype"]), tuple(plain["shape"])
-    if "items" in plain:
-        values = np.empty(len(plain["items"]), dtype)
-        values[:] = from_plain(plain["items"])
-        return values.reshape(shape)
-    values = np.frombuffer(base64.b64decode(plain["data"]), dtype)
-    size = math.prod(shape)
-    return np.array(np.broadcast_to(values, (size,)) if len(values) == 1 else values).reshape(shape)

@@ -19,7 +19,7 @@ from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.formats.map_files import read_map
 from scenarionet_data.converters.table.columns import DEGREES, read_columns
 from scenarionet_data.converters.table.contradictions import find_contradictions
-from scenarionet_data.converters.table.rows import TrackRows, read_rows
+from scenarionet_data.converters.table.rows import read_rows
 from scenarionet_data.converters.table.windows import TrackWindow, WindowOptions, cut, describe
 from scenarionet_data.errors import CorruptSource, SourceNotFound
 from scenarionet_data.ingest.defects import Defects
@@ -104,7 +104,11 @@ class TrackTable(Converter[TrackWindow]):
                 f"{shard.paths[0]}: {'; '.join(contradictions)}. Say what is so in columns.toml, or convert it as "
                 "it is with -p trust=true"
             )
-        _tell_gaps(rows, file, defects)
+        number = np.bincount(rows.track)
+        first = np.flatnonzero(np.diff(rows.track, prepend=-1))
+        missing = rows.frame[np.append(first[1:], len(rows.frame)) - 1] - rows.frame[first] + 1 - number
+        reason = "expected a row for each timestep from a track's first to its last, found gaps, where it is not valid"
+        defects.assume("tracks", file, [f"track {name}" for name in rows.ids[missing > 0]], "time", reason)
         yield from cut(rows, clock, options, defects)
 
     def scenario(self, shard: Shard, record: TrackWindow) -> ScenarioDescription:
@@ -121,15 +125,6 @@ class TrackTable(Converter[TrackWindow]):
         )
         has_z = bool(record.rows.height.any())
         return describe(shard, record, source, city, Path(options.map).stem if options.map else None, has_z)
-
-
-def _tell_gaps(rows: TrackRows, file: str, defects: Defects) -> None:
-    """Say which tracks lack states between their first and last."""
-    number = np.bincount(rows.track)
-    first = np.flatnonzero(np.diff(rows.track, prepend=-1))
-    missing = rows.frame[np.append(first[1:], len(rows.frame)) - 1] - rows.frame[first] + 1 - number
-    reason = "expected a row for each timestep from a track's first to its last, found gaps, where it is not valid"
-    defects.assume("tracks", file, [f"track {name}" for name in rows.ids[missing > 0]], "time", reason)
 
 
 def _city(options: TableOptions) -> CityMap:

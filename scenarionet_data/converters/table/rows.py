@@ -140,7 +140,16 @@ def read_rows(path: Path, file: str, columns: TableColumns, defects: Defects) ->
         velocity = np.column_stack([given["vx"], given["vy"]])
     elif "speed" in given and "heading" in given:
         velocity = given["speed"][:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
-    size, has_size = _sizes(given, columns, kinds, word, words.dictionary.to_pylist())
+    default = columns.sizes.get(ObjectType.OTHER, columns.sizes.get(ObjectType.VEHICLE))
+    by_kind = np.array([columns.sizes.get(kind, default) for kind in ObjectType])
+    size = by_kind[kinds]
+    for number, each in enumerate(words.dictionary.to_pylist()):
+        if each.lower() in columns.sizes:
+            size[word == number] = columns.sizes[each.lower()]
+    for axis, name in enumerate(("length", "width", "height")):
+        if name in given:
+            size[:, axis] = given[name]
+    size, has_size = size, "length" in given
 
     keep = is_timed
     expected = f"a multiple of {columns.step:g} s" if columns.step else "a time within a day of the others"
@@ -293,19 +302,3 @@ def _distinct(time: Float64, order: Int64) -> tuple[FrameClock, Int64]:
     frame[order] = found
     step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
     return FrameClock(step, float(times[0]), times - times[0]), frame
-
-
-def _sizes(
-    given: dict[str, Float64], columns: TableColumns, kinds: Int64, word: Int64, words: list[str]
-) -> tuple[Float64, bool]:
-    """(R, 3) length, width, height [m], and whether length and width are recorded."""
-    default = columns.sizes.get(ObjectType.OTHER, columns.sizes.get(ObjectType.VEHICLE))
-    by_kind = np.array([columns.sizes.get(kind, default) for kind in ObjectType])
-    size = by_kind[kinds]
-    for number, each in enumerate(words):
-        if each.lower() in columns.sizes:
-            size[word == number] = columns.sizes[each.lower()]
-    for axis, name in enumerate(("length", "width", "height")):
-        if name in given:
-            size[:, axis] = given[name]
-    return size, "length" in given

@@ -162,6 +162,9 @@ class Waymo(Converter[TfRecord]):
         if features is None:
             defects.assume_empty_map(file)
         lights = usable_lights(message.lights, len(message.timestamps), origin, file, defects)
+        is_there = np.isin(message.objects_of_interest, tracks.ids)
+        lost = [f"track {name}" for name in message.objects_of_interest[~is_there]]
+        defects.assume("tracks", file, lost, "objects_of_interest", _TARGETS)
         return ScenarioDescription(
             id=scenario_id,
             dataset=self.name,
@@ -177,7 +180,7 @@ class Waymo(Converter[TfRecord]):
             tracks=_tracks(usable, origin),
             lights=_lights(lights, len(message.timestamps), features, origin),
             map=features,
-            objects_of_interest=_objects_of_interest(message, tracks, file, defects),
+            objects_of_interest=tuple(str(name) for name in message.objects_of_interest[is_there]),
             tracks_to_predict=_tracks_to_predict(message, tracks, file, defects),
             extras={"num_unknown_map_features": message.map.num_unknown} if message.map.num_unknown else {},
             defects=defects.found(),
@@ -220,13 +223,6 @@ def _lights(lights: WireLights, num_timesteps: int, features: MapFeatures | None
 
 
 _TARGETS = "expected tracks of the scenario, found others, which are left out"
-
-
-def _objects_of_interest(message: WireScenario, tracks: WireTracks, file: str, defects: Defects) -> tuple[str, ...]:
-    is_there = np.isin(message.objects_of_interest, tracks.ids)
-    lost = [f"track {name}" for name in message.objects_of_interest[~is_there]]
-    defects.assume("tracks", file, lost, "objects_of_interest", _TARGETS)
-    return tuple(str(name) for name in message.objects_of_interest[is_there])
 
 
 def _tracks_to_predict(

@@ -56,7 +56,11 @@ def usable_tracks(message: WireScenario, file: str, scenario_id: str, defects: D
     for name, count in tracks.incomplete:
         reason = f"expected {steps} states, found {count}"
         defects.drop("tracks", file, [f"track {name}"] * max(count, 1), "states", reason)
-    is_kept = _is_first(tracks.ids, ego)
+    is_first = np.zeros(len(tracks.ids), np.bool_)
+    is_first[np.unique(tracks.ids, return_index=True)[1]] = True
+    is_first[tracks.ids == tracks.ids[ego]] = False
+    is_first[ego] = True
+    is_kept = is_first
     again = [f"track {name}" for name, valid in zip(tracks.ids[~is_kept], tracks.valid[~is_kept], strict=True)
              for _ in range(max(int(valid.sum()), 1))]  # fmt: skip
     defects.drop("tracks", file, again, "id", "expected an id that no other track has, found one again")
@@ -84,15 +88,6 @@ def _row_of_ego(message: WireScenario, scenario_id: str) -> int:
         wanted = f"expected {len(message.timestamps)} states of the ego, track {number}"
         raise InvalidScenario(scenario_id, "tracks.states", f"{wanted}, found another number")
     return int(rows[0])
-
-
-def _is_first(ids: Int64, ego: int) -> Bool:
-    """(N,) whether no track before has the same id; of the ego's id, only the ego has."""
-    is_first = np.zeros(len(ids), np.bool_)
-    is_first[np.unique(ids, return_index=True)[1]] = True
-    is_first[ids == ids[ego]] = False
-    is_first[ego] = True
-    return is_first
 
 
 def _bad_states(tracks: WireTracks, valid: Bool, ego: int, file: str, defects: Defects) -> Bool:

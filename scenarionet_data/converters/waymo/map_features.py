@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import METRES, offsets_from, rounded
 from scenarionet_data.converters.waymo.extras import write_extras
@@ -74,9 +74,13 @@ def map_features(features: WaymoWireMap, is_bad: Bool, origin: Float64) -> MapFe
     def ids(links: Int64, column: int) -> Ragged:
         return Ragged(_offsets(np.bincount(links[:, 0], minlength=count)), strings(links[:, column].tolist()))
 
+    codes = np.zeros(len(features.kinds), np.uint8)
+    for kind, table in _TYPES.items():
+        mask = features.kinds == kind
+        codes[mask] = np.array(table, np.uint8)[features.types[mask]]
     found = MapFeatures(
         ids=strings(features.ids.tolist()),
-        feature_type=_codes(features.kinds, features.types),
+        feature_type=codes,
         polyline=_geometry(points, features.num_points, is_line),
         polygon=_geometry(points, features.num_points, ~is_line),
         speed_limit=limit.astype(np.float32),
@@ -92,14 +96,6 @@ def map_features(features: WaymoWireMap, is_bad: Bool, origin: Float64) -> MapFe
         extras=write_extras(features, _BOUNDARY_CODES),
     )
     return found.take(np.flatnonzero(~is_bad)) if is_bad.any() else found
-
-
-def _codes(kinds: Int64, types: Int64) -> UInt8:
-    codes = np.zeros(len(kinds), np.uint8)
-    for kind, table in _TYPES.items():
-        mask = kinds == kind
-        codes[mask] = np.array(table, np.uint8)[types[mask]]
-    return codes
 
 
 def _geometry(points: Float32, num_points: Int64, mask: Bool) -> Ragged:

@@ -156,23 +156,18 @@ def decode(payload: bytes, where: str, identify: Callable[[str], str] = str) -> 
     try:
         root = Messages.of(payload)
         fields = root.fields()
-        scenario_id = _scenario_id(fields, where)
+        texts = fields.parts(5).contents()
+        try:
+            scenario_id = texts[-1].decode() if texts else ""
+        except UnicodeDecodeError:
+            scenario_id = ""
+        if not scenario_id:
+            wanted = "expected a waymo.open_dataset.Scenario (of the `scenario` files, not of the `tf_example` files)"
+            raise InvalidScenario(where, "scenario_id", f"{wanted}, found a record without scenario_id")
         where = identify(scenario_id)
         return _scenario(root, fields, scenario_id, where)
     except DamagedMessage as error:
         raise InvalidScenario(where, "record", f"expected a protobuf message, found {error} of the record") from None
-
-
-def _scenario_id(fields: Fields, where: str) -> str:
-    texts = fields.parts(5).contents()
-    try:
-        scenario_id = texts[-1].decode() if texts else ""
-    except UnicodeDecodeError:
-        scenario_id = ""
-    if not scenario_id:
-        wanted = "expected a waymo.open_dataset.Scenario (of the `scenario` files, not of the `tf_example` files)"
-        raise InvalidScenario(where, "scenario_id", f"{wanted}, found a record without scenario_id")
-    return scenario_id
 
 
 def _scenario(root: Messages, fields: Fields, scenario_id: str, where: str) -> WireScenario:
@@ -180,6 +175,12 @@ def _scenario(root: Messages, fields: Fields, scenario_id: str, where: str) -> W
     if not len(timestamps):
         raise InvalidScenario(where, "timestamps_seconds", "expected one per step, found none")
     predictions = fields.parts(11).scalars("vv")
+    lights = fields.parts(7).fields().parts(1)
+    bits = lights.scalars("vv")
+    points = lights.fields().parts(3)
+    stop_point = np.full((len(lights), 3), np.nan)
+    stop_point[points.owner] = doubles(points.scalars("ddd"))
+    states = int32s(bits[:, 1])
     return WireScenario(
         scenario_id=scenario_id,
         timestamps=timestamps,
@@ -188,7 +189,13 @@ def _scenario(root: Messages, fields: Fields, scenario_id: str, where: str) -> W
         objects_of_interest=int32s(fields.lists(4, "v")[1]),
         tracks_to_predict=np.stack([int32s(predictions[:, 0]), enums(predictions[:, 1], 3)], axis=1),
         tracks=_tracks(fields.parts(2), len(timestamps)),
-        lights=_lights(fields.parts(7)),
+        lights=WireLights(
+            step=lights.owner.astype(np.int64),
+            lane=int64s(bits[:, 0]),
+            state=enums(bits[:, 1], 9),
+            is_state_known=(states >= 0) & (states < 9),
+            stop_point=stop_point,
+        ),
         map=_map(fields.parts(8)),
     )
 
@@ -216,22 +223,6 @@ def _tracks(tracks: Messages, num_steps: int) -> WireTracks:
         valid=bits[..., 10] != 0,
         total=len(tracks),
         incomplete=list(zip(ids[~is_whole].tolist(), counts[~is_whole].tolist(), strict=True)),
-    )
-
-
-def _lights(steps: Messages) -> WireLights:
-    lights = steps.fields().parts(1)
-    bits = lights.scalars("vv")
-    points = lights.fields().parts(3)
-    stop_point = np.full((len(lights), 3), np.nan)
-    stop_point[points.owner] = doubles(points.scalars("ddd"))
-    states = int32s(bits[:, 1])
-    return WireLights(
-        step=lights.owner.astype(np.int64),
-        lane=int64s(bits[:, 0]),
-        state=enums(bits[:, 1], 9),
-        is_state_known=(states >= 0) & (states < 9),
-        stop_point=stop_point,
     )
 
 

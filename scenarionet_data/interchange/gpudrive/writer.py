@@ -26,6 +26,13 @@ class GpuDriveWriter:
         scene = make_scene(scenario, losses)
         losses.leave_out("objects beyond those that GPUDrive reads", max(len(scene.rows) - MAX_OBJECTS, 0))
         losses.leave_out("roads beyond those that GPUDrive reads", max(len(scene.roads) - MAX_ROADS, 0))
+        place_of = {scenario.tracks.ids[row]: place for place, row in enumerate(scene.rows[:MAX_OBJECTS])}
+        interesting = [scene.ids[place_of[track]] for track in scenario.objects_of_interest if track in place_of]
+        predicted = [
+            {"track_index": place_of[track], "difficulty": difficulty}
+            for track, difficulty in dict(scenario.tracks_to_predict).items()
+            if track in place_of
+        ]
         text = json.dumps(
             {
                 "name": f"{stem}.json",
@@ -33,7 +40,11 @@ class GpuDriveWriter:
                 "objects": [_object(scenario, scene, place) for place in range(min(len(scene.rows), MAX_OBJECTS))],
                 "roads": [_road(scenario, each, losses) for each in scene.roads[:MAX_ROADS]],
                 "tl_states": {},
-                "metadata": _metadata(scenario, scene),
+                "metadata": {
+                    "sdc_track_index": scene.ego,
+                    "objects_of_interest": interesting,
+                    "tracks_to_predict": predicted,
+                },
             }
         )
         return {f"{stem}.json": text.encode()}
@@ -84,14 +95,3 @@ def _road(scenario: ScenarioDescription, road: tuple[int, int, Float64], losses:
         "map_element_id": number,
         "id": feature_id,
     }
-
-
-def _metadata(scenario: ScenarioDescription, scene: TrainingScene) -> dict[str, Any]:
-    place_of = {scenario.tracks.ids[row]: place for place, row in enumerate(scene.rows[:MAX_OBJECTS])}
-    interesting = [scene.ids[place_of[track]] for track in scenario.objects_of_interest if track in place_of]
-    predicted = [
-        {"track_index": place_of[track], "difficulty": difficulty}
-        for track, difficulty in dict(scenario.tracks_to_predict).items()
-        if track in place_of
-    ]
-    return {"sdc_track_index": scene.ego, "objects_of_interest": interesting, "tracks_to_predict": predicted}

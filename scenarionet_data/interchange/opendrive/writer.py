@@ -59,9 +59,20 @@ def write_map(scenario: ScenarioDescription, losses: Losses) -> bytes:
     network = make_roads(scenario.map, losses)
     if not network.roads:
         raise InvalidScenario(scenario.id, "map", "expected lanes, found none")
-    _report_features(scenario.map, losses)
+    held = {*_MARKS, *_LANE_TYPES}
+    for kind, count in zip(*np.unique(scenario.map.feature_type, return_counts=True), strict=True):
+        if kind > MapFeatureType.LANE_BIKE_LANE and MapFeatureType(kind) not in held:
+            losses.leave_out(f"map features of type {MapFeatureType(kind).name}", int(count))
     root = Xml.Element("OpenDRIVE")
-    root.append(_header(scenario, network))
+    points = np.concatenate([road.curve.points for road in network.roads])
+    (west, south, _), (east, north, _) = points.min(axis=0), points.max(axis=0)
+    header = Xml.Element(
+        "header", revMajor="1", revMinor="7", name=scenario.map_id or scenario.id, version="1.00",
+        north=_number(north), south=_number(south), east=_number(east), west=_number(west), vendor="scenarionet-lake",
+    )  # fmt: skip
+    # Not as <offset>: readers that know it move the map away from the positions of an OpenSCENARIO file.
+    Xml.SubElement(header, "userData", code="origin", value=" ".join(map(_number, scenario.origin.tolist())))
+    root.append(header)
     signals = _signals(scenario, network, losses)
     for road in network.roads:
         root.append(_road(road, network, scenario.map, signals.get(road.number, [])))
@@ -72,25 +83,6 @@ def write_map(scenario: ScenarioDescription, losses: Losses) -> bytes:
     Xml.indent(root, " ")
     text: bytes = Xml.tostring(root, "utf-8", xml_declaration=True)
     return text + b"\n"
-
-
-def _report_features(features: MapFeatures, losses: Losses) -> None:
-    held = {*_MARKS, *_LANE_TYPES}
-    for kind, count in zip(*np.unique(features.feature_type, return_counts=True), strict=True):
-        if kind > MapFeatureType.LANE_BIKE_LANE and MapFeatureType(kind) not in held:
-            losses.leave_out(f"map features of type {MapFeatureType(kind).name}", int(count))
-
-
-def _header(scenario: ScenarioDescription, network: RoadNetwork) -> Xml.Element:
-    points = np.concatenate([road.curve.points for road in network.roads])
-    (west, south, _), (east, north, _) = points.min(axis=0), points.max(axis=0)
-    header = Xml.Element(
-        "header", revMajor="1", revMinor="7", name=scenario.map_id or scenario.id, version="1.00",
-        north=_number(north), south=_number(south), east=_number(east), west=_number(west), vendor="scenarionet-lake",
-    )  # fmt: skip
-    # Not as <offset>: readers that know it move the map away from the positions of an OpenSCENARIO file.
-    Xml.SubElement(header, "userData", code="origin", value=" ".join(map(_number, scenario.origin.tolist())))
-    return header
 
 
 def _road(road: LaneRoad, network: RoadNetwork, features: MapFeatures, signals: list[LightSignal]) -> Xml.Element:
@@ -110,7 +102,10 @@ def _road(road: LaneRoad, network: RoadNetwork, features: MapFeatures, signals: 
     if limits and np.isfinite(limits).all():
         Xml.SubElement(kind, "speed", max=_number(max(limits)), unit="m/s")
     element.append(_plan_view(road))
-    element.append(_elevation(road))
+    profile = Xml.Element("elevationProfile")
+    for start, height, slope in _lines(road.curve.stations, road.curve.points[:, 2], _FINEST_WIDTH):
+        Xml.SubElement(profile, "elevation", s=start, a=height, b=slope, c="0", d="0")
+    element.append(profile)
     element.append(_lanes(road, features))
     if signals:
         holder = Xml.SubElement(element, "signals")
@@ -138,13 +133,6 @@ def _plan_view(road: LaneRoad) -> Xml.Element:
             aV="0", bV=_number(b_v), cV=_number(c_v), dV=_number(d_v),
         )  # fmt: skip
     return view
-
-
-def _elevation(road: LaneRoad) -> Xml.Element:
-    profile = Xml.Element("elevationProfile")
-    for start, height, slope in _lines(road.curve.stations, road.curve.points[:, 2], _FINEST_WIDTH):
-        Xml.SubElement(profile, "elevation", s=start, a=height, b=slope, c="0", d="0")
-    return profile
 
 
 def _lanes(road: LaneRoad, features: MapFeatures) -> Xml.Element:
@@ -249,18 +237,14 @@ def _signals(scenario: ScenarioDescription, network: RoadNetwork, losses: Losses
             continue
         road = network.roads[place[0]]
         if not np.isnan(stop[:2]).any():
-            before = road.curve.length - _nearest_station(road, stop[:2])
+            samples, stations, _ = road.curve.sample(0.25)
+            before = road.curve.length - float(stations[np.argmin(np.hypot(*(samples - stop[:2]).T))])
             losses.approximate(
                 "stop points of traffic lights, which stand at the end of their lane", int(before > 0.5), before, "m"
             )
         found.setdefault(road.number, []).append(LightSignal(number, place[1], road.curve.length, str(light)))
     losses.leave_out("states of traffic lights", int((scenario.lights.state != 0).sum()))
     return found
-
-
-def _nearest_station(road: LaneRoad, point: Float64) -> float:
-    samples, stations, _ = road.curve.sample(0.25)
-    return float(stations[np.argmin(np.hypot(*(samples - point).T))])
 
 
 def _controllers(signals: Mapping[int, list[LightSignal]]) -> Iterator[Xml.Element]:

@@ -66,9 +66,20 @@ class OpenScenarioWriter:
         Xml.SubElement(root, "CatalogLocations")
         network = Xml.SubElement(root, "RoadNetwork")
         Xml.SubElement(network, "LogicFile", filepath=map_name)
-        network.append(_controllers(scenario, road_map))
+        element = Xml.Element("TrafficSignals")
+        times = np.append(scenario.timestamps, scenario.timestamps[-1] + scenario.dt)
+        for number, states in enumerate(LIGHT_COLORS[scenario.lights.state], start=1):
+            if f'<controller id="{number}"'.encode() not in road_map:
+                continue
+            controller = Xml.SubElement(element, "TrafficSignalController", name=str(number))
+            changes = [0, *(np.flatnonzero(np.diff(states)) + 1).tolist(), len(states)]
+            for first, end in pairwise(changes):
+                color = _PHASES[LightColor(states[first])]
+                phase = Xml.SubElement(controller, "Phase", name=color, duration=_number(times[end] - times[first]))
+                Xml.SubElement(phase, "TrafficSignalState", trafficSignalId=str(number), state=color)
+        network.append(element)
         entities = Xml.SubElement(root, "Entities")
-        names = _names(scenario)
+        names = ["Ego" if track == scenario.ego_id else f"object-{track}" for track in scenario.tracks.ids]
         seen = [row for row in range(len(scenario.tracks)) if scenario.tracks.valid[row].any()]
         for row in seen:
             entities.append(_entity(scenario, row, names[row], losses))
@@ -82,27 +93,6 @@ class OpenScenarioWriter:
         losses.leave_out("recorded velocities, which a player derives from positions", int(scenario.tracks.valid.sum()))
         text: bytes = Xml.tostring(root, "utf-8", xml_declaration=True)
         return {f"{stem}.xosc": text + b"\n", map_name: road_map}
-
-
-def _names(scenario: ScenarioDescription) -> list[str]:
-    """Name of the entity of each row: players look for the ego by this name."""
-    return ["Ego" if track == scenario.ego_id else f"object-{track}" for track in scenario.tracks.ids]
-
-
-def _controllers(scenario: ScenarioDescription, road_map: bytes) -> Xml.Element:
-    """One controller for each light of the map, with a phase for each time in which its color is the same."""
-    element = Xml.Element("TrafficSignals")
-    times = np.append(scenario.timestamps, scenario.timestamps[-1] + scenario.dt)
-    for number, states in enumerate(LIGHT_COLORS[scenario.lights.state], start=1):
-        if f'<controller id="{number}"'.encode() not in road_map:
-            continue
-        controller = Xml.SubElement(element, "TrafficSignalController", name=str(number))
-        changes = [0, *(np.flatnonzero(np.diff(states)) + 1).tolist(), len(states)]
-        for first, end in pairwise(changes):
-            color = _PHASES[LightColor(states[first])]
-            phase = Xml.SubElement(controller, "Phase", name=color, duration=_number(times[end] - times[first]))
-            Xml.SubElement(phase, "TrafficSignalState", trafficSignalId=str(number), state=color)
-    return element
 
 
 def _entity(scenario: ScenarioDescription, row: int, name: str, losses: Losses) -> Xml.Element:

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.building import METRES, MapBuilder, StateGrid, kernels, make_origin, make_tracks
+from scenarionet_data.building import METRES, MapBuilder, StateGrid, make_origin, make_tracks
+from scenarionet_data.building import tracks as tracks_module
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_data.testing import differences
@@ -53,7 +54,7 @@ def test_tracks_are_canonical_for_any_values_at_invalid_steps():
 
 def test_other_array_types_cause_no_recompilation():
     made = tracks()
-    compiled = kernels.fill_poses.signatures, kernels.fill_sizes.signatures
+    compiled = tracks_module.fill_poses.signatures, tracks_module.fill_sizes.signatures
     velocity = np.array([[0.25, 0.5], [1.0, 2.0]])
     velocity.flags.writeable = False
     again = tracks(
@@ -62,7 +63,7 @@ def test_other_array_types_cause_no_recompilation():
         velocity=velocity[:, None],
         size=made.size.astype(np.float64)[:, ::-1],
     )
-    assert (kernels.fill_poses.signatures, kernels.fill_sizes.signatures) == compiled
+    assert (tracks_module.fill_poses.signatures, tracks_module.fill_sizes.signatures) == compiled
     assert again.velocity[0, 2].tolist() == [0.25, 0.5]
 
 

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.procedural.assemble import make_map
+from scenarionet_data.procedural.generate import make_map
 from scenarionet_data.procedural.graph import make_graph
 from scenarionet_data.procedural.options import BLOCK_NAMES, GeneratorOptions
 from scenarionet_data.scenario.vocabulary import MapFeatureType

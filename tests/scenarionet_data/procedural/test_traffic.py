@@ -15,11 +15,10 @@ from hypothesis import strategies as st
 from scenarionet_data.arrays import idm
 from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.compiled.decorators import kernel
-from scenarionet_data.procedural.construction import boxes
-from scenarionet_data.procedural.generate import generate
+from scenarionet_data.procedural.generate import generate, make_lights
 from scenarionet_data.procedural.options import GeneratorOptions
+from scenarionet_data.procedural.population import boxes
 from scenarionet_data.procedural.right_of_way import GO, STOP
-from scenarionet_data.procedural.signals import make_lights
 
 OPTIONS = GeneratorOptions()
 speeds = st.floats(0.0, 30.0)

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.statistics.gaps import nearest_box
+from scenarionet_data.statistics.summary import nearest_box
 
 sides = st.floats(0.1, 20)
 boxes = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-4, 4), sides, sides)

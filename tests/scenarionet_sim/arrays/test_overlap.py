@@ -7,7 +7,7 @@ import shapely
 
 from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.compiled.decorators import kernel
-from scenarionet_data.statistics.gaps import nearest_box
+from scenarionet_data.statistics.summary import nearest_box
 from scenarionet_sim.arrays.boxes import Boxes, write_boxes
 from scenarionet_sim.arrays.log import HEADING, Z
 from scenarionet_sim.arrays.overlap import touch
