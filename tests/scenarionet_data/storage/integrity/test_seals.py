@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import random
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from hypothesis import strategies as st
 from xxhash import xxh3_128_digest, xxh3_128_hexdigest
 
 from scenarionet_data.errors import LakeError
+from scenarionet_data.query.views import FILE_TABLES
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.integrity.file_end import Place
@@ -69,6 +71,20 @@ def test_a_row_group_is_verified_by_itself(sealed):
     starts[1:3] = [metadata.row_group(k).column(0).dictionary_page_offset for k in (1, 2)]
     groups = [content[start:stop] for start, stop in pairwise(starts)]
     assert [xxh3_128_digest(group) for group in groups] == list(end.digests)
+
+
+def test_sealed_files_of_lakes_are_verified_without_parsing_footers(lake, monkeypatch):
+    paths = [Path(path) for table in FILE_TABLES for path in lake.paths(table)]
+    places = [lake.files.place(str(path.relative_to(lake.root))) for path in paths]
+    assert max(pq.read_metadata(path).num_row_groups for path in paths) > 1
+    monkeypatch.delattr(seals, "pq")
+    assert all(map(seals.verify_again, paths, places))
+
+
+def test_row_groups_are_found_where_the_footer_looks_otherwise(sealed, monkeypatch):
+    for looks in (rb"(\x02)", rb"(?!)()", rb"(PAR1)"):
+        monkeypatch.setattr(seals, "_GROUP", re.compile(looks))
+        assert seals.verify_again(sealed, NAME)
 
 
 def test_seal_of_other_name_replaces_seal(sealed, tmp_path):

@@ -74,7 +74,8 @@ def row_groups(path, table, content=None, *, is_sealed=False):
     metadata = pq.read_metadata(path)
     with path.open("rb") as file:
         end = seals.split(*seals.last(file), path)
-        digests = [xxh3_128_digest(group) for group in seals.row_groups(file, metadata, end.body)] if is_sealed else []
+        groups = seals.pieces(file, seals.bounds(metadata, end.body)) if is_sealed else []
+        digests = [xxh3_128_digest(group) for group in groups]
     footer = Footer(str(path), metadata, layout_of(table), digests, end.body)
     if content is None:
         with path.open("rb") as file:
