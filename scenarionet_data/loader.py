@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from scenarionet_data import codec
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.cards import HasCard
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
@@ -90,6 +91,8 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
     def __getitem__(self, index: Any) -> Any:
         """Scenario ``index``, or of an id; a list of scenarios for a slice or several indices."""
         if isinstance(index, slice):
+            if not all(part is None or is_count(part, None) for part in (index.start, index.stop, index.step)):
+                raise BadParameter(f"expected a slice of indices, such as 0:8, found {index}")
             return self.batch(range(len(self))[index])
         if isinstance(index, list | range | np.ndarray):
             return self.batch(list(index))
@@ -140,6 +143,8 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
 
     def _metadata(self, indices: Sequence[Any]) -> list[Metadata]:
         size, rows = len(self._rows), []
+        if isinstance(indices, str) or not isinstance(indices, Iterable):
+            raise BadParameter(f"expected indices or ids of scenarios, such as [0, 1], found {indices!r}")
         for index in indices:
             if not isinstance(index, int | np.integer):
                 index = self._position(index)

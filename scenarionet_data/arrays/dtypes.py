@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -25,6 +26,11 @@ ArrayRecord: TypeAlias = Any
 """One element of a record array: ``np.record``, whose fields NumPy does not type."""
 RecordArray: TypeAlias = Any
 """``np.recarray``: fields are attributes, each an array."""
+
+
+def is_number(value: object) -> bool:
+    """Return whether a value is a real number, of Python or NumPy, and no truth value."""
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def is_count(value: object, least: int | None = 0) -> bool:

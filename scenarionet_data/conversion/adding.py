@@ -12,7 +12,7 @@ from itertools import islice
 from scenarionet_data.conversion.committer import Committer, ConversionReport
 from scenarionet_data.conversion.jobs import ShardResult
 from scenarionet_data.conversion.plan import ConversionPlan
-from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.quality.audit import audit
@@ -43,6 +43,7 @@ def add_scenarios(
         check: Apply the hard rules.
 
     Raises:
+        BadParameter: They are no scenarios.
         InvalidScenario: A dataset, version or split cannot be the name of a folder; nothing is added.
         LakeError: The lake cannot be written.
     """
@@ -54,10 +55,14 @@ def add_scenarios(
         for each in zip(record.items, record.fingerprints, strict=True)
     }
     committer = Committer(files, ConversionPlan((), 0, {}, 0), "add scenarios", report, started, in_one=True)
+    if isinstance(scenarios, ScenarioDescription) or not isinstance(scenarios, Iterable):
+        raise BadParameter(f"scenarios: expected several, such as [scenario], found {scenarios!r}")
     waiting = iter(scenarios)
     while batch := list(islice(waiting, SCENARIOS_PER_FILE)):
         parts: dict[tuple[str, str, str], list[tuple[RawItem, ScenarioDescription]]] = defaultdict(list)
         for scenario in batch:
+            if not isinstance(scenario, ScenarioDescription):
+                raise BadParameter(f"scenarios: expected ScenarioDescriptions, found {scenario!r}")
             part = scenario.dataset, scenario.version, scenario.split
             for name, value in zip(("dataset", "version", "split"), part, strict=True):
                 if not _PARTITION.fullmatch(value):

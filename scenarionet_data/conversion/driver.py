@@ -82,8 +82,11 @@ def convert(
         LakeError: The lake cannot be written.
     """
     for name, number in (("workers", workers), ("limit", limit)):
-        if number is not None and number < 1:
-            raise BadParameter(f"{name}: wanted 1 or more, found {number}")
+        if number is not None and (not isinstance(number, int) or number < 1):
+            raise BadParameter(f"{name}: wanted 1 or more, found {number!r}")
+    for name, text in (("dataset", dataset), ("split", split), ("version", version)):
+        if not isinstance(text, str | None):
+            raise BadParameter(f"{name}: wanted a text, found {text!r}")
     started, raw = time.monotonic(), str(raw)
     try:
         wanted = _Wanted(dataset, raw, lake, split, version, options, selection, replace, reconvert_stale)

@@ -46,6 +46,8 @@ def get(name: str) -> Converter[Any]:
     Raises:
         SourceNotFound: Unknown name, with the closest ones; or the class cannot be imported.
     """
+    if not isinstance(name, str):
+        raise SourceNotFound(f"no converter {name!r}; expected a name such as {', '.join(names()[:3])}")
     if ":" in name:
         return _instance(name)
     for point in _installed():

@@ -180,16 +180,19 @@ def check_name(name: str) -> None:
     Raises:
         BadParameter: The message lists the allowed characters.
     """
-    if not _NAME.fullmatch(name):
+    if not (isinstance(name, str) and _NAME.fullmatch(name)):
         raise BadParameter(f"{name!r} is no database name; use letters, digits, '.', '_' and '-'")
 
 
-def parse_reference(reference: str) -> tuple[str, int | None]:
-    """Return name and version of ``name`` or ``name@version``.
+def parse_reference(database: DatabaseRecord | str) -> tuple[str, int | None]:
+    """Return name and version of a saved database, of ``name`` or of ``name@version``.
 
     Raises:
-        BadParameter: The version is not a number.
+        BadParameter: The version is not a number, or it is no database.
     """
+    if not isinstance(database, DatabaseRecord | str):
+        raise BadParameter(f"expected a database or its name, found {database!r}")
+    reference = database if isinstance(database, str) else database.reference
     name, at, version = reference.partition("@")
     if at and not version.isdecimal():
         raise BadParameter(f"{reference!r}: wanted name or name@version, with a number")
@@ -254,7 +257,7 @@ def resolve(files: LakeFiles, database: DatabaseRecord | str) -> DatabaseRecord:
         if str(database.files.root) != str(files.root):
             raise BadParameter(f"the selection is from {database.files.root}, not from {files.root}")
         return database
-    return read(files, *parse_reference(database.reference))  # it may have been dropped and made again
+    return read(files, *parse_reference(database))  # it may have been dropped and made again
 
 
 def children(files: LakeFiles, name: str, version: int | None = None) -> list[str]:

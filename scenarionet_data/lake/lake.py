@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.cards import HasCard
 from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.lake.database import Database
 from scenarionet_data.operations.combine import Combining
 from scenarionet_data.operations.comparison import DatabaseStatistics, compare
@@ -159,6 +160,8 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
             database: Search only its members.
         """
         view = self if database is None else self.restrict_to(database)
+        if not isinstance(found, RelationSteps | Moments):
+            raise BadParameter(f"expected moments, such as following() & turning(), found {found!r}; see moments.py")
         spans = found if isinstance(found, Moments) else found.lasting()
         order = ", ".join(("scenario_id", "first_timestep", "last_timestep", *spans.roles))
         return view.sql(f"SELECT * FROM (\n{spans.sql}\n) ORDER BY {order}")

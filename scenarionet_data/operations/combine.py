@@ -73,8 +73,7 @@ class Combining(LakeView, Pool[AnyDatabase]):
         Raises:
             DatabaseInUse: Other databases depend on it and ``force`` is False.
         """
-        reference = database if isinstance(database, str) else database.reference
-        name, version = records.parse_reference(reference)
+        name, version = records.parse_reference(database)
         records.check_exists(self.files, name, version)  # a damaged one is dropped as well
         if not force:
             _check_unused(self, name, version, "drop those first, or force=True", "--force")
@@ -82,11 +81,10 @@ class Combining(LakeView, Pool[AnyDatabase]):
 
     def checkout(self, database: DatabaseRecord | str) -> AnyDatabase:
         """Make an old version ``name@version`` the newest again, with its lineage; all versions are kept."""
-        reference = database if isinstance(database, str) else database.reference
-        name, version = records.parse_reference(reference)
+        name, version = records.parse_reference(database)
         if version is None:
             raise BadParameter(f"wanted an old version, for example {name}@1; `scenarionet db lineage` lists them")
-        old = self.record(reference)
+        old = self.record(f"{name}@{version}")
         return self._handle(writer.save(self.files, name, old.members, old.lineage, replace=True))
 
     def _combine(

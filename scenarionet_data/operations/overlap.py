@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -42,7 +42,7 @@ def overlap(
     view: LakeView, *databases: DatabaseRecord | str, kinds: Sequence[str] | None = None
 ) -> list[DatabaseOverlap]:
     """Find what databases share, pair by pair; see :meth:`Lake.overlap <scenarionet_data.Lake.overlap>`."""
-    if isinstance(kinds, str):
+    if isinstance(kinds, str) or not isinstance(kinds, Iterable | None):
         raise BadParameter(f"kinds: wanted a list of rules, found {kinds!r}; write kinds=[{kinds!r}]")
     rules = [OVERLAPS.load(kind) for kind in (kinds or OVERLAPS.names())]
     records = [view.record(each) for each in several("overlap", databases)]

@@ -54,10 +54,9 @@ def rebuild(view: LakeView, database: DatabaseRecord | str) -> RebuildResult:
 
 def rebase(view: LakeView, database: DatabaseRecord | str, *, keep_members: bool) -> list[Diff]:
     """Move a database to the newest snapshot; see :meth:`Lake.rebase <scenarionet_data.Lake.rebase>`."""
-    reference = database if isinstance(database, str) else database.reference
-    if not isinstance(database, str) and not database.is_saved:
+    if isinstance(database, DatabaseRecord) and not database.is_saved:
         raise BadParameter("this selection is not saved: give it a name with selection.save(name)")
-    name, _ = records.parse_reference(reference)
+    name, _ = records.parse_reference(database)
     newest = view.refresh()
     if keep_members:
         return [_move(newest, newest.record(name), keep_members=True)]

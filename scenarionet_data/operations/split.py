@@ -109,6 +109,10 @@ class Splitting(Pool[AnyDatabase]):
             if fractions is not None:
                 raise BadParameter("fractions are given twice: wanted split(database, fractions) or split(fractions)")
             database, fractions = None, database
+        if not isinstance(fractions, Mapping | None) or not all(isinstance(part, str) for part in fractions or ()):
+            raise BadParameter(
+                f"fractions: wanted those of parts by name, such as {{'train': 0.9, 'val': 0.1}}, found {fractions!r}"
+            )
         if [fractions is not None, levels is not None, each is not None].count(True) != 1:
             raise BadParameter(
                 'wanted one of fractions ({"train": 0.9, "val": 0.1}), a number of levels, or each=column'

@@ -18,7 +18,7 @@ from scenarionet_data.packs.contents import SUMS
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.local import LocalLakeFiles
-from scenarionet_data.storage.files.places import is_url, open_files
+from scenarionet_data.storage.files.places import is_url, open_files, path_of
 from scenarionet_data.storage.integrity.file_checks import Damage
 from scenarionet_data.storage.integrity.snapshot_checks import verify
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -60,7 +60,7 @@ def verify_pack(path: str | Path, on_progress: Progress | None = None) -> PackVe
     """
     if is_url(path):
         return _verify_folder(open_files(path), path, on_progress)
-    path = Path(path)
+    path = path_of(path, "give the folder or tar of a pack")
     if path.is_dir():
         return _verify_folder(LocalLakeFiles(path), path, on_progress)
     if not path.is_file():

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Object, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Object, UInt8, is_number
 from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.building import resample
 from scenarionet_data.errors import BadParameter
@@ -148,8 +148,10 @@ class Window:
     height: float
 
     def __post_init__(self) -> None:
-        if not min(self.width, self.height) > 0:
-            raise BadParameter(f"width and height of a window must be positive, found {self.width} x {self.height} m")
+        if not all(map(is_number, (self.x, self.y, self.width, self.height))) or not min(self.width, self.height) > 0:
+            raise BadParameter(
+                f"width and height of a window must be positive, found {self.width!r} x {self.height!r} m"
+            )
 
     @property
     def corners(self) -> tuple[float, float, float, float]:

@@ -58,6 +58,8 @@ def publish(lake: LakeLike, path: str | Path, catalog: Catalog) -> PublishReport
         raise BadParameter(
             f"{view.root}: only lakes in local folders are published; copy it first (scenarionet db copy)"
         )
+    if catalog not in _WRITERS:
+        raise BadParameter(f"catalog={catalog!r}; choose from {', '.join(_WRITERS)}")
     if out.exists() or out.is_symlink():
         raise BadParameter(f"{out}: exists; choose another name, or remove it first")
     if not view.paths("metadata"):

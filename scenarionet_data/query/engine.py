@@ -147,10 +147,10 @@ class Engine:
             LakeError: A file is missing or cannot be read.
         """
         with self._query(sql, tables or {}):
-            given = dict(parameters or {})
+            given = parameters or {}
             query = only_select(self._connection, sql, given)
             self._views.make(sql, user_columns)
-            return self._connection.sql(query, params=given).to_arrow_table()
+            return self._connection.sql(query, params=dict(given)).to_arrow_table()
 
     def batches(
         self,
@@ -162,10 +162,10 @@ class Engine:
     ) -> Generator[pa.RecordBatch, None, None]:
         """Run one SELECT and yield its rows in batches; other queries wait until the generator ends or is closed."""
         with self._query(sql, tables or {}):
-            given = dict(parameters or {})
+            given = parameters or {}
             query = only_select(self._connection, sql, given)
             self._views.make(sql, user_columns)
-            rows = self._connection.sql(query, params=given).to_arrow_reader(_ROWS_PER_BATCH)
+            rows = self._connection.sql(query, params=dict(given)).to_arrow_reader(_ROWS_PER_BATCH)
             try:
                 yield from rows
             except OSError as error:  # errors between two batches pass through Arrow

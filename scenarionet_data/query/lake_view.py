@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.databases import record as records
 from scenarionet_data.databases import user_columns as user_column_records
 from scenarionet_data.databases.record import DatabaseRecord
@@ -77,6 +78,10 @@ class LakeView:
         for what, value in (("snapshot", snapshot), ("max_memory", max_memory)):
             if not (value is None or isinstance(value, int)):
                 raise BadParameter(f"{what}: wanted a number or None, found {value!r}")
+        if not isinstance(user_columns, Mapping | None):
+            raise BadParameter(
+                f"user_columns: wanted versions by name, such as {{'weather': 2}}, found {user_columns!r}"
+            )
         self.files = open_files(root)
         self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
         if self.snapshot == snapshots.EMPTY:
@@ -229,6 +234,8 @@ class LakeView:
 
     def history(self, last: int = 5) -> list[Snapshot]:
         """Return the newest snapshots up to this one, in ascending order."""
+        if not is_count(last, 1):
+            raise BadParameter(f"last: wanted a whole number of 1 or more, found {last!r}")
         numbers = [number for number in snapshots.numbers(self.files) if number <= self.snapshot.number]
         return [snapshots.read(self.files, number) for number in numbers[-last:]]
 
@@ -279,7 +286,7 @@ class LakeView:
             view = self.with_members([database])
             wanted = database.members.select(["scenario_id", "content_hash"])
         else:
-            view, wanted = self, pa.table({"scenario_id": pa.array(list(scenarios), pa.string())})
+            view, wanted = self, pa.table({"scenario_id": _as_ids(scenarios)})
         found = locate(view.engine, wanted)
         view._require_all(found["scenario_id"], found["is_found"])
         return view, found
@@ -297,7 +304,7 @@ class LakeView:
             if self._chosen is None:
                 return self, index.everything()
             scenarios = sorted(self._chosen["scenario_id"].to_pylist())
-        ids = pa.array(list(scenarios), pa.string())
+        ids = _as_ids(scenarios)
         found, is_found = index.find(ids)
         if self._chosen is not None:
             is_found &= pc.is_in(ids, value_set=self._chosen["scenario_id"]).to_numpy(zero_copy_only=False)
@@ -360,6 +367,19 @@ class LakeView:
             stacklevel=3,
         )
         return older
+
+
+def _as_ids(scenarios: Iterable[str]) -> pa.Array:
+    """Scenario ids as Arrow has them.
+
+    Raises:
+        BadParameter: They are no texts.
+    """
+    listed = list(scenarios) if isinstance(scenarios, Iterable) else [scenarios]
+    try:
+        return pa.array(listed, pa.string())
+    except pa.ArrowTypeError as error:
+        raise BadParameter(f"expected a database, its name, or scenario ids, found {scenarios!r}") from error
 
 
 LakeLike: TypeAlias = LakeView | str | Path

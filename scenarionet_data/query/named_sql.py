@@ -44,6 +44,8 @@ class NamedSql:
         Raises:
             BadParameter: A parameter is unknown, or its value has another type.
         """
+        if not isinstance(parameters, Mapping):
+            raise BadParameter(f"{self.name}: parameters: wanted values by name, found {parameters!r}")
         bound = dict(self.defaults)
         for key, value in parameters.items():
             default = self._default(key)
@@ -114,7 +116,7 @@ class Folder:
             QueryError: As ``unknown``: no such file; the message suggests similar names.
         """
         if name not in self.names():
-            near = difflib.get_close_matches(name, self.names(), n=3) or self.names()
+            near = difflib.get_close_matches(str(name), self.names(), n=3) or self.names()
             raise self.unknown(f"nothing called {name!r} in sql/{self.name}; did you mean {', '.join(near)}?")
         lines = (SQL / self.name / f"{name}.sql").read_text("utf-8").splitlines()
         start = next((number for number, line in enumerate(lines) if not line.startswith("--")), len(lines))

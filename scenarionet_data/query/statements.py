@@ -30,9 +30,11 @@ def only_select(connection: duckdb.DuckDBPyConnection, sql: str, given: Mapping[
 
     Raises:
         UnsafeSql: It is not exactly one SELECT.
-        QueryError: A parameter has no value.
+        QueryError: A parameter has no value, or values have no names.
     """
     _check_text(sql)
+    if not isinstance(given, Mapping):
+        raise QueryError(f"parameters: wanted values by name, such as {{'least': 3}}, found {given!r}")
     statements = connection.extract_statements(sql)
     if len(statements) != 1:
         raise UnsafeSql(f"wanted one SELECT, found {len(statements)} statements")

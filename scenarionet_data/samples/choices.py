@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import is_count
+from scenarionet_data.arrays.dtypes import is_count, is_number
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.query.statements import check_expression
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -36,7 +37,10 @@ class TimeWindow:
     longest_gap: float = 1.0
 
     def __post_init__(self) -> None:
+        _require_numbers(self, "history", "future", "dt", "longest_gap")
         _require(0 < self.dt < np.inf, "dt", "a timestep above 0 s", self.dt)
+        if self.stride is not None:
+            _require_numbers(self, "stride")
         _require(self.stride is None or 0 < self.stride < np.inf, "stride", "a time above 0 s, or None", self.stride)
         _require(self.longest_gap >= 0, "longest_gap", "0 s or more", self.longest_gap)
         for name in ("history", "future"):
@@ -71,8 +75,10 @@ class Agents:
 
     def __post_init__(self) -> None:
         _require(is_count(self.count, 1), "count", "at least 1 agent", self.count)
+        _require_numbers(self, "radius")
         _require(self.radius > 0, "radius", "a distance above 0 m", self.radius)
         kinds = ", ".join(kind.name for kind in ObjectType)
+        _require(isinstance(self.types, Iterable), "types", "a tuple of ObjectTypes", self.types)
         _require(all(isinstance(kind, ObjectType) for kind in self.types), "types", f"ObjectTypes: {kinds}", self.types)
 
 
@@ -95,6 +101,7 @@ class Polylines:
     def __post_init__(self) -> None:
         _require(is_count(self.count, 0), "count", "0 polylines or more", self.count)
         _require(is_count(self.points, 2), "points", "at least 2 points", self.points)
+        _require_numbers(self, "spacing", "radius")
         _require(0 < self.spacing < np.inf, "spacing", "a distance above 0 m", self.spacing)
         _require(self.radius > 0, "radius", "a distance above 0 m", self.radius)
 
@@ -119,6 +126,7 @@ class Targets:
         kinds = ("default", "recorded", "ego", "moving", "where")
         _require(self.which in kinds, "which", " or ".join(kinds), self.which)
         _require(self.limit is None or is_count(self.limit, 1), "limit", "at least 1 target, or None", self.limit)
+        _require(isinstance(self.where, str), "where", "SQL as text", self.where)
         has_condition = bool(self.where.strip())
         _require(
             has_condition == (self.which == "where"), "where", 'a condition exactly with which="where"', self.where
@@ -152,6 +160,7 @@ class Augmentation:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        _require_numbers(self, "rotation", "flip", "noise", "drop")
         _require(0 <= self.rotation <= np.pi, "rotation", "0 ... pi rad", self.rotation)
         _require(0 <= self.noise < np.inf, "noise", "0 m or more", self.noise)
         _require(is_count(self.seed, 0), "seed", "a whole number of 0 or more", self.seed)
@@ -198,6 +207,12 @@ def part_of(kind: type[_Part], name: str, given: Any) -> _Part:
         return kind(*((given,) if isinstance(given, str) else given))
     except TypeError as error:
         raise BadParameter(f"{name}: expected {kind.__name__}, such as {kind()!r}, found {given!r}") from error
+
+
+def _require_numbers(choices: object, *names: str) -> None:
+    for name in names:
+        value = getattr(choices, name)
+        _require(is_number(value), name, "a number", value)
 
 
 def _require(is_right: bool, name: str, wanted: str, found: object) -> None:

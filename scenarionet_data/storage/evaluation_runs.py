@@ -86,7 +86,7 @@ def claim(files: LakeFiles, name: str, run_tables: tuple[str, ...], description:
         BadParameter: The name has other characters than letters, digits, ".", "_" and "-", or belongs to a run with
             another description.
     """
-    if not _NAME.fullmatch(name):
+    if not (isinstance(name, str) and _NAME.fullmatch(name)):
         raise BadParameter(f"{name!r} is not a valid name of a run; use letters, digits, '.', '_' and '-'")
     wanted = dict(description) | {"tables": [tables.load(table).tag for table in run_tables]}
     content = wanted | {"id": uuid.uuid4().hex}  # which the seals of its files cover

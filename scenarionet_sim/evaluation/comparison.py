@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -152,7 +153,7 @@ class RunComparison:
 
 
 def compare_runs(
-    lake: Lake,
+    lake: Lake | str | Path,
     *runs: str,
     where: str = "true",
     by: str | None = None,
@@ -162,7 +163,7 @@ def compare_runs(
     """Compare the results of runs; rollouts of a scenario are averaged first.
 
     Args:
-        lake: The lake with the runs.
+        lake: The lake with the runs, its path or its URL.
         *runs: Their names, two or more; changes are from the first one.
         where: Condition over ``results`` and ``metadata`` that scenarios must satisfy.
         by: Expression over ``results`` and ``metadata`` to group the scenarios by, such as ``dataset``.
@@ -177,6 +178,7 @@ def compare_runs(
         raise BadParameter(f"{len(runs)} runs to compare; give two or more different ones")
     if by is not None and event is not None:
         raise BadParameter("scenarios can be grouped by an expression or by an event, not by both; leave one out")
+    lake = lake if isinstance(lake, Lake) else Lake(lake)
     known = lake.sql("SELECT DISTINCT run FROM results ORDER BY run")["run"].to_list()
     unknown = [run for run in runs if run not in known]
     if unknown:

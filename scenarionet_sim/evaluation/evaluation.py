@@ -17,6 +17,7 @@ from typing import Any
 import pyarrow as pa
 
 from scenarionet_data import Database, Lake, ScenarioLoader, version
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
@@ -216,8 +217,12 @@ def plan_evaluation(
     route: str = "log",
 ) -> Evaluation:
     """Return the specification of an evaluation; arguments and errors as in :func:`evaluate`."""
-    if num_rollouts < 1:
-        raise BadParameter(f"{num_rollouts} rollouts of each scenario; expected at least 1")
+    if not isinstance(policy, str):
+        raise BadParameter(f"policy={policy!r}; expected a name such as 'idm', or 'module:Class' of one of your own")
+    if not is_count(seed):
+        raise BadParameter(f"seed={seed!r}; expected a whole number of 0 or more")
+    if not is_count(num_rollouts, 1):
+        raise BadParameter(f"{num_rollouts!r} rollouts of each scenario; expected at least 1")
     if episode not in EPISODES:
         raise BadParameter(f"unknown episode {episode!r}; choose from {', '.join(EPISODES)}")
     lake = lake if isinstance(lake, Lake) else Lake(lake)

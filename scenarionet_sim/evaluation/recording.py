@@ -130,6 +130,10 @@ def record(
     """
     if agents not in AGENTS:
         raise BadParameter(f"unknown agents {agents!r}; choose from {', '.join(AGENTS)}")
+    if not isinstance(cameras, Sequence) or not all(isinstance(each, Camera) for each in cameras):
+        raise BadParameter(
+            f"cameras={cameras!r}; expected a tuple of cameras, such as (Camera(width=320, height=180),)"
+        )
     lake = lake if isinstance(lake, Lake) else Lake(lake)
     reference = database_reference(database)
     if isinstance(reference, str):

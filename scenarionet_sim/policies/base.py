@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.arrays.settings import check_numbers
 from scenarionet_sim.policies.motion_kernels import UNCOMPILED
 from scenarionet_sim.policies.objects import ObjectMask, all_objects
 from scenarionet_sim.worlds.lane_routes import LaneRoute
@@ -29,6 +31,11 @@ class Policy:
 
     objects: ObjectMask = all_objects
     route: LaneRoute | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not callable(self.objects):
+            raise BadParameter(f"objects={self.objects!r}; expected a function of a world, such as ego or vehicles")
+        check_numbers(self)
 
     def selects(self, world: World) -> Bool:
         """Return the mask (N,) of objects it drives, unless a later policy selects them too."""

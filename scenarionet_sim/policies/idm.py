@@ -49,6 +49,7 @@ class Idm(Policy):
     shortest: float = 2.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for number in ("headway", "acceleration", "deceleration", "standstill", "slowest", "lateral", "hardest"):
             if not getattr(self, number) > 0.0:
                 raise BadParameter(f"Idm({number}={getattr(self, number)}): expected a positive number")

@@ -49,6 +49,7 @@ class SocialForce(Policy):
     horizon: float = 8.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for number in ("relaxation", "return_time", "reach", "vehicle_reach", "hurry"):
             if not getattr(self, number) > 0.0:
                 raise BadParameter(f"SocialForce({number}={getattr(self, number)}): expected a positive number")

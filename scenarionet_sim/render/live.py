@@ -50,6 +50,10 @@ class Live:
 
     def picture(self, world: World, state: State, slot: int = 0) -> UInt8:
         """Return the current moment as (H, W, 3) uint8; a timestep not later than the last one begins a new episode."""
+        given: tuple[object, object] = (world, state)
+        if not (isinstance(given[0], World) and isinstance(given[1], State)):
+            found = " and ".join(type(each).__name__ for each in given)
+            raise BadParameter(f"expected picture(world, simulation.state), found {found}")
         if self._view is None or self._world is not world:
             self._view, self._world = TopDown(scene_of(world), self._window, self._size), world
             self._moments.clear()

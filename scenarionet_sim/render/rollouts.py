@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from scenarionet_data import Lake
@@ -15,18 +17,21 @@ _ROWS = """
 """
 
 
-def rollout_moments(lake: Lake, run: str, scene: Scene, rollout: int = 0) -> list[Moment]:
+def rollout_moments(lake: Lake | str | Path, run: str, scene: Scene, rollout: int = 0) -> list[Moment]:
     """Return the moments of a scenario in a run, in order.
 
     Args:
-        lake: The lake with the run.
+        lake: The lake with the run, its path or its URL.
         run: Name of the run.
         scene: The scenario.
         rollout: Number of the rollout.
 
     Raises:
-        BadParameter: The run has no rollout of this scenario.
+        BadParameter: It is no scene, or the run has no rollout of this scenario.
     """
+    if not isinstance(scene, Scene):
+        raise BadParameter(f"scene={scene!r}; expected what scene_of(world) returns")
+    lake = lake if isinstance(lake, Lake) else Lake(lake)
     rows = lake.sql(_ROWS, {"run": run, "scenario_id": scene.scenario_id, "rollout": rollout})
     if rows.is_empty():
         runs = ", ".join(lake.sql("SELECT DISTINCT run FROM rollouts ORDER BY run")["run"]) or "none"

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+from scenarionet_data.arrays.dtypes import is_count
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor, OnLost, executor_for
 from scenarionet_data.execution.progress import Progress
 
@@ -54,8 +56,11 @@ def run_parts(
         on_lost: Returns the result of a part whose worker was killed also when it ran alone.
 
     Raises:
+        BadParameter: ``workers`` is no number.
         WorkerLost: A part kills its worker also when it runs alone, and ``on_lost`` is None.
     """
+    if not is_count(workers, 1):
+        raise BadParameter(f"workers={workers!r}; expected a whole number of 1 or more")
     scenarios = 0
     executor = executor or executor_for(min(workers, len(jobs)))
     for number, result in enumerate(executor(jobs, run_job, on_lost), start=1):

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter
 
 
@@ -203,7 +204,7 @@ class CurriculumSampler:
     is_adaptive: ClassVar[bool] = True
 
     def __init__(self, count: int, curriculum: Curriculum) -> None:
-        if not 1 <= curriculum.levels <= count:
+        if not (is_count(curriculum.levels, 1) and curriculum.levels <= count):
             raise BadParameter(f"curriculum: {curriculum.levels} levels of {count} scenarios; expected 1 to {count}")
         if not 0.0 < curriculum.success <= 1.0:
             raise BadParameter(f"curriculum: expected 0 < success <= 1, found {curriculum.success}")

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 
 from scenarionet_data import Database, Lake, ScenarioLoader
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.query.statements import check_expression
 from scenarionet_sim.scenarios.sampling import Curriculum, CurriculumSampler, Sampler, Sequential, Shuffled, Weighted
@@ -60,6 +61,8 @@ class Scenarios:
             object.__setattr__(self, "lake", str(self.lake.root))
         elif isinstance(self.database, Database) and not self.database.is_saved:
             object.__setattr__(self, "snapshot", self.snapshot or self.database.lineage.snapshot)
+        if not isinstance(self.lake, str | Path):
+            raise BadParameter(f"lake={self.lake!r}; expected a lake, its path or its URL")
         object.__setattr__(self, "lake", str(self.lake))
         object.__setattr__(self, "database", database_reference(self.database))
         if self.order not in get_args(Order):
@@ -68,6 +71,14 @@ class Scenarios:
             raise BadParameter(f"order={self.order!r} conflicts with curriculum; drop one of them")
         if self.weight and self.order != "weighted":
             raise BadParameter(f"weight={self.weight!r} has no effect with order={self.order!r}; pass order='weighted'")
+        for name in ("where", "weight"):
+            if not isinstance(getattr(self, name), str):
+                raise BadParameter(f"{name}={getattr(self, name)!r}; expected SQL as text")
+        if not isinstance(self.curriculum, Curriculum | None):
+            raise BadParameter(f"curriculum={self.curriculum!r}; expected, for example, Curriculum(levels=8)")
+        for name, least in (("worker", None), ("num_workers", 1)):
+            if not is_count(getattr(self, name), least):
+                raise BadParameter(f"{name}={getattr(self, name)!r}; expected a whole number")
         if not 0 <= self.worker < self.num_workers:
             raise BadParameter(f"worker={self.worker} of num_workers={self.num_workers}; workers are numbered from 0")
 
@@ -136,4 +147,6 @@ def database_reference(database: Database | str | Sequence[str] | None) -> str |
         return database
     if isinstance(database, Database):
         return database.reference if database.name else tuple(database.scenario_ids)
+    if not isinstance(database, Sequence) or not all(isinstance(each, str) for each in database):
+        raise BadParameter(f"database={database!r}; expected a database, its name, or scenario ids")
     return tuple(database)

@@ -134,9 +134,13 @@ class Camera(Sensor):
             "jitter",
             "flow_time",
         ]:
-            numbers = np.atleast_1d(() if getattr(self, name) is None else getattr(self, name))
-            is_finite = numbers.dtype.kind in "biuf" and bool(np.isfinite(numbers).all())
-            require(is_finite, f"{name}={getattr(self, name)!r}; expected finite numbers")
+            numbers = np.asarray(() if name == "intrinsics" and self.intrinsics is None else getattr(self, name))
+            is_right = numbers.dtype.kind in "biuf" and numbers.ndim == (name in ("intrinsics", "distortion"))
+            require(
+                is_right and bool(np.isfinite(numbers).all()),
+                f"{name}={getattr(self, name)!r}; expected finite numbers",
+            )
+        require(is_count(self.seed), f"seed={self.seed!r}; expected a whole number of 0 or more")
         for name in ("width", "height", "supersampling", "threads"):
             require(is_count(getattr(self, name), None), f"{name}={getattr(self, name)!r}; expected a whole number")
             object.__setattr__(self, name, int(getattr(self, name)))  # kernels are compiled for one type
@@ -151,16 +155,17 @@ class Camera(Sensor):
         require(0 < self.fov < np.pi, f"a camera's fov is above 0 and below pi [rad], found fov={self.fov}")
         require(self.lens in ("pinhole", "fisheye"), f"lens={self.lens!r}; expected 'pinhole' or 'fisheye'")
         names = self.channels if isinstance(self.channels, tuple | list) else ()
-        if not names or not CHANNELS.keys() >= set(names):
+        if not names or not all(isinstance(name, str) and name in CHANNELS for name in names):
             raise BadParameter(f"channels={self.channels!r}; expected a tuple of {', '.join(CHANNELS)}")
         require(len(set(self.channels)) == len(self.channels), f"channels={self.channels!r} has one channel twice")
         if self.intrinsics is not None:
+            require(len(self.intrinsics) == 4, f"intrinsics={self.intrinsics}; expected fx, fy, cx, cy")
             require(min(self.intrinsics[:2]) > 0, f"intrinsics={self.intrinsics}; focal levels must be above 0")
         most = 4 if self.lens == "fisheye" else 5
         require(len(self.distortion) <= most, f"a {self.lens} has at most {most} coefficients of distortion")
-        require(
-            np.abs(astuple(self.mount)).max() < 1e6, f"mount={self.mount}; expected finite levels [m] and angles [rad]"
-        )
+        placed = np.array(astuple(self.mount))
+        is_near = placed.dtype.kind in "if" and np.abs(placed).max() < 1e6
+        require(is_near, f"mount={self.mount}; expected finite levels [m] and angles [rad]")
         require(self.range > 0 and self.exposure > 0, "a camera's range and exposure must be above 0")
         require(min(self.noise, self.jitter) >= 0, "a camera's noise and jitter must be at least 0")
         require(1 <= self.supersampling <= 4, f"supersampling={self.supersampling}; expected 1 to 4")
@@ -237,7 +242,15 @@ class Camera(Sensor):
             state: Current state of all objects.
             agents: (A, 2) int32 world and row of each agent.
             rng: Source of noise and jitter; unused without them.
+
+        Raises:
+            BadParameter: These are not the parts of a simulation, or an agent is not in it.
         """
+        return self._frames(batch, state, _of_simulation(batch, state, agents), rng)
+
+    def _frames(
+        self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator | None
+    ) -> dict[str, Array]:
         if self.device == "cuda":
             return {name: seen.copy_to_host() for name, seen in self.frames_on_card(batch, state, agents, rng).items()}
         drawn = partial(draw, batch, state, self._rig(batch, state, agents, rng), threads=self.threads)
@@ -256,6 +269,7 @@ class Camera(Sensor):
         require_cuda()
         from scenarionet_sim.cameras.cuda import drawing as card
 
+        agents = _of_simulation(batch, state, agents)
         drawn = partial(card.draw, batch, state, self._rig(batch, state, agents, rng))
         return self._finished(drawn, card.scaled_down, card.add_pixel_noise, rng)
 
@@ -294,7 +308,7 @@ class Camera(Sensor):
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
         """Draw the pictures."""
         first = 0
-        for name, values in self.frames(batch, state, agents, rng).items():
+        for name, values in self._frames(batch, state, agents, rng).items():
             count = CHANNELS[name][0]
             out[..., first : first + count] = values if count > 1 else values[..., None]
             first += count
@@ -306,3 +320,24 @@ class Camera(Sensor):
         return {
             name: observed[..., end - CHANNELS[name][0] : end] for name, end in zip(self.channels, ends, strict=True)
         }
+
+
+def _of_simulation(batch: WorldBatch, state: State, agents: Int32) -> Int32:
+    """Agents as kernels take them.
+
+    Raises:
+        BadParameter: These are not the parts of a simulation, or an agent is not in it.
+    """
+    given: tuple[object, object] = (batch, state)
+    if not (isinstance(given[0], WorldBatch) and isinstance(given[1], State)):
+        found = ", ".join(type(each).__name__ for each in given)
+        raise BadParameter(f"expected (simulation.batch, simulation.state, agents), found ({found}, ...)")
+    who = np.asarray(agents)
+    is_pair = who.dtype.kind in "iu" and who.ndim == 2 and who.shape[1] == 2
+    if not is_pair or not ((who >= 0) & (who < state.present.shape)).all():
+        num_worlds, num_objects = state.present.shape
+        raise BadParameter(
+            f"agents={agents!r}; expected world and row of each, such as simulation.agents, shape (A, 2), below "
+            f"{num_worlds} and {num_objects}"
+        )
+    return who.astype(np.int32, copy=False)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from scenarionet_data.errors import BadParameter
 from scenarionet_sim.sensors.camera import Camera, Mount
 
 NUSCENES_RING = {
@@ -27,7 +28,12 @@ def camera_ring(camera: Camera | None = None) -> tuple[Camera, ...]:
 
     Args:
         camera: Everything but mount and angle of view; by default a tenth of nuScenes' pixels, 320 x 180.
+
+    Raises:
+        BadParameter: It is no camera.
     """
+    if not isinstance(camera, Camera | None):
+        raise BadParameter(f"camera={camera!r}; expected a Camera, such as Camera(width=320, height=180)")
     whole = camera or Camera(width=320, height=180)
     return tuple(
         replace(whole, mount=mount, intrinsics=None, fov=_WIDE_BEHIND if name == "CAM_BACK" else _OTHERS)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32, is_count
+from scenarionet_data.arrays.dtypes import Array, Int32, is_count, is_number
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.sensors.base import Sensor, require, require_located
 from scenarionet_sim.sensors.compiled import CompiledSensor
@@ -67,6 +67,7 @@ class LightAhead(Sensor):
     range: float = 50.0
 
     def __post_init__(self) -> None:
+        require(is_number(self.range), f"range={self.range!r}; expected a number [m]")
         require(self.range > 0, f"the range of LightAhead must be above 0 m, found range={self.range}")
 
     @property

@@ -95,12 +95,15 @@ class Simulation:
     ) -> None:
         if not isinstance(worlds, Sequence) or not all(isinstance(world, World) for world in worlds) or not worlds:
             raise BadParameter(f"worlds={worlds!r}; expected one or more, as in [World.from_scenario(scenario)]")
+        policies = tuple(policies) if isinstance(policies, Iterable) else (policies,)
+        if not all(isinstance(policy, Policy) for policy in policies):
+            raise BadParameter(f"policies={policies!r}; expected policies, such as (Replay(), Idm(), External())")
         self.observer = observer or Observer.nothing(len(worlds))
         self._dt = worlds[0].dt
         self._threads = Threads(threads)
         self._memory: list[tuple[Any, ...]] = []  # by thread
         self._memory_for: tuple[int, Any] = 0, None  # largest number of objects, kinds of sensors
-        self._policies = SlotPolicies(tuple(policies), len(worlds))
+        self._policies = SlotPolicies(policies, len(worlds))
         self._agents = DrivenAgents(self._policies.are_external, len(worlds), are_egos=has_passengers)
         self.batch = WorldBatch(worlds, self.policies, self._prepare, keep)
         shape = len(worlds), self.batch.max_objects

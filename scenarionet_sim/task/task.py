@@ -8,6 +8,7 @@ from enum import IntEnum
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64
+from scenarionet_sim.arrays.settings import check_numbers
 
 
 class Status(IntEnum):
@@ -47,6 +48,9 @@ class Reward:
     off_route: float = -5.0
     slow: float = 0.1
 
+    def __post_init__(self) -> None:
+        check_numbers(self)
+
 
 @dataclass(frozen=True)
 class Termination:
@@ -63,6 +67,9 @@ class Termination:
     completion: float = 0.95
     short_route: float = 2.0
     extra_steps: int = 50
+
+    def __post_init__(self) -> None:
+        check_numbers(self)
 
 
 SINGLE_AGENT = (Reward(), Termination())

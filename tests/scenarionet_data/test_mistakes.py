@@ -11,7 +11,7 @@ import pytest
 
 from scenarionet_data import Agents, Augmentation, Lake, Polylines, Samples, ScenarioLoader, Shuffling, Targets
 
-from scenarionet_data import TimeWindow, convert  # isort: skip
+from scenarionet_data import TimeWindow, convert, fsck, verify_pack  # isort: skip
 from scenarionet_data.errors import BadParameter, QueryError, ScenarioNotFound
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario, renamed
@@ -81,6 +81,42 @@ def test_obvious_meanings(lake):
         (lambda lake, samples: lake.select("dataset IN (made, pg)"), "a text is written in quotes, 'made'"),
         (lambda lake, samples: lake.database(3), "wanted a database or its name, found 3"),
         (lambda lake, samples: Lake(lake.root, snapshot="1"), "snapshot: wanted a number or None, found '1'"),
+        (lambda lake, samples: ScenarioLoader(lake).batch(3), r"expected indices or ids.* such as \[0, 1\], found 3"),
+        (lambda lake, samples: ScenarioLoader(lake).batch("made"), "expected indices or ids of scenarios"),
+        (lambda lake, samples: ScenarioLoader(lake).batch_tracks(None), "expected indices or ids of scenarios"),
+        (lambda lake, samples: ScenarioLoader(lake)["a":"b"], "expected a slice of indices, such as 0:8"),
+        (lambda lake, samples: ScenarioLoader(None), "expected a lake, its path or its URL, found None"),
+        (lambda lake, samples: ScenarioLoader(lake, 3), "expected a database, its name, or scenario ids, found 3"),
+        (lambda lake, samples: lake.restrict_to([3]), r"expected a database, its name, or scenario ids, found \[3\]"),
+        (lambda lake, samples: Lake(b"lake"), "expected a lake, its path or its URL, found b'lake'"),
+        (lambda lake, samples: Lake(lake.root, user_columns=["a"]), "user_columns: wanted versions by name"),
+        (lambda lake, samples: fsck(None), "expected a lake, its path or its URL"),
+        (lambda lake, samples: verify_pack(None), "expected a path, found None; give the folder or tar of a pack"),
+        (lambda lake, samples: lake.sql("SELECT $a", [1]), "parameters: wanted values by name"),
+        (lambda lake, samples: lake.named_query(None), "None"),
+        (lambda lake, samples: lake.named_query("summary", [1]), "parameters: wanted values by name"),
+        (lambda lake, samples: lake.mine("cut_in", 3), "parameters: wanted values by name"),
+        (lambda lake, samples: lake.mine("cut_in", database=3), "expected a database, its name, or scenario ids"),
+        (lambda lake, samples: lake.moments("cut_in"), "expected moments, such as following"),
+        (lambda lake, samples: lake.filter(name=3), "3 is no database name"),
+        (lambda lake, samples: lake.drop(3), "expected a database or its name, found 3"),
+        (lambda lake, samples: lake.checkout(None), "expected a database or its name, found None"),
+        (lambda lake, samples: lake.rebase(None), "expected a database or its name, found None"),
+        (lambda lake, samples: lake.split({1: 0.5, 2: 0.5}), "fractions: wanted those of parts by name"),
+        (lambda lake, samples: lake.overlap("a", "b", kinds=3), "kinds: wanted a list of rules, found 3"),
+        (lambda lake, samples: lake.publish("new", "hive"), "catalog='hive'; choose from"),
+        (lambda lake, samples: lake.export(None, None), "expected a path, found None"),
+        (lambda lake, samples: lake.add(None), r"scenarios: expected several, such as \[scenario\], found None"),
+        (lambda lake, samples: lake.add([1]), "scenarios: expected ScenarioDescriptions, found 1"),
+        (lambda lake, samples: lake.history("x"), "last: wanted a whole number of 1 or more, found 'x'"),
+        (lambda lake, samples: TimeWindow("a"), "history: expected a number, found 'a'"),
+        (lambda lake, samples: TimeWindow(stride="a"), "stride: expected a number, found 'a'"),
+        (lambda lake, samples: Agents(radius="x"), "radius: expected a number, found 'x'"),
+        (lambda lake, samples: Agents(types=3), "types: expected a tuple of ObjectTypes, found 3"),
+        (lambda lake, samples: Targets(which="where", where=3), "where: expected SQL as text, found 3"),
+        (lambda lake, samples: Augmentation(rotation="x"), "rotation: expected a number, found 'x'"),
+        (lambda lake, samples: convert("pg", "0:1", lake, workers="2"), "workers: wanted 1 or more, found '2'"),
+        (lambda lake, samples: convert("pg", "0:1", lake, split=3), "split: wanted a text, found 3"),
         (lambda lake, samples: convert("pg", "0:1", lake, workers=-1), "workers: wanted 1 or more, found -1"),
         (lambda lake, samples: convert("pg", "0:1", lake, limit=0), "limit: wanted 1 or more, found 0"),
         (lambda lake, samples: convert("pg", "0:1", lake, options="x"), r"options: wanted \w+ or values by name"),

@@ -46,8 +46,10 @@ def path_of(place: str | Path, remedy: str) -> Path:
         remedy: End of the message.
 
     Raises:
-        BadParameter: It is a URL that became a path, or not UTF-8.
+        BadParameter: It is no path, a URL that became one, or not UTF-8.
     """
+    if not isinstance(place, str | Path):
+        raise BadParameter(f"expected a path, found {place!r}; {remedy}")
     if isinstance(place, Path) and _SHORTENED_URL.match(place.as_posix()):
         raise BadParameter(f"{place}: a URL that became a path, which has lost a slash; {remedy}")
     url = _FILE_URL.match(str(place))
@@ -76,10 +78,13 @@ def open_files(lake: LakeFilesLike) -> LakeFiles:
     """Files of a lake: an open one, or by its folder or URL (``lake``, ``file:///data/lake``, ``s3://bucket/lake``).
 
     Raises:
+        BadParameter: It is no lake, nor a path or URL.
         LakeError: The URL scheme is not supported.
         MissingDependency: The libraries for object stores are not installed.
     """
     if not isinstance(lake, str | Path):
+        if not hasattr(lake, "files"):
+            raise BadParameter(f"expected a lake, its path or its URL, found {lake!r}")
         return lake.files
     if not is_url(lake):
         from scenarionet_data.storage.files.local import (

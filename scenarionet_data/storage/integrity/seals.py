@@ -22,7 +22,7 @@ import json
 import os
 import re
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -84,7 +84,7 @@ def seal(path: Path, place: Place | str) -> Sealed:
         if MARK not in (metadata.metadata or {}):
             raise LakeError(f"{path}: its footer has no entry {MARK.decode()}; please report it")
         listed, checksum = b"", hashlib.sha256()
-        for group in pieces(file, bounds(metadata, end.body)):
+        for group in row_groups(file, end):
             listed += xxh3_128_digest(group)
             if isinstance(place, str):
                 checksum.update(group)
@@ -151,16 +151,11 @@ def verify_again(path: Path, place: Place, url: Path | str | None = None) -> boo
         if not end.digest:
             return older_files.verify(file, tail, end, place, where)
         # Parsing the footer takes three times as long as all digests.
-        found = _likely_bounds(end.footer, end.body)
-        if found != sorted(found) or _digests(file, found) != end.digests:
-            found = bounds(pq.read_metadata(pa.BufferReader(end.footer)), end.body)
-            if _digests(file, found) != end.digests:
-                raise damaged(where, "its bytes differ from those that were written")
+        if tuple(map(xxh3_128_digest, row_groups(file, end, is_parsed=False))) == end.digests:
+            return True
+        if tuple(map(xxh3_128_digest, row_groups(file, end))) != end.digests:
+            raise damaged(where, "its bytes differ from those that were written")
     return True
-
-
-def _digests(file: BinaryIO, positions: Sequence[int]) -> tuple[bytes, ...]:
-    return tuple(map(xxh3_128_digest, pieces(file, positions)))
 
 
 def parsed(end: FileEnd, url: Path | str) -> pq.FileMetaData:
@@ -207,26 +202,30 @@ def needed(tail: bytes) -> int:
     return max(length + _SEAL + _DIGEST * count, WINDOW)
 
 
-def bounds(metadata: pq.FileMetaData, body: int) -> list[int]:
-    """Where the row groups of a file start, the first one at 0, and the end of the last one."""
+def row_groups(file: BinaryIO, end: FileEnd, *, is_parsed: bool = True) -> Iterator[bytes]:
+    """Bytes of each row group of a file; a file without any is one piece.
+
+    Args:
+        file: The file.
+        end: Its end.
+        is_parsed: Find them in the footer as Parquet has it, instead of by the looks of a footer that Arrow wrote,
+            which may be wrong.
+    """
     starts = [0]
-    for number in range(1, metadata.num_row_groups):
-        column = metadata.row_group(number).column(0)
-        starts.append(min(column.data_page_offset, column.dictionary_page_offset or column.data_page_offset))
-    return [*starts, body]
-
-
-def _likely_bounds(footer: bytes, body: int) -> list[int]:
-    """The same by the looks of a footer that Arrow wrote, without parsing it; wrong ones match no digests."""
-    varints = _GROUP.findall(footer)[1:]
-    return [0, *(sum((byte & 127) << 7 * place for place, byte in enumerate(one)) >> 1 for one in varints), body]
-
-
-def pieces(file: BinaryIO, positions: Sequence[int]) -> Iterator[bytes]:
-    """Bytes of a file between each two of ascending positions, the first of which is 0."""
-    file.seek(0)
-    for start, stop in pairwise(positions):
-        yield file.read(stop - start)
+    if is_parsed:
+        metadata = pq.read_metadata(pa.BufferReader(end.footer))
+        for number in range(1, metadata.num_row_groups):
+            column = metadata.row_group(number).column(0)
+            starts.append(min(column.data_page_offset, column.dictionary_page_offset or column.data_page_offset))
+    else:
+        for varint in _GROUP.findall(end.footer)[1:]:
+            number = 0
+            for byte in reversed(varint):
+                number = number << 7 | byte & 127
+            starts.append(min(number >> 1, end.body))
+    for start, stop in pairwise([*starts, end.body]):
+        file.seek(start)
+        yield file.read(max(stop - start, 0))
 
 
 def last(file: BinaryIO) -> tuple[bytes, int]:

@@ -9,19 +9,36 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim import (
     Camera,
     EgoState,
     Idm,
     Lidar,
+    LightAhead,
+    Live,
+    Mount,
+    Replay,
+    Reward,
     ScenarioNetEnv,
     ScenarioNetParallelEnv,
     ScenarioNetVectorEnv,
+    Scenarios,
+    SceneLidar,
     Simulation,
+    Termination,
+    Weather,
     World,
+    camera_ring,
+    compare_runs,
+    evaluate,
+    record,
+    rollout_moments,
 )
 from scenarionet_sim.environments.config import EnvConfig, MultiAgentConfig, VectorConfig
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
 
 
 @pytest.fixture
@@ -129,6 +146,82 @@ def test_counts_of_a_batch(only, counts):
 def test_cameras(options):
     with pytest.raises(BadParameter, match=next(iter(options)) if "width" not in options else "width|pixels"):
         Camera(**options)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"channels": (["rgb"],)},
+        {"fov": None},
+        {"mount": Mount(x="a")},
+        {"intrinsics": (1.0, 2.0)},
+        {"distortion": 3.0},
+        {"seed": -1},
+        {"seed": "x"},
+    ],
+)
+def test_numbers_of_cameras(options):
+    with pytest.raises(BadParameter, match=f"{next(iter(options))}=.*expected"):
+        Camera(**options)
+
+
+def test_frames_of_something_else(only):
+    """Agents that are not in the simulation ended the process."""
+    world = World.from_scenario(only("crowd").open()[0][0])
+    simulation, camera = Simulation([world], Replay()), Camera(8, 6)
+    for batch, state in ((world, None), (None, None), (simulation.batch, None), (simulation.state, simulation.batch)):
+        with pytest.raises(BadParameter, match=r"expected \(simulation.batch, simulation.state, agents\), found"):
+            camera.frames(batch, state, None)
+    for agents in (None, 0, [0], [[0, 10**6]], [[-1, 0]], [[5, 0]], np.zeros((1, 3), np.int32), np.zeros((1, 2))):
+        with pytest.raises(BadParameter, match=r"agents=.* expected world and row of each"):
+            camera.frames(simulation.batch, simulation.state, agents)
+    ego = [[0, int(simulation.batch.ego[0])]]
+    assert camera.frames(simulation.batch, simulation.state, ego)["rgb"].shape == (1, 6, 8, 3)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda lake, world: Idm("vehicles"), "objects='vehicles'; expected a function of a world"),
+        (lambda lake, world: Idm(headway=math.nan), "headway=nan; expected a finite number"),
+        (lambda lake, world: Reward(displacement=math.nan), "displacement=nan; expected a finite number"),
+        (lambda lake, world: Termination(off_route="x"), "off_route='x'; expected a finite number"),
+        (lambda lake, world: Weather("x"), "sun_elevation='x'; expected a finite number"),
+        (lambda lake, world: camera_ring(6), "camera=6; expected a Camera"),
+        (lambda lake, world: SceneLidar("x"), "elevations='x'; expected angles"),
+        (lambda lake, world: LightAhead("x"), "range='x'; expected a number"),
+        (lambda lake, world: Live("x"), "width and height of a window must be positive, found 'x'"),
+        (lambda lake, world: Live().picture(world, None), r"expected picture\(world, simulation.state\), found World"),
+        (lambda lake, world: Simulation([world], "idm"), r"policies=.*expected policies, such as \(Replay"),
+        (lambda lake, world: Simulation([world], 3), r"policies=\(3,\); expected policies"),
+        (lambda lake, world: Scenarios(None), "lake=None; expected a lake, its path or its URL"),
+        (lambda lake, world: Scenarios(lake, 3), "database=3; expected a database, its name, or scenario ids"),
+        (lambda lake, world: Scenarios(lake, where=3), "where=3; expected SQL as text"),
+        (lambda lake, world: Scenarios(lake, curriculum=3), "curriculum=3; expected, for example, Curriculum"),
+        (lambda lake, world: Scenarios(lake, worker="x"), "worker='x'; expected a whole number"),
+        (lambda lake, world: evaluate(lake, policy=Idm()), "policy=Idm.*; expected a name such as 'idm'"),
+        (lambda lake, world: evaluate(lake, policy="idm", seed="x"), "seed='x'; expected a whole number"),
+        (lambda lake, world: evaluate(lake, policy="idm", num_rollouts="2"), "'2' rollouts of each scenario; expected"),
+        (lambda lake, world: evaluate(lake, policy="idm", name=3), "3 is not a valid name of a run"),
+        (lambda lake, world: evaluate(lake, policy="idm", workers="x"), "workers='x'; expected a whole number"),
+        (lambda lake, world: record(lake, name="x", cameras=Camera(8, 6)), "expected a tuple of cameras"),
+        (lambda lake, world: compare_runs(lake, "a", "b"), "the lake has no run 'a'; it has none"),
+        (lambda lake, world: rollout_moments(lake, "a", None), r"scene=None; expected what scene_of"),
+    ],
+)
+def test_simulations_and_runs(wrong, message, lake, world):
+    with pytest.raises(BadParameter, match=message):
+        wrong(lake, world)
+
+
+@pytest.fixture(scope="module")
+def lake(tmp_path_factory):
+    return write_lake(tmp_path_factory.mktemp("mistakes") / "lake", [make_scenario(1)]).root
+
+
+@pytest.fixture(scope="module")
+def world(lake):
+    return World.from_scenario(Lake(lake).loader()[0])
 
 
 @pytest.mark.parametrize("options", [{"rays": 1.5}, {"rays": -1}, {"range": math.inf}, {"range": math.nan}])

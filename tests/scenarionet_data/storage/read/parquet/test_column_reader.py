@@ -74,7 +74,7 @@ def row_groups(path, table, content=None, *, is_sealed=False):
     metadata = pq.read_metadata(path)
     with path.open("rb") as file:
         end = seals.split(*seals.last(file), path)
-        groups = seals.pieces(file, seals.bounds(metadata, end.body)) if is_sealed else []
+        groups = seals.row_groups(file, end) if is_sealed else []
         digests = [xxh3_128_digest(group) for group in groups]
     footer = Footer(str(path), metadata, layout_of(table), digests, end.body)
     if content is None:
