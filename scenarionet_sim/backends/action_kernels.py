@@ -10,21 +10,6 @@ from scenarionet_sim.arrays.minmax import larger, smaller
 
 
 @kernel(allocates=False)
-def clip_actions(actions: Float64) -> int:
-    """Clip actions (A, 2) to [-1, 1] in place; return the first row that is not finite, or -1."""
-    invalid = -1
-    for a in range(len(actions) - 1, -1, -1):
-        for k in range(2):
-            if not np.isfinite(actions[a, k]):
-                invalid = a
-            elif actions[a, k] > 1.0:
-                actions[a, k] = 1.0
-            elif actions[a, k] < -1.0:
-                actions[a, k] = -1.0
-    return invalid
-
-
-@kernel(allocates=False)
 def place_actions(rows: Int32, given: Float64, actions: Float64) -> int:
     """Take the actions of agents from rows for the first S places of each world, clipped to [-1, 1].
 

@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.backends.action_kernels import clip_actions
 
 if TYPE_CHECKING:
     from scenarionet_sim.worlds.state import State
@@ -120,8 +119,7 @@ def checked_actions(actions: npt.ArrayLike) -> Float64:
     given = as_numbers(actions)
     if given.size % 2:
         raise BadParameter(f"actions: expected steering and throttle of each agent, found {actions!r}")
-    clipped = given.reshape(-1, 2).copy()
-    invalid = clip_actions(clipped)
-    if invalid >= 0:
-        raise BadParameter(f"an action is not finite: {clipped[invalid].tolist()}")
-    return clipped
+    rows = given.reshape(-1, 2)
+    if not np.isfinite(rows).all():
+        raise BadParameter(f"an action is not finite: {rows[~np.isfinite(rows).all(axis=1)][0].tolist()}")
+    return rows.clip(-1.0, 1.0)

@@ -63,12 +63,6 @@ METADRIVE = {
 """Names in MetaDrive's ``Semantics``, whose pictures show classes by colour."""
 
 
-def cityscapes_ids(semantic: UInt8) -> UInt8:
-    """Return the Cityscapes ids of a picture of classes, any shape."""
-    table: UInt8 = np.array([CITYSCAPES[member] for member in SemanticClass], np.uint8)
-    return table[semantic]
-
-
 def class_colors(semantic: UInt8) -> UInt8:
     """Return a picture of classes (...) in colour (..., 3)."""
     table: UInt8 = np.array([CLASS_COLORS[member] for member in SemanticClass], np.uint8)

@@ -61,8 +61,7 @@ class TrainedDriver:
         if self._bins:
             best = values.reshape(len(values), 2, self._bins).argmax(axis=2)
             return np.asarray(best * (2.0 / (self._bins - 1)) - 1.0, np.float32)
-        bounded: Float32 = np.tanh(values) if self._is_squashed else np.clip(values, -1.0, 1.0)
-        return bounded
+        return np.tanh(values) if self._is_squashed else np.clip(values, -1.0, 1.0)
 
     def act(self, observation: Float32) -> Float32:
         """Return steering and throttle for one observation (D,)."""

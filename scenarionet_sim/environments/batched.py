@@ -230,7 +230,7 @@ class _Scorer(Observer):
             return
         self._outputs, self.is_stale = StepOutputs(self._observation, num_places), True
         self._write_to(self._outputs.next())
-        for values in self.result.arrays:
+        for values in self.result:
             values[:] = 0
 
     def renew_results(self) -> None:
@@ -241,7 +241,7 @@ class _Scorer(Observer):
         if self.num_seats is None:
             last, seen = self.result, self.observed
             self.renew_results()
-            for values, old in zip(self.result.arrays, last.arrays, strict=True):
+            for values, old in zip(self.result, last, strict=True):
                 values[:] = old
             self._observation.write(seen, self.observed)
 

@@ -6,22 +6,13 @@ those of the experts come from inverse dynamics ``a = I(s, s')``, learned from t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import torch
 from torch import Tensor, nn
 
 from scenarionet_sim.learning.config import AirlConfig
 from scenarionet_sim.learning.experts import Experts
 from scenarionet_sim.learning.gail import GailLearner
-from scenarionet_sim.learning.networks import (
-    NUM_CONTROLS,
-    network_tensors,
-    optimizer_tensors,
-    perceptron,
-    restore_networks,
-    restore_optimizer,
-)
+from scenarionet_sim.learning.networks import NUM_CONTROLS, perceptron
 from scenarionet_sim.learning.rows import AgentRows
 
 
@@ -75,17 +66,7 @@ class AirlLearner(GailLearner):
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed + 2)
             self.inverse = InverseDynamics(env.observations.shape[1], config.hidden, config.inverse_rate)
-
-    def tensors(self) -> dict[str, Tensor]:
-        """Return everything that the next rounds depend on, except the environment."""
-        found = super().tensors() | network_tensors({"inverse": self.inverse.network})
-        return found | optimizer_tensors(self.inverse.adam, "inverse_adam")
-
-    def restore(self, tensors: Mapping[str, Tensor]) -> None:
-        """Continue from :meth:`tensors`."""
-        super().restore(tensors)
-        restore_networks({"inverse": self.inverse.network}, tensors)
-        restore_optimizer(self.inverse.adam, "inverse_adam", tensors)
+        self._networks["inverse"], self._optimizers["inverse_adam"] = self.inverse.network, self.inverse.adam
 
     def logits(self, pairs: Tensor, log_probabilities: Tensor) -> Tensor:
         """Return log D - log(1 - D) = f(s, s') - log pi(a|s) (B,) of pairs of observations (B, 2, D)."""

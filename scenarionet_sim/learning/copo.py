@@ -8,7 +8,6 @@ Without an angle (its mean and deviation frozen at 0) it is independent PPO, to 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from copy import deepcopy
 from typing import NamedTuple
 
@@ -19,14 +18,7 @@ from torch import Tensor, nn
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 from scenarionet_sim.learning.config import CopoConfig
 from scenarionet_sim.learning.descent import Descent
-from scenarionet_sim.learning.networks import (
-    StochasticPolicy,
-    network_tensors,
-    optimizer_tensors,
-    perceptron,
-    restore_networks,
-    restore_optimizer,
-)
+from scenarionet_sim.learning.networks import StochasticPolicy, perceptron
 from scenarionet_sim.learning.ppo import Batch, PpoLearner, standardized, surrogate
 from scenarionet_sim.learning.rollout import RolloutBuffer, neighbour_rewards
 from scenarionet_sim.learning.rows import AgentRows
@@ -110,26 +102,10 @@ class CopoLearner(PpoLearner):
         self._angles: Float32 = np.zeros(env.num_agents, np.float32)
         self._was_alive: Bool = np.zeros(env.num_agents, np.bool_)
         self._step_angles: list[Float32] = []
-
-    def tensors(self) -> dict[str, Tensor]:
-        """Return everything that the next rounds depend on, except the environment."""
-        found = super().tensors() | network_tensors({"social_critic": self.social_critic, "angle": self.angle})
-        found |= self._social_descent.tensors("social_adam")
-        found |= optimizer_tensors(self._angle_adam, "angle_adam")
-        angles = {
-            "angles": torch.from_numpy(self._angles.copy()),
-            "was_alive": torch.from_numpy(self._was_alive.copy()),
-        }
-        return found | angles | {"social_generator": self._social_generator.get_state()}
-
-    def restore(self, tensors: Mapping[str, Tensor]) -> None:
-        """Continue from :meth:`tensors`."""
-        super().restore(tensors)
-        restore_networks({"social_critic": self.social_critic, "angle": self.angle}, tensors)
-        self._social_descent.restore("social_adam", tensors)
-        restore_optimizer(self._angle_adam, "angle_adam", tensors)
-        self._angles[:], self._was_alive[:] = tensors["angles"].numpy(), tensors["was_alive"].numpy()
-        self._social_generator.set_state(tensors["social_generator"])
+        self._networks |= {"social_critic": self.social_critic, "angle": self.angle}
+        self._optimizers |= {"social_adam": self._social_descent, "angle_adam": self._angle_adam}
+        self._generators["social_generator"] = self._social_generator
+        self._arrays |= {"angles": self._angles, "was_alive": self._was_alive}
 
     # --- experience -----------------------------------------------------------------------------------
 
@@ -146,7 +122,7 @@ class CopoLearner(PpoLearner):
     def _rewards(self, alive: Bool) -> Float32:
         """Return the rewards (A, 3): own, of the neighbourhood, of all agents of the world."""
         rewards, worlds = self._env.rewards, self._worlds
-        self._was_alive = self._env.masks & ~(self._env.terminals | self._env.truncations)
+        self._was_alive[:] = self._env.masks & ~(self._env.terminals | self._env.truncations)
         near = neighbour_rewards(rewards, self._positions, worlds, alive, self.config.neighbourhood)
         sums = np.bincount(worlds, np.where(alive, rewards, 0.0))
         counts = np.bincount(worlds, alive)

@@ -6,20 +6,12 @@ have none.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import torch
 from torch import Tensor, nn
 
 from scenarionet_sim.learning.config import GailConfig
 from scenarionet_sim.learning.experts import Experts
-from scenarionet_sim.learning.networks import (
-    network_tensors,
-    optimizer_tensors,
-    perceptron,
-    restore_networks,
-    restore_optimizer,
-)
+from scenarionet_sim.learning.networks import perceptron
 from scenarionet_sim.learning.ppo import PpoLearner
 from scenarionet_sim.learning.rollout import RolloutBuffer
 from scenarionet_sim.learning.rows import AgentRows
@@ -51,19 +43,9 @@ class GailLearner(PpoLearner):
             parameters, config.discriminator_rate, weight_decay=config.discriminator_decay, fused=True
         )
         self._imitation_generator = torch.Generator().manual_seed(seed + 1)
-
-    def tensors(self) -> dict[str, Tensor]:
-        """Return everything that the next rounds depend on, except the environment."""
-        found = super().tensors() | network_tensors(self.discriminators)
-        found |= optimizer_tensors(self._discriminator_adam, "discriminator_adam")
-        return found | {"imitation_generator": self._imitation_generator.get_state()}
-
-    def restore(self, tensors: Mapping[str, Tensor]) -> None:
-        """Continue from :meth:`tensors`."""
-        super().restore(tensors)
-        restore_networks(self.discriminators, tensors)
-        restore_optimizer(self._discriminator_adam, "discriminator_adam", tensors)
-        self._imitation_generator.set_state(tensors["imitation_generator"])
+        self._networks |= self.discriminators
+        self._optimizers["discriminator_adam"] = self._discriminator_adam
+        self._generators["imitation_generator"] = self._imitation_generator
 
     def logits(self, pairs: Tensor, log_probabilities: Tensor) -> Tensor:
         """Return the logits (B,) that pairs of observations (B, 2, D) are an expert's."""

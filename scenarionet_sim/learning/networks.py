@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import torch
@@ -132,33 +132,3 @@ StochasticPolicy = GaussianPolicy | DiscretePolicy
 def make_policy(inputs: int, hidden: Sequence[int], bins: int, spread: float) -> StochasticPolicy:
     """Return a continuous policy, or with ``bins`` a discrete one."""
     return DiscretePolicy(inputs, hidden, bins) if bins else GaussianPolicy(inputs, hidden, spread)
-
-
-def network_tensors(networks: Mapping[str, nn.Module]) -> dict[str, Tensor]:
-    """Return the parameters of networks, named ``network.parameter``."""
-    return {f"{part}.{key}": value for part, net in networks.items() for key, value in net.state_dict().items()}
-
-
-def restore_networks(networks: Mapping[str, nn.Module], tensors: Mapping[str, Tensor]) -> None:
-    """Set the parameters of networks from :func:`network_tensors`."""
-    for part, net in networks.items():
-        net.load_state_dict({key: tensors[f"{part}.{key}"] for key in net.state_dict()})
-
-
-def optimizer_tensors(optimizer: torch.optim.Optimizer, name: str) -> dict[str, Tensor]:
-    """Return the state of an optimizer as tensors with names that begin with ``name``."""
-    return {
-        f"{name}.{number}.{key}": value
-        for number, parts in optimizer.state_dict()["state"].items()
-        for key, value in parts.items()
-    }
-
-
-def restore_optimizer(optimizer: torch.optim.Optimizer, name: str, tensors: Mapping[str, Tensor]) -> None:
-    """Set the state of an optimizer from :func:`optimizer_tensors`."""
-    state: dict[int, dict[str, Tensor]] = {}
-    for key, value in tensors.items():
-        if key.startswith(f"{name}."):
-            _, number, part = key.rsplit(".", 2)
-            state.setdefault(int(number), {})[part] = value.clone()
-    optimizer.load_state_dict(optimizer.state_dict() | {"state": state})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,15 +12,10 @@ from torch import Tensor, nn
 from scenarionet_data.arrays.dtypes import Bool, Float32
 from scenarionet_sim.learning.config import PpoConfig
 from scenarionet_sim.learning.descent import Descent
-from scenarionet_sim.learning.networks import (
-    StochasticPolicy,
-    make_policy,
-    network_tensors,
-    perceptron,
-    restore_networks,
-)
+from scenarionet_sim.learning.learner import Learner
+from scenarionet_sim.learning.networks import StochasticPolicy, make_policy, perceptron
 from scenarionet_sim.learning.rollout import RolloutBuffer, advantages
-from scenarionet_sim.learning.rows import AgentRows, Clock, Outcomes
+from scenarionet_sim.learning.rows import AgentRows
 
 
 class Batch(NamedTuple):
@@ -81,7 +76,7 @@ def standardized(values: Tensor) -> Tensor:
     return (values - values.mean()) / (values.std() + 1e-8)
 
 
-class PpoLearner:
+class PpoLearner(Learner):
     """A policy and a value function that learn from rounds of experience.
 
     Args:
@@ -92,15 +87,14 @@ class PpoLearner:
     Attributes:
         policy: The policy.
         critic: Values (B, 1) of observations.
-        outcomes: What the agents' episodes achieved.
-        clock: Wall time by activity.
     """
 
     kinds = 1
     """Number K of rewards of an agent in each step."""
 
     def __init__(self, env: AgentRows, config: PpoConfig, seed: int = 0) -> None:
-        self._env, self.config, self._lambda = env, config, config.smoothing
+        super().__init__(env, seed)
+        self.config, self._lambda = config, config.smoothing
         width = env.observations.shape[1]
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
@@ -108,9 +102,9 @@ class PpoLearner:
             self.critic = perceptron([width, *config.hidden, 1])
         parameters = [*self.policy.parameters(), *self.critic.parameters()]
         self._descent = Descent(parameters, config.rate, config.longest_gradient)
-        self._generator = torch.Generator().manual_seed(seed)
+        self._networks |= {"policy": self.policy, "critic": self.critic}
+        self._optimizers["adam"] = self._descent
         self._rollout = RolloutBuffer.empty(config.horizon, env.num_agents, width, self.kinds)
-        self.outcomes, self.clock = Outcomes(env.num_agents), Clock()
 
     @property
     def num_bytes(self) -> int:
@@ -130,20 +124,6 @@ class PpoLearner:
             given = self.policy(torch.from_numpy(observations))
             controls: Float32 = self.policy.controls(self.policy.mode(given)).numpy()
         return controls
-
-    def tensors(self) -> dict[str, Tensor]:
-        """Return everything that the next rounds depend on, except the environment."""
-        found = network_tensors({"policy": self.policy, "critic": self.critic})
-        found["generator"] = self._generator.get_state()
-        found["returns"] = torch.from_numpy(self.outcomes.returns.copy())
-        return found | self._descent.tensors("adam")
-
-    def restore(self, tensors: Mapping[str, Tensor]) -> None:
-        """Continue from :meth:`tensors`."""
-        restore_networks({"policy": self.policy, "critic": self.critic}, tensors)
-        self._descent.restore("adam", tensors)
-        self._generator.set_state(tensors["generator"])
-        self.outcomes.returns[:] = tensors["returns"].numpy()
 
     # --- experience -----------------------------------------------------------------------------------
 

@@ -11,14 +11,9 @@ from torch import Tensor, nn
 
 from scenarionet_data.arrays.dtypes import Float32
 from scenarionet_sim.learning.config import Td3Config
-from scenarionet_sim.learning.networks import (
-    NUM_CONTROLS,
-    network_tensors,
-    optimizer_tensors,
-    restore_networks,
-    restore_optimizer,
-)
-from scenarionet_sim.learning.rows import AgentRows, Clock, Outcomes
+from scenarionet_sim.learning.learner import Learner
+from scenarionet_sim.learning.networks import NUM_CONTROLS
+from scenarionet_sim.learning.rows import AgentRows
 
 
 def rectified(inputs: int, hidden: tuple[int, ...], outputs: int) -> nn.Sequential:
@@ -57,7 +52,7 @@ class ReplayBuffer:
         return {name: values[rows] for name, values in self.tensors.items()}
 
 
-class Td3Learner:
+class Td3Learner(Learner):
     """A deterministic policy with two critics; arguments and attributes as in ``PpoLearner``.
 
     Attributes:
@@ -65,20 +60,21 @@ class Td3Learner:
     """
 
     def __init__(self, env: AgentRows, config: Td3Config, seed: int = 0) -> None:
-        self._env, self.config = env, config
+        super().__init__(env, seed)
+        self.config = config
         width = env.observations.shape[1]
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             self.policy = nn.Sequential(rectified(width, config.hidden, NUM_CONTROLS), nn.Tanh())
             first, second = (rectified(width + NUM_CONTROLS, config.hidden, 1) for _ in range(2))
-        self.networks: dict[str, nn.Module] = {"policy": self.policy, "first": first, "second": second}
+        self.networks = self._networks
+        self.networks |= {"policy": self.policy, "first": first, "second": second}
         self.networks |= {f"slow_{name}": deepcopy(net) for name, net in self.networks.items()}
         critics = [*first.parameters(), *second.parameters()]
         self._policy_adam = torch.optim.Adam(self.policy.parameters(), config.rate, fused=True)
         self._critic_adam = torch.optim.Adam(critics, config.rate, fused=True)
-        self._generator = torch.Generator().manual_seed(seed)
+        self._optimizers |= {"policy_adam": self._policy_adam, "critic_adam": self._critic_adam}
         self._replay, self._updates = ReplayBuffer(config.replay, width), 0
-        self.outcomes, self.clock = Outcomes(env.num_agents), Clock()
 
     @property
     def num_bytes(self) -> int:
@@ -108,23 +104,15 @@ class Td3Learner:
     def tensors(self) -> dict[str, Tensor]:
         """Return everything that the next rounds depend on, except the environment."""
         replay, count = self._replay, min(self._replay.added, self._replay.capacity)
-        found = network_tensors(self.networks) | {f"replay.{key}": each[:count] for key, each in replay.tensors.items()}
-        found |= optimizer_tensors(self._policy_adam, "policy_adam")
-        found |= optimizer_tensors(self._critic_adam, "critic_adam")
-        found["generator"] = self._generator.get_state()
-        found["counts"] = torch.tensor([replay.added, self._updates])
-        return found | {"returns": torch.from_numpy(self.outcomes.returns.copy())}
+        found = super().tensors() | {f"replay.{name}": values[:count] for name, values in replay.tensors.items()}
+        return found | {"counts": torch.tensor([replay.added, self._updates])}
 
     def restore(self, tensors: Mapping[str, Tensor]) -> None:
         """Continue from :meth:`tensors`."""
-        restore_networks(self.networks, tensors)
-        restore_optimizer(self._policy_adam, "policy_adam", tensors)
-        restore_optimizer(self._critic_adam, "critic_adam", tensors)
+        super().restore(tensors)
         for name, values in self._replay.tensors.items():
             values[: len(tensors[f"replay.{name}"])] = tensors[f"replay.{name}"]
         self._replay.added, self._updates = tensors["counts"].tolist()
-        self._generator.set_state(tensors["generator"])
-        self.outcomes.returns[:] = tensors["returns"].numpy()
 
     def _step(self) -> None:
         """Drive one step with noise, and add the transitions to the replay."""

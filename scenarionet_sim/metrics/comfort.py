@@ -7,7 +7,9 @@ acceleration are derivatives of the unwrapped heading (window 5; order 2 and 3).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import operator
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -15,6 +17,8 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_sim.metrics.smoothing import savitzky_golay
 
 _DECIMALS = 8
+_HIGHEST = 2.40, 4.89, 8.37, 4.13, 0.95, 1.93
+"""Upper bounds of all but the first of ``Comfort``."""
 
 
 @dataclass(frozen=True)
@@ -40,15 +44,12 @@ class Comfort:
     @property
     def is_comfortable(self) -> bool:
         """True if every extreme is within its bound."""
-        return (
-            self.min_lon_acceleration >= -4.05
-            and self.max_lon_acceleration <= 2.40
-            and self.max_lat_acceleration <= 4.89
-            and self.max_jerk <= 8.37
-            and self.max_lon_jerk <= 4.13
-            and self.max_yaw_rate <= 0.95
-            and self.max_yaw_acceleration <= 1.93
-        )
+        return self.compare_with_bounds(operator.le)
+
+    def compare_with_bounds(self, is_within: Callable[[float, float], bool]) -> bool:
+        """Return whether every extreme is within its bound by a comparison: with the bound itself, or without."""
+        lowest, *highest = astuple(self)
+        return is_within(-4.05, lowest) and all(map(is_within, highest, _HIGHEST))
 
 
 def measure_comfort(acceleration: Float64, heading: Float64, dt: float) -> Comfort:

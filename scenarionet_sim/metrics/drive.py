@@ -84,8 +84,7 @@ class EgoDrive:
     def rear_axle(self) -> Float64:
         """(T, 2) positions of the rear axle [m]."""
         axis = np.column_stack((np.cos(self.heading), np.sin(self.heading)))
-        found: Float64 = self.position - self.rear * axis
-        return found
+        return self.position - self.rear * axis
 
     @cached_property
     def corners(self) -> Float64:

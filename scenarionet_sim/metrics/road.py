@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32, IntP
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, IntP
 from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.lane_polygons import HALF_WIDTH
 from scenarionet_sim.roads.roads import Roads
@@ -35,8 +35,7 @@ def is_off_road(corners: Float64, roads: Roads) -> Bool:
 
 def _is_near_road(points: Float64, rest: IntP, roads: Roads) -> Bool:
     """Return which of the points (Q, 2) [m] in the rows ``rest``, all off the road, are within the tolerance of it."""
-    outlines, asked = roads.polygons, points[rest]
-    bounds = outlines.bounds()
+    outlines, bounds, asked = roads.polygons, roads.polygon_bounds, points[rest]
     near: Bool = np.zeros(len(rest), np.bool_)
     rows = np.flatnonzero(roads.is_road & _is_beside(bounds, asked))
     _mark_near(asked, outlines.values, outlines.offsets, rows, OFF_ROAD_TOLERANCE**2, near)
@@ -68,9 +67,9 @@ def _mark_near(points: Float64, outlines: Float32, offsets: Int32, rows: IntP, s
                 break
 
 
-def _is_beside(bounds: tuple[Array, Array], points: Float64) -> Bool:
-    """Return which boxes, lower and upper corners (B, 2), are within the tolerance of the box around points (Q, 2)."""
-    lower, upper = bounds
+def _is_beside(bounds: Float32, points: Float64) -> Bool:
+    """Return which boxes, lower and upper corners (B, 4), are within the tolerance of the box around points (Q, 2)."""
+    lower, upper = bounds[:, :2], bounds[:, 2:]
     beside = (lower <= points.max(axis=0) + OFF_ROAD_TOLERANCE) & (upper >= points.min(axis=0) - OFF_ROAD_TOLERANCE)
     found: Bool = beside.all(axis=1)
     return found

@@ -83,5 +83,4 @@ def _evaluate(polynomial: Float64, at: float, derivative: int) -> float:
 @cache
 def _fit(window: int, order: int) -> Float64:
     """Matrix (order + 1, window) from the samples of a window to the coefficients of their polynomial."""
-    fit: Float64 = np.linalg.pinv(np.vander(np.arange(window) - (window - 1) / 2, order + 1, increasing=True))
-    return fit
+    return np.linalg.pinv(np.vander(np.arange(window) - (window - 1) / 2, order + 1, increasing=True))

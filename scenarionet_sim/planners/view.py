@@ -149,8 +149,7 @@ class LanesView:
 
     def successors(self, lane: int) -> Int32:
         """Return the rows of the lanes that follow one."""
-        following: Int32 = self.roads.successors[lane]
-        return following
+        return self.roads.successors[lane]
 
     def speed_limit(self, lane: int) -> float:
         """Return the limit of a lane [m/s]; NaN if unknown."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,6 +30,9 @@ class Policy:
         route: A route along the lanes of the map, instead of the recorded path, for policies that follow one.
     """
 
+    movement: ClassVar[int] = UNCOMPILED
+    """How the compiled step moves its objects: a constant of ``policies.motion_kernels``."""
+
     objects: ObjectMask = all_objects
     route: LaneRoute | None = field(default=None, kw_only=True)
 
@@ -54,11 +58,6 @@ class Policy:
     def history(self) -> int:
         """Number of past moments that it needs in ``State.history``."""
         return 0
-
-    @property
-    def movement(self) -> int:
-        """How the compiled step moves its objects: a constant of ``policies.motion_kernels``."""
-        return UNCOMPILED
 
     @property
     def law(self) -> Float64:

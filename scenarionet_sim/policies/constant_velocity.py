@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.motion_kernels import CARRY_ON
@@ -12,7 +13,4 @@ from scenarionet_sim.policies.motion_kernels import CARRY_ON
 class ConstantVelocity(Policy):
     """Objects keep the velocity and heading at which they appear, and never leave."""
 
-    @property
-    def movement(self) -> int:
-        """At constant velocity."""
-        return CARRY_ON
+    movement: ClassVar[int] = CARRY_ON

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.motion_kernels import ENTER
@@ -17,9 +18,6 @@ class External(Policy):
     (:meth:`scenarionet_sim.simulation.simulation.Simulation.retire`).
     """
 
-    objects: ObjectMask = ego
+    movement: ClassVar[int] = ENTER
 
-    @property
-    def movement(self) -> int:
-        """Agents only appear; the backend moves those that are present."""
-        return ENTER
+    objects: ObjectMask = ego

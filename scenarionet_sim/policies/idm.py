@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -37,6 +38,8 @@ class Idm(Policy):
         shortest: Objects with a shorter path count as standing [m].
     """
 
+    movement: ClassVar[int] = FOLLOW_PATH
+
     objects: ObjectMask = other_vehicles
     headway: float = 1.5
     acceleration: float = 2.0
@@ -57,11 +60,6 @@ class Idm(Policy):
     def selects(self, world: World) -> Bool:
         """Return the mask (N,) of its objects that drive at all."""
         return self.objects(world) & (world.paths.length() >= self.shortest)
-
-    @property
-    def movement(self) -> int:
-        """Along its path by the driver model."""
-        return FOLLOW_PATH
 
     @property
     def law(self) -> Float64:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.motion_kernels import REPLAY
@@ -15,7 +16,4 @@ class Replay(Policy):
     After the end of the log they are at rest.
     """
 
-    @property
-    def movement(self) -> int:
-        """As recorded."""
-        return REPLAY
+    movement: ClassVar[int] = REPLAY

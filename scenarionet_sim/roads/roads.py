@@ -113,6 +113,11 @@ class Roads:
         vars(self).pop("segment_grid", None)
 
     @cached_property
+    def polygon_bounds(self) -> Float32:
+        """(Q, 4) min_x, min_y, max_x, max_y of each polygon [m]; NaN for an empty one."""
+        return np.concatenate(self.polygons.bounds(), axis=1)
+
+    @cached_property
     def _strips(self) -> Float32:
         return strips_of(self.polygons.values)
 

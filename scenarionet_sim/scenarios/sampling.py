@@ -6,10 +6,11 @@ series after :meth:`Sampler.restart` with the same seed. It depends neither on t
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,35 +19,40 @@ from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter
 
 
-class Sampler(Protocol):
-    """Protocol of samplers.
+class Sampler(ABC):
+    """Base class of samplers; by default they draw by random numbers alone.
 
     Attributes:
         is_adaptive: Whether the series depends on the results of episodes, which are reported only then.
     """
 
-    is_adaptive: ClassVar[bool]
+    is_adaptive: ClassVar[bool] = False
 
     def restart(self, seed: int) -> None:
         """Restart the series with a seed."""
+        self._rng = np.random.default_rng(seed)
 
     def draw(self) -> int:
         """Return the index of the next scenario."""
+        return self.draw_all(1)[0]
 
+    @abstractmethod
     def draw_all(self, count: int) -> list[int]:
         """Return the indices of the next scenarios, as that many calls of :meth:`draw`."""
 
-    def report(self, scenario: int, success: float) -> None:
+    def report(self, scenario: int, success: float) -> None:  # noqa: B027
         """Record the result of an episode: 1 for success, 0 for failure, or the share of agents that succeeded."""
 
     def state(self) -> dict[str, Any]:
         """Return where the series stands, JSON-serialisable."""
+        return {"random": self._rng.bit_generator.state}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue a series of the same scenarios where another sampler stood."""
+        self._rng.bit_generator.state = state["random"]
 
 
-class Sequential:
+class Sequential(Sampler):
     """Indices in ascending order, repeated; independent of the seed.
 
     Example:
@@ -55,27 +61,17 @@ class Sequential:
         [0, 1, 2, 0, 1]
     """
 
-    is_adaptive: ClassVar[bool] = False
-
     def __init__(self, count: int) -> None:
-        self._count = count
-        self._next = 0
+        self._count, self._next = count, 0
 
     def restart(self, seed: int) -> None:  # noqa: ARG002
         """Restart with index 0."""
         self._next = 0
 
-    def draw(self) -> int:
-        """Return the index of the next scenario."""
-        return self.draw_all(1)[0]
-
     def draw_all(self, count: int) -> list[int]:
         """Return the indices of the next scenarios."""
         first, self._next = self._next, (self._next + count) % self._count
         return [scenario % self._count for scenario in range(first, first + count)]
-
-    def report(self, scenario: int, success: float) -> None:
-        """Ignore the result."""
 
     def state(self) -> dict[str, Any]:
         """Return where the series stands."""
@@ -86,44 +82,38 @@ class Sequential:
         self._next = int(state["next"])
 
 
-class Shuffled:
+class Shuffled(Sampler):
     """Every index once per round, in a new random order each round."""
 
-    is_adaptive: ClassVar[bool] = False
-
     def __init__(self, count: int) -> None:
-        self._count = count
+        self._first, self._last = 0, count
         self.restart(0)
 
     def restart(self, seed: int) -> None:
         """Shuffle afresh."""
-        self._rng = np.random.default_rng(seed)
+        super().restart(seed)
         self._rest: list[int] = []
-
-    def draw(self) -> int:
-        """Return the index of the next scenario."""
-        return self.draw_all(1)[0]
 
     def draw_all(self, count: int) -> list[int]:
         """Return the indices of the next scenarios."""
         while len(self._rest) < count:  # drawn from the end
-            self._rest = self._rng.permutation(self._count).tolist() + self._rest
-        return _last(self._rest, count)
-
-    def report(self, scenario: int, success: float) -> None:
-        """Ignore the result."""
+            self._rest = (self._first + self._rng.permutation(self._last - self._first)).tolist() + self._rest
+        kept = len(self._rest) - count
+        drawn = self._rest[kept:][::-1]
+        del self._rest[kept:]
+        return drawn
 
     def state(self) -> dict[str, Any]:
         """Return where the series stands."""
-        return {"random": self._rng.bit_generator.state, "rest": list(self._rest)}
+        return super().state() | {"rest": list(self._rest)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue where another sampler stood."""
-        self._rng.bit_generator.state = state["random"]
+        super().restore(state)
         self._rest = list(state["rest"])
 
 
-class Weighted:
+class Weighted(Sampler):
     """Independent draws with probabilities proportional to weights.
 
     Args:
@@ -133,8 +123,6 @@ class Weighted:
         BadParameter: The weights are invalid.
     """
 
-    is_adaptive: ClassVar[bool] = False
-
     def __init__(self, weights: npt.ArrayLike) -> None:
         values = np.asarray(weights, dtype=np.float64)
         if not np.isfinite(values).all() or (values < 0).any() or values.sum() <= 0:
@@ -142,30 +130,11 @@ class Weighted:
         self._cumulative = np.cumsum(values)
         self.restart(0)
 
-    def restart(self, seed: int) -> None:
-        """Restart the series; the same seed gives the same draws."""
-        self._rng = np.random.default_rng(seed)
-
-    def draw(self) -> int:
-        """Return the index of the next scenario."""
-        return self.draw_all(1)[0]
-
     def draw_all(self, count: int) -> list[int]:
         """Return the indices of the next scenarios."""
         marks = self._rng.random(count) * self._cumulative[-1]
         drawn: list[int] = np.searchsorted(self._cumulative, marks, side="right").tolist()
         return drawn
-
-    def report(self, scenario: int, success: float) -> None:
-        """Ignore the result."""
-
-    def state(self) -> dict[str, Any]:
-        """Return where the series stands."""
-        return {"random": self._rng.bit_generator.state}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue where another sampler stood."""
-        self._rng.bit_generator.state = state["random"]
 
 
 @dataclass(frozen=True)
@@ -188,7 +157,7 @@ class Curriculum:
     by: str = "difficulty"
 
 
-class CurriculumSampler:
+class CurriculumSampler(Shuffled):
     """Shuffled indices of the current level of a curriculum.
 
     Episodes of another level (drawn before a promotion) do not count. The last level is played indefinitely.
@@ -216,19 +185,8 @@ class CurriculumSampler:
 
     def restart(self, seed: int) -> None:
         """Restart at the first level."""
-        self._rng = np.random.default_rng(seed)
-        self._rest: list[int] = []
+        super().restart(seed)
         self._enter(0)
-
-    def draw(self) -> int:
-        """Return the index of the next scenario."""
-        return self.draw_all(1)[0]
-
-    def draw_all(self, count: int) -> list[int]:
-        """Return the indices of the next scenarios."""
-        while len(self._rest) < count:  # drawn from the end
-            self._rest = (self._first + self._rng.permutation(self._last - self._first)).tolist() + self._rest
-        return _last(self._rest, count)
 
     def report(self, scenario: int, success: float) -> None:
         """Record a result, and advance to the next level when the success rate is reached."""
@@ -241,14 +199,12 @@ class CurriculumSampler:
 
     def state(self) -> dict[str, Any]:
         """Return where the series stands."""
-        random = self._rng.bit_generator.state
-        return {"random": random, "rest": list(self._rest), "level": self.level, "results": list(self._results)}
+        return super().state() | {"level": self.level, "results": list(self._results)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue where another sampler stood."""
         self._enter(int(state["level"]))
-        self._rng.bit_generator.state = state["random"]
-        self._rest = list(state["rest"])
+        super().restore(state)
         self._results.extend(state["results"])
 
     @property
@@ -261,11 +217,3 @@ class CurriculumSampler:
         self._first, self._last = int(self._starts[level]), int(self._starts[level + 1])
         self._rest.clear()
         self._results: deque[float] = deque(maxlen=self._curriculum.episodes or self._last - self._first)
-
-
-def _last(values: list[int], count: int) -> list[int]:
-    """Remove values from the end of a list, and return them, the last one first."""
-    kept = len(values) - count
-    removed = values[kept:][::-1]
-    del values[kept:]
-    return removed

@@ -23,17 +23,8 @@ from scenarionet_data.scenario.vocabulary import (
 )
 from scenarionet_sim.arrays.log import HEADING, X, Y
 from scenarionet_sim.sensors.base import Sensor, map_types, require
-from scenarionet_sim.sensors.raster_kernels import (
-    Crossings,
-    draw_boxes,
-    draw_polygons,
-    draw_segments,
-    find_window,
-    list_in_window,
-    list_lines_in_window,
-)
+from scenarionet_sim.sensors.raster_kernels import Crossings, draw_boxes, draw_polygons, draw_segments
 from scenarionet_sim.worlds.state import History, State
-from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
 
@@ -136,9 +127,18 @@ class BirdView(Sensor):
         out[...] = 0
         for (slot, row), pictures in zip(agents.tolist(), out, strict=True):  # an image takes 0.3 to 1 ms
             world, view = batch.worlds[slot], self.view(state.position[slot, row], float(state.heading[slot, row]))
-            self._draw_map(world, view, pictures, crossings)
-            self._draw_route(world, row, view, pictures)
-            self._draw_lights(world, int(state.timestep[slot]), view, pictures, crossings)
+            roads, (first, end) = world.roads, world.paths.path_offsets[row : row + 2]
+            outlines = roads.polygons.values, roads.polygons.offsets, roads.polygon_type, roads.polygon_bounds
+            draw_polygons(*outlines, _AREAS, view, pictures, crossings)
+            draw_segments(roads.segments, roads.segment_type, _LINES, view, pictures)
+            points = world.paths.path_points[first:end]
+            route = np.concatenate([points[:-1], points[1:]], axis=1)
+            draw_segments(route, np.zeros(len(route), np.uint8), _ROUTE, view, pictures)
+            stop, shown = world.light_stop, world.light_state[:, min(int(state.timestep[slot]), world.num_steps - 1)]
+            motion, size = np.zeros((len(stop), 4)), np.full((len(stop), 3), _LIGHT_SIDE)
+            motion[:, X : Y + 1] = stop[:, :2]
+            boxes = motion, size, np.ascontiguousarray(shown), ~np.isnan(stop[:, 0])
+            unchecked(draw_boxes)(*boxes, _LIGHTS, view, pictures, crossings)
             self._draw_objects(state, slot, row, view, pictures, crossings)
         return out
 
@@ -148,34 +148,6 @@ class BirdView(Sensor):
         turn = np.array([[sin, -cos], [-cos, -sin]]) / self.resolution
         start = np.array(self.anchor) * self.size - turn @ center
         return np.array([*turn[0], start[0], *turn[1], start[1]])
-
-    def _draw_map(self, world: World, view: Float64, pictures: Array, crossings: Crossings) -> None:
-        window, roads = np.empty(4), world.roads
-        find_window(view, self.size, window)
-        outlines = roads.polygons.values, roads.polygons.offsets, roads.polygon_type
-        near = np.zeros(len(roads.polygon_type), np.bool_)
-        areas = roads.polygon_grid
-        list_in_window(window, areas.frame, areas.cell_start, areas.cell_items, near)
-        draw_polygons(*outlines, near, _AREAS, view, pictures, crossings)
-        near = np.zeros(len(roads.segments), np.bool_)
-        lines = roads.segment_grid
-        filled = lines.block_start, lines.filled_start, lines.cell_items
-        list_lines_in_window(window, lines.frame, lines.cell_types, lines.cell_rank, *filled, near)
-        draw_segments(roads.segments, roads.segment_type, near, _LINES, view, pictures)
-
-    def _draw_route(self, world: World, row: int, view: Float64, pictures: Array) -> None:
-        first, end = world.paths.path_offsets[row : row + 2]
-        points = world.paths.path_points[first:end]
-        segments = np.concatenate([points[:-1], points[1:]], axis=1)
-        no_type, everywhere = np.zeros(len(segments), np.uint8), np.ones(len(segments), np.bool_)
-        draw_segments(segments, no_type, everywhere, _ROUTE, view, pictures)
-
-    def _draw_lights(self, world: World, timestep: int, view: Float64, pictures: Array, crossings: Crossings) -> None:
-        stop, shown = world.light_stop, world.light_state[:, min(timestep, world.num_steps - 1)]
-        motion, size = np.zeros((len(stop), 4)), np.full((len(stop), 3), _LIGHT_SIDE)
-        motion[:, X : Y + 1] = stop[:, :2]
-        boxes = motion, size, np.ascontiguousarray(shown), ~np.isnan(stop[:, 0])
-        unchecked(draw_boxes)(*boxes, _LIGHTS, view, pictures, crossings)
 
     def _draw_objects(
         self, state: State, world: int, row: int, view: Float64, pictures: Array, crossings: Crossings

@@ -15,7 +15,6 @@ from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int16, Int32,
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.log import HEADING, X, Y
 from scenarionet_sim.arrays.minmax import larger, smaller
-from scenarionet_sim.arrays.structures import CELLS_IN_BLOCK
 
 
 class Crossings(NamedTuple):
@@ -138,64 +137,17 @@ def to_pixel(view: Float64, x: float, y: float) -> tuple[float, float]:
     return view[0] * x + view[1] * y + view[2], view[3] * x + view[4] * y + view[5]
 
 
-@kernel(allocates=False)
-def find_window(view: Float64, size: int, window: Float64) -> None:
-    """Find the bounding box (4,) min_x, min_y, max_x, max_y [m] of square pictures."""
-    area = view[0] * view[4] - view[1] * view[3]
-    for k in range(4):
-        column, row = (size if k % 2 else 0) - view[2], (size if k > 1 else 0) - view[5]
-        x, y = (view[4] * column - view[1] * row) / area, (view[0] * row - view[3] * column) / area
-        window[0], window[2] = (x, x) if k == 0 else (smaller(window[0], x), larger(window[2], x))
-        window[1], window[3] = (y, y) if k == 0 else (smaller(window[1], y), larger(window[3], y))
-
-
-@kernel
-def list_in_window(window: Float64, frame: Float64, cell_start: Int32, cell_items: Int32, found: Bool) -> None:
-    """Mark the items of the grid cells that a window touches.
-
-    Args:
-        window: (4,) min_x, min_y, max_x, max_y [m].
-        frame, cell_start, cell_items: The grid, see ``roads.grid.Grid``.
-        found: (K,) output, set True.
-    """
-    left, right, low, high = _cells_in_window(window, frame)
-    for row in range(low, high + 1):
-        for column in range(left, right + 1):
-            cell = row * int(frame[3]) + column
-            for place in range(cell_start[cell], cell_start[cell + 1]):
-                found[cell_items[place]] = True
-
-
-@kernel
-def list_lines_in_window(
-    window: Float64,
-    frame: Float64,
-    cell_types: UInt8,
-    cell_rank: UInt8,
-    block_start: Int32,
-    filled_start: Int32,
-    cell_items: Int32,
-    found: Bool,
-) -> None:
-    """Mark the segments of the cells that a window touches; as above, with a ``roads.line_grid.LineGrid``."""
-    left, right, low, high = _cells_in_window(window, frame)
-    for row in range(low, high + 1):
-        for column in range(left, right + 1):
-            cell = row * int(frame[3]) + column
-            if cell_types[cell]:
-                filled = block_start[cell // CELLS_IN_BLOCK] + cell_rank[cell]
-                for place in range(filled_start[filled], filled_start[filled + 1]):
-                    found[cell_items[place]] = True
-
-
 @device_function
-def _cells_in_window(window: Float64, frame: Float64) -> tuple[int, int, int, int]:
-    """Return the first and last column, and the first and last row, of the cells that a window touches."""
-    left = int(larger(np.floor((window[0] - frame[0]) / frame[2]), 0.0))
-    low = int(larger(np.floor((window[1] - frame[1]) / frame[2]), 0.0))
-    right = int(smaller(np.floor((window[2] - frame[0]) / frame[2]), frame[3] - 1.0))
-    high = int(smaller(np.floor((window[3] - frame[1]) / frame[2]), frame[4] - 1.0))
-    return left, right, low, high
+def _window(view: Float64, pictures: UInt8) -> tuple[float, float, float, float]:
+    """Return the bounding box min_x, min_y, max_x, max_y [m] of pictures with a margin of a pixel."""
+    height, width = pictures.shape[1], pictures.shape[2]
+    area = view[0] * view[4] - view[1] * view[3]
+    low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+    for k in range(4):
+        column, row = (width + 1.0 if k % 2 else -1.0) - view[2], (height + 1.0 if k > 1 else -1.0) - view[5]
+        x, y = (view[4] * column - view[1] * row) / area, (view[0] * row - view[3] * column) / area
+        low_x, low_y, high_x, high_y = smaller(low_x, x), smaller(low_y, y), larger(high_x, x), larger(high_y, y)
+    return low_x, low_y, high_x, high_y
 
 
 @kernel
@@ -203,7 +155,7 @@ def draw_polygons(
     outlines: Float32,
     offsets: Int32,
     types: UInt8,
-    is_near: Bool,
+    bounds: Float32,
     style: Int16,
     view: Float64,
     pictures: UInt8,
@@ -213,17 +165,17 @@ def draw_polygons(
 
     Args:
         outlines, offsets, types: (P, 2) [m], (M + 1,), (M,), see ``Roads``.
-        is_near: (M,) polygons to draw.
+        bounds: (M, 4) min_x, min_y, max_x, max_y [m].
         style, view, pictures: See above.
         crossings: Scratch memory for pictures of this size.
     """
     longest = 0
     for m in range(len(offsets) - 1):
         longest = larger(longest, offsets[m + 1] - offsets[m])
-    pixels = np.empty((longest, 2))
+    pixels, (low_x, low_y, high_x, high_y) = np.empty((longest, 2)), _window(view, pictures)
     for m in range(len(offsets) - 1):
-        channel = style[types[m], 0]
-        if channel < 0 or not is_near[m]:
+        channel, box = style[types[m], 0], bounds[m]
+        if channel < 0 or box[0] > high_x or box[1] > high_y or box[2] < low_x or box[3] < low_y:
             continue
         for k in range(offsets[m], offsets[m + 1]):
             place = k - offsets[m]
@@ -232,21 +184,15 @@ def draw_polygons(
 
 
 @kernel
-def draw_segments(
-    segments: Float32,
-    types: UInt8,
-    is_near: Bool,
-    style: Int16,
-    view: Float64,
-    pictures: UInt8,
-) -> None:
+def draw_segments(segments: Float32, types: UInt8, style: Int16, view: Float64, pictures: UInt8) -> None:
     """Draw segments (S, 4) [m] of types (S,), one pixel wide; the rest as in :func:`draw_polygons`."""
+    low_x, low_y, high_x, high_y = _window(view, pictures)
     for s in range(len(types)):
-        channel = style[types[s], 0]
-        if channel >= 0 and is_near[s]:
-            x0, y0 = to_pixel(view, segments[s, 0], segments[s, 1])
-            x1, y1 = to_pixel(view, segments[s, 2], segments[s, 3])
-            draw_line(x0, y0, x1, y1, style[types[s], 1], pictures[channel])
+        channel, (x0, y0, x1, y1) = style[types[s], 0], (segments[s, 0], segments[s, 1], segments[s, 2], segments[s, 3])
+        is_beside = larger(x0, x1) < low_x or smaller(x0, x1) > high_x
+        if channel >= 0 and not (is_beside or larger(y0, y1) < low_y or smaller(y0, y1) > high_y):
+            start, end = to_pixel(view, x0, y0), to_pixel(view, x1, y1)
+            draw_line(start[0], start[1], end[0], end[1], style[types[s], 1], pictures[channel])
 
 
 @kernel

@@ -71,8 +71,7 @@ class DrivenAgents:
 
     def among(self, world: World, driver: UInt8) -> Bool:
         """Return which objects (N,) of a world are agents, by the policy of each."""
-        agents: Bool = np.arange(world.num_objects) == world.ego if self.are_egos else self._is_agent[driver]
-        return agents
+        return np.arange(world.num_objects) == world.ego if self.are_egos else self._is_agent[driver]
 
     def route(self, state: State) -> Float64:
         """Return the location (W, N, 2) of the agents on their paths."""

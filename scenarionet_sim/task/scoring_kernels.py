@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, Int64, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64, UInt8
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.arrays.log import ARC, VALID, VX, VY, X, Y
@@ -69,11 +69,6 @@ class StepResult(NamedTuple):
     flags: Bool
     status: UInt8
     timestep: Int32
-
-    @property
-    def arrays(self) -> tuple[Array, ...]:
-        """All of them."""
-        return self
 
     @classmethod
     def of(cls, num_places: int) -> StepResult:

@@ -7,7 +7,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_sim.arrays.settings import check_numbers
 
 
@@ -85,9 +85,3 @@ MULTI_AGENT = (
 def task_parameters(reward: Reward, termination: Termination) -> Float64:
     """Return (12,) the attributes of both, in their order, as ``task.scoring_kernels.score`` takes them."""
     return np.array([*astuple(reward), *astuple(termination)], dtype=np.float64)
-
-
-def is_terminated(status: Array) -> Bool:
-    """Return whether the agent ended its episode, by arriving or leaving its route."""
-    ended: Bool = (status == Status.ARRIVED) | (status == Status.OFF_ROUTE)
-    return ended

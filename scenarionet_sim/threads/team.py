@@ -51,19 +51,10 @@ class Threads:
         self._pace = [0.0, 0.0]  # mean of the trials' medians [s]
         self._lent: object = None  # function whose arrays helpers may still use, by pointers without a reference
 
-    def run(self, function: Callable[[int, int], int], total: int) -> list[int]:
-        """Call ``function(first, end)`` for consecutive ranges of ``total`` items; return the results in order."""
-        self._notice_fork()
-        count = self._useful(total)
-        ends = [total * part // count for part in range(count + 1)]
-        calls = [partial(function, *ends[part : part + 2]) for part in range(count)]
-        others = [self._submit(call) for call in calls[1:]]
-        return [calls[0](), *(other.result() for other in others)]
-
     def spread(self, function: Callable[[int, Int64], object], total: int) -> None:
         """Call ``function(own, ranges)`` in every thread, which takes from ``total`` items, see ``threads.sharing``.
 
-        Unlike :meth:`run`, no thread waits for one that begins late; unlike :meth:`share`, threads keep nothing.
+        Unlike in :meth:`share`, threads keep nothing.
         """
         self._notice_fork()
         ranges = ranges_of(total, self._useful(total))

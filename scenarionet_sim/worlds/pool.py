@@ -185,8 +185,7 @@ class WorldPool:
 
 def _log_in(blocks: Blocks, block: tuple[int, int], shape: tuple[int, ...]) -> Float32:
     """Return a copy of the log of a stored world."""
-    log: Float32 = blocks.arrays["log"][slice(*block)].reshape(shape).copy()
-    return log
+    return blocks.arrays["log"][slice(*block)].reshape(shape).copy()
 
 
 def _with_end(rows: Array) -> Array:

@@ -20,7 +20,7 @@ from scenarionet_data.building import resample
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.stop_points import light_places
-from scenarionet_sim.arrays.log import HEADING, VALID, VX, YAW_RATE, Z, write_log
+from scenarionet_sim.arrays.log import HEADING, VALID, VX, Z, write_log
 from scenarionet_sim.roads.heights import Heights
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.paths import Paths, Stops
@@ -115,11 +115,6 @@ class World:
         return self.log[..., :2]
 
     @property
-    def log_z(self) -> Float32:
-        """(T, N) float32 [m] of the box's centre."""
-        return self.log[..., Z]
-
-    @property
     def log_heading(self) -> Float32:
         """(T, N) float32 [rad]."""
         return self.log[..., HEADING]
@@ -128,11 +123,6 @@ class World:
     def log_velocity(self) -> Float32:
         """(T, N, 2) float32 [m/s]."""
         return self.log[..., VX : VX + 2]
-
-    @property
-    def log_yaw_rate(self) -> Float32:
-        """(T, N) float32 [rad/s]."""
-        return self.log[..., YAW_RATE]
 
     @cached_property
     def log_valid(self) -> Bool:

@@ -85,5 +85,4 @@ def capsule_of(
     _alive[place] = owner, sizes, managed
     create = ctypes.pythonapi.PyCapsule_New
     create.restype, create.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
-    capsule: object = create(place, _NAME, ctypes.cast(_destroy, ctypes.c_void_p))
-    return capsule
+    return create(place, _NAME, ctypes.cast(_destroy, ctypes.c_void_p))

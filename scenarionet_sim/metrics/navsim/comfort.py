@@ -6,6 +6,8 @@ nuPlan's ``ego_is_comfortable``, here without their ends.
 
 from __future__ import annotations
 
+import operator
+
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
@@ -51,16 +53,7 @@ def is_two_frame_comfortable(plan: EgoDrive, before: EgoDrive, elapsed: float) -
 
 
 def _is_comfortable(acceleration: Float64, heading: Float64, dt: float) -> bool:
-    found = measure_comfort(acceleration, heading, dt)
-    return (
-        found.min_lon_acceleration > -4.05
-        and found.max_lon_acceleration < 2.40
-        and found.max_lat_acceleration < 4.89
-        and found.max_jerk < 8.37
-        and found.max_lon_jerk < 4.13
-        and found.max_yaw_rate < 0.95
-        and found.max_yaw_acceleration < 1.93
-    )
+    return measure_comfort(acceleration, heading, dt).compare_with_bounds(operator.lt)
 
 
 def _features(acceleration: Float64, heading: Float64, dt: float) -> Float64:

@@ -15,11 +15,10 @@ from enum import StrEnum
 import numpy as np
 import shapely
 
-from scenarionet_data.arrays.dtypes import Bool, Float64
-from scenarionet_data.compiled.decorators import kernel
+from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.arrays.overlap import is_overlapping
 from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
+from scenarionet_sim.metrics.overlap import keep_overlaps
 
 STOPPED = 0.05
 """Speed up to which a vehicle stands [m/s]."""
@@ -90,7 +89,7 @@ def find_collisions(ego: EgoDrive, others: SurroundingBoxes, is_in_lane: Bool) -
     collided = np.zeros(len(others.size), np.bool_)
     may_touch = others.present.copy()
     box_size = np.array([ego.length, ego.width]) + _MARGIN
-    _keep_overlaps(
+    keep_overlaps(
         ego.position, ego.heading, box_size, others.position, others.heading, others.size + _MARGIN, may_touch
     )
     for step, track in np.argwhere(may_touch).tolist():
@@ -113,26 +112,6 @@ def find_collisions(ego: EgoDrive, others: SurroundingBoxes, is_in_lane: Bool) -
         energy = 0.5 * math.sqrt(max(own**2 + other**2 - 2.0 * own * other * math.cos(turn), 0.0))
         found.append(EgoCollision(step, track, kind, group, is_at_fault, energy))
     return found
-
-
-@kernel(allocates=False)
-def _keep_overlaps(
-    position: Float64, heading: Float64, size: Float64, others: Float64, other_heading: Float64, other_size: Float64,
-    present: Bool,
-) -> None:  # fmt: skip
-    """Clear the entries (T, N) of objects whose box does not overlap the ego's at that moment."""
-    for t in range(len(position)):
-        cos, sin = math.cos(heading[t]), math.sin(heading[t])
-        for n in range(others.shape[1]):
-            if not present[t, n]:
-                continue
-            dx, dy = others[t, n, 0] - position[t, 0], others[t, n, 1] - position[t, 1]
-            length, width = other_size[n, 0], other_size[n, 1]
-            reach = size[0] + size[1] + length + width  # at least twice the sum of both circumscribed radii
-            present[t, n] = 4.0 * (dx * dx + dy * dy) <= reach * reach
-            if present[t, n]:
-                c, s = math.cos(other_heading[t, n]), math.sin(other_heading[t, n])
-                present[t, n] = is_overlapping(dx, dy, (cos, sin, size[0], size[1]), (c, s, length, width))
 
 
 def collision_score(collisions: Iterable[EgoCollision]) -> float:

@@ -33,8 +33,7 @@ def expert_distance_with_yaw(
     position: Float64, heading: Float64, recorded: Float64, recorded_heading: Float64, weight: float = 2.5
 ) -> Float64:
     """Distance [m] plus ``weight`` [m/rad] times the difference of headings, (T,)."""
-    found: Float64 = expert_distance(position, recorded) + weight * heading_error(heading, recorded_heading)
-    return found
+    return expert_distance(position, recorded) + weight * heading_error(heading, recorded_heading)
 
 
 def heading_error(heading: Float64, recorded: Float64) -> Float64:

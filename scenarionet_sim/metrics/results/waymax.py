@@ -20,13 +20,7 @@ def measure(episode: DrivenEpisode) -> dict[str, Any]:
     rollout, drive, recorded, world = episode.scored, episode.drive, episode.recorded, episode.world
     agent, edges = rollout.agent, RoadEdges.of(world.roads)
     routes, has_lanes = Routes.of(recorded, world.roads), world.roads.num_lanes > 0
-    touches = overlaps(
-        np.ascontiguousarray(rollout.position),
-        np.ascontiguousarray(rollout.heading),
-        world.size[:, :2].astype(np.float64),
-        np.ascontiguousarray(rollout.present),
-        agent,
-    )
+    touches = overlaps(rollout.position, rollout.heading, world.size[:, :2].astype(np.float64), rollout.present, agent)
     return {
         "overlap_steps": int(touches.sum()),
         "offroad_steps": int(is_offroad(drive.corners, edges).sum()) if len(edges.position) else None,

@@ -105,5 +105,4 @@ def is_offroad(corners: Float64, edges: RoadEdges) -> Bool:
 
 
 def _cross(first: Float64, second: Float64) -> Float64:
-    found: Float64 = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-    return found
+    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]

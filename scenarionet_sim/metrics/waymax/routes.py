@@ -121,8 +121,7 @@ def _distance(position: Float64, points: Float64) -> Float64:
     if not len(points):
         return np.full(len(position), np.inf)
     away = points[nearest_rows(position, points)] - position
-    distance: Float64 = np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2)
-    return distance
+    return np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2)
 
 
 def _ways(graph: LaneLinks, first: int, length: float) -> Iterator[list[int]]:

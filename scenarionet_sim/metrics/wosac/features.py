@@ -178,8 +178,7 @@ def central_validity(valid: Bool) -> Bool:
 
 def _wrapped(half: Float64) -> Float64:
     """Wrap half differences of angles so that the whole difference is in [-pi, pi)."""
-    wrapped: Float64 = (np.mod(2.0 * half + np.pi, 2.0 * np.pi) - np.pi) / 2.0
-    return wrapped
+    return (np.mod(2.0 * half + np.pi, 2.0 * np.pi) - np.pi) / 2.0
 
 
 def _runs_red_light(xy: Float64, valid: Bool, surroundings: Surroundings, official: bool) -> Bool:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarionet_sim.backends.action_kernels import clip_actions, place_actions
+from scenarionet_data.errors import BadParameter
+from scenarionet_sim.backends.action_kernels import place_actions
+from scenarionet_sim.backends.base import checked_actions
 
 actions_of = st.lists(st.tuples(st.floats(), st.floats()), min_size=12, max_size=12)
 
@@ -16,9 +21,11 @@ actions_of = st.lists(st.tuples(st.floats(), st.floats()), min_size=12, max_size
 def test_actions_are_clipped_and_the_first_invalid_one_is_found(given_actions):
     actions = np.array(given_actions, np.float64).reshape(-1, 2)
     expected, invalid = np.clip(actions, -1.0, 1.0), np.flatnonzero((~np.isfinite(actions)).any(axis=1)).tolist()
-    assert clip_actions(actions) == (invalid[0] if invalid else -1)
-    if not invalid:
-        np.testing.assert_array_equal(actions, expected)
+    if invalid:
+        with pytest.raises(BadParameter, match=re.escape(str(given_actions[invalid[0]][0]))):
+            checked_actions(actions)
+    else:
+        np.testing.assert_array_equal(checked_actions(actions), expected)
 
 
 @settings(max_examples=60, deadline=None)

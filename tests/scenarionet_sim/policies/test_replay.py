@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scenarionet_sim.arrays.log import YAW_RATE
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.world import World
@@ -22,7 +23,7 @@ def test_objects_are_at_their_recorded_states_while_valid(seed):
         for ours, recorded in (
             (state.position, tracks.position[:, t, :2]), (state.z, tracks.position[:, t, 2]),
             (state.heading, tracks.heading[:, t]), (state.velocity, tracks.velocity[:, t]),
-            (state.yaw_rate, simulation.batch.worlds[0].log_yaw_rate[t]),
+            (state.yaw_rate, simulation.batch.worlds[0].log[t, :, YAW_RATE]),
         ):  # fmt: skip
             np.testing.assert_array_equal(ours[0][valid], recorded[valid])
         simulation.step()

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarionet_data.arrays.geometry import box_corners
+from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_sim.sensors.raster_kernels import Crossings, draw_boxes, draw_polygons, draw_segments
 
 IDENTITY = np.array([1.0, 0, 0, 0, 1.0, 0])
@@ -22,7 +23,8 @@ def filled(outline):
     crossings = Crossings.none(HEIGHT, WIDTH)
     points = np.asarray(outline, np.float32)
     offsets, one = np.array([0, len(points)], np.int32), np.ones(1, np.uint8)
-    draw_polygons(points, offsets, one, one.astype(bool), STYLE, IDENTITY, picture, crossings)
+    bounds = np.concatenate(Ragged(offsets, points).bounds(), axis=1)
+    draw_polygons(points, offsets, one, bounds, STYLE, IDENTITY, picture, crossings)
     assert not crossings.rows[:, 0].any() and not crossings.turns.any(), "scratch memory must be restored"
     return picture[0]
 
@@ -90,7 +92,7 @@ def test_line_is_one_pixel_wide(seed, scale):
     picture = np.zeros((1, HEIGHT, WIDTH), np.uint8)
     one = np.ones(1, np.uint8)
     segment = np.array([[x0, y0, x1, y1]], np.float32)
-    draw_segments(segment, one, one.astype(bool), STYLE, IDENTITY, picture)
+    draw_segments(segment, one, STYLE, IDENTITY, picture)
     pixels = {(int(np.floor(y)), int(np.floor(x))) for x, y in ((x0, y0), (x1, y1))}
     if abs(y1 - y0) > abs(x1 - x0):
         middles = np.arange(HEIGHT)[(min(y0, y1) <= np.arange(HEIGHT) + 0.5) & (np.arange(HEIGHT) + 0.5 < max(y0, y1))]

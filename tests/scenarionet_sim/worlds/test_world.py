@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.converters.argoverse1 import Argoverse1
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
+from scenarionet_sim.arrays.log import YAW_RATE, Z
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.worlds.path_kernels import find_stops
@@ -28,7 +29,7 @@ def test_log_equals_the_tracks(seed):
     scenario = make_scenario(seed)
     world, tracks = World.from_scenario(scenario), scenario.tracks
     np.testing.assert_array_equal(world.log_position, tracks.position[..., :2].swapaxes(0, 1))
-    np.testing.assert_array_equal(world.log_z, tracks.position[..., 2].T)
+    np.testing.assert_array_equal(world.log[..., Z], tracks.position[..., 2].T)
     np.testing.assert_array_equal(world.log_heading, tracks.heading.T)
     np.testing.assert_array_equal(world.log_velocity, tracks.velocity.swapaxes(0, 1))
     np.testing.assert_array_equal(world.log_valid, tracks.valid.T)
@@ -79,7 +80,7 @@ def test_yaw_rate_is_the_central_difference_of_the_heading():
             first = t - 1 if t > 0 and valid[n, t - 1] else t
             last = t + 1 if t + 1 < len(time) and valid[n, t + 1] else t
             wanted = (last - first) * 0.4 / (time[last] - time[first]) if last > first else 0.0
-            assert world.log_yaw_rate[t, n] == pytest.approx(wanted, rel=1e-4)
+            assert world.log[t, n, YAW_RATE] == pytest.approx(wanted, rel=1e-4)
 
 
 def test_sizes_are_medians_over_the_valid_steps():
