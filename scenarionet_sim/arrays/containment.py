@@ -114,29 +114,6 @@ def find_polygon(
                 break
 
 
-@kernel
-def find_polygons(
-    points: Float64,
-    polygons: PolygonGrid,
-    inside: Bool,
-) -> None:
-    """Find all of the first polygons around each point, with a grid over the polygons.
-
-    Args:
-        points, polygons: See :func:`find_polygon`.
-        inside: (Q, M) output, False before: whether a point is in each of the first M polygons.
-    """
-    for query in range(points.shape[0]):
-        x, y = points[query, 0], points[query, 1]
-        cell = cell_at(x, y, polygons.frame)
-        if cell < 0:
-            continue
-        for place in range(polygons.cell_start[cell], polygons.cell_start[cell + 1]):
-            polygon = polygons.cell_items[place]
-            if polygon < inside.shape[1]:
-                inside[query, polygon] = _is_around(polygons, polygon, x, y)
-
-
 @kernel(allocates=False)
 def find_stays(
     points: Float64,

@@ -32,19 +32,19 @@ def is_overlapping(dx: float, dy: float, box: Rectangle, other: Rectangle) -> bo
 
 
 @device_function
-def touch(n: int, motion: Float64, size: Float64, object_type: UInt8, boxes: Boxes, contacts: Bool) -> np.uint32:
+def touch(n: int, objects: tuple[Float64, Float64, UInt8], boxes: Boxes, contacts: Bool) -> np.uint32:
     """Find the objects whose boxes overlap that of one agent, which is present.
 
     Args:
         n: Row of the agent.
-        motion, size, object_type: (N, ...) of its world.
+        objects: (N, ...) motion, size and types of those of its world.
         boxes: Boxes of its world.
         contacts: (N,) output; False before.
 
     Returns:
         The types as bits.
     """
-    hits, numbers = np.uint32(0), boxes.numbers
+    hits, numbers, (motion, size, object_type) = np.uint32(0), boxes.numbers, objects
     own, length, width = motion[n], size[n, 0], size[n, 1]
     box, radius = (np.cos(own[HEADING]), np.sin(own[HEADING]), length, width), 0.5 * (length + width)
     for b in range(boxes.num_boxes[0]):

@@ -48,8 +48,12 @@ def lane_paint(roads: Roads) -> tuple[Float32, UInt8]:
     kept = length > 1e-6
     rows, ends, kinds, vector, length = rows[kept], ends[kept], kinds[kept], vector[kept], length[kept]
     unit = vector / length[:, None]
-    is_first = _begins(roads, rows)
-    arc = _arc_before(length, is_first)
+    before = np.maximum(rows - 1, 0)
+    is_new = roads.segment_feature[rows] != roads.segment_feature[before]  # does not continue the one before it
+    is_new |= (roads.segments[rows, :2] != roads.segments[before, 2:]).any(axis=1)
+    is_new[:1] = True
+    total = np.cumsum(length) - length
+    arc = total - total[np.maximum.accumulate(np.where(is_new, np.arange(len(length)), 0))]  # on its line
     half = np.where(kinds == MapFeatureType.STOP_LINE, STOP_WIDTH / 2, LINE_WIDTH / 2)
     strokes, colors = [], []
     for side in (0.0, DOUBLE_GAP, -DOUBLE_GAP):
@@ -68,23 +72,6 @@ def lane_paint(roads: Roads) -> tuple[Float32, UInt8]:
             strokes.append(np.column_stack([start, unit[here], end - begin, half[here]]))
             colors.append(np.where(np.isin(kinds[here], _YELLOW), codes.YELLOW, codes.WHITE))
     return np.concatenate(strokes).astype(np.float32), np.concatenate(colors).astype(np.uint8)
-
-
-def _begins(roads: Roads, rows: IntP) -> UInt8:
-    """Return (S,) 1 where a segment does not continue the one before it."""
-    before = np.maximum(rows - 1, 0)
-    is_new = roads.segment_feature[rows] != roads.segment_feature[before]
-    is_new |= (roads.segments[rows, :2] != roads.segments[before, 2:]).any(axis=1)
-    is_new[:1] = True
-    found: UInt8 = is_new.astype(np.uint8)
-    return found
-
-
-def _arc_before(length: Float64, is_first: UInt8) -> Float64:
-    """Return the arc length (S,) at the start of each segment on its line."""
-    total = np.cumsum(length) - length
-    base = np.maximum.accumulate(np.where(is_first == 1, np.arange(len(length)), 0))
-    return total - total[base]
 
 
 def _dashes(rows: IntP, arc: Float64, length: Float64) -> tuple[IntP, Float64, Float64]:

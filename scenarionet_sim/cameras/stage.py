@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -48,17 +49,13 @@ def scene_in(world: World, scenery: Scenery) -> BuiltScene:
     if scenery not in scenes:
         has_sidewalks, has_scenery, seed = scenery
         terrain = Terrain.of(world.roads, has_sidewalks=has_sidewalks)
-        scenes[scenery] = BuiltScene(terrain, *_grouped(*fixtures(world, terrain, seed, has_scenery=has_scenery)))
+        fixed, kind = fixtures(world, terrain, seed, has_scenery=has_scenery)
+        rest = -len(fixed) % GROUP  # of the last group, which is filled up with some out of sight
+        nowhere = np.array([np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.float32)
+        fixed = np.concatenate([fixed, np.tile(nowhere, (rest, 1))]).reshape(-1, GROUP, 7).transpose(0, 2, 1)
+        kind = np.concatenate([kind, np.zeros((rest, 4), np.int32)]).reshape(-1, GROUP, 4)
+        scenes[scenery] = BuiltScene(terrain, fixed, kind)
     return scenes[scenery]
-
-
-def _grouped(fixed: Float32, kind: Int32) -> tuple[Float32, Int32]:
-    """Return places (F, 7) and kinds (F, 4) of fixtures in groups, the last one filled up with some out of sight."""
-    rest = -len(fixed) % GROUP
-    nowhere = np.array([np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], np.float32)
-    fixed = np.concatenate([fixed, np.tile(nowhere, (rest, 1))])
-    kind = np.concatenate([kind, np.zeros((rest, 4), np.int32)])
-    return fixed.reshape(-1, GROUP, 7).transpose(0, 2, 1), kind.reshape(-1, GROUP, 4)
 
 
 def stage_of(batch: WorldBatch, scenery: Scenery) -> Stage:
@@ -96,7 +93,7 @@ class Stage:
 
     def update(self, batch: WorldBatch) -> None:
         """Build the scenes of new worlds; drop those of worlds that were played long ago."""
-        if len(self._slots) == len(batch.worlds) and all(map(_is, self._slots, batch.worlds)):
+        if len(self._slots) == len(batch.worlds) and all(map(operator.is_, self._slots, batch.worlds)):
             return
         self._slots = list(batch.worlds)
         for world in self._slots:
@@ -139,7 +136,3 @@ class Stage:
             batch.recorded.log, batch.recorded.light_state, self._fixed_range, fixed["fixed"], fixed["fixed_kind"],
             LIGHT_COLORS,
         )  # fmt: skip
-
-
-def _is(a: object, b: object) -> bool:
-    return a is b

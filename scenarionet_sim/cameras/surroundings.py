@@ -106,7 +106,8 @@ def _scenery(world: World, terrain: Terrain, seed: int) -> list[Row]:
         for spot in _spots(terrain, path, near, far, count * 2, rng):
             if len(rows) >= _MOST or count == 0:
                 break
-            if kind == "sign" and not shapely.contains_xy(terrain.road, *_beside(spot, 4.5)):
+            left = spot[0] - 4.5 * np.sin(spot[2]), spot[1] + 4.5 * np.cos(spot[2])
+            if kind == "sign" and not shapely.contains_xy(terrain.road, *left):
                 spot = (*spot[:2], spot[2] + np.pi)  # faces those who drive on this side
             made = _made(kind, spot, rng)
             (x, y, _, heading, length, width, _), _ = made
@@ -123,12 +124,6 @@ def _scenery(world: World, terrain: Terrain, seed: int) -> list[Row]:
             rows.append(made)
             count -= 1
     return rows
-
-
-def _beside(spot: tuple[float, float, float], far: float) -> tuple[float, float]:
-    """Return the point left of a place with a heading."""
-    x, y, heading = spot
-    return x - far * np.sin(heading), y + far * np.cos(heading)
 
 
 def _spots(

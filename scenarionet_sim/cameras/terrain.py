@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int64, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int64, UInt8
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw.ground import fill_corners, list_strokes
@@ -79,7 +79,11 @@ class Terrain:
         corner = np.zeros(int(frame[3] * frame[4]), np.uint8)
         for edges, kind in borders:
             fill_corners(np.ascontiguousarray(edges.astype(np.float32).astype(np.float64)), 1 << kind, frame, corner)
-        starts, items = _cells(every, every_kind, frame)
+        starts = np.zeros(int(frame[3] * frame[4]) + 1, np.int64)
+        list_strokes(every, every_kind, frame, starts, np.zeros(0, np.int64), True)
+        np.cumsum(starts, out=starts)
+        items = np.empty(int(starts[-1]), np.int64)
+        list_strokes(every, every_kind, frame, starts[:-1].copy(), items, False)
         corner[starts[1:] > starts[:-1]] |= codes.HAS_STROKES
         return cls(frame, corner, starts, every[items], every_kind[items], road, paved)
 
@@ -135,13 +139,3 @@ def _frame(strokes: Float32, kinds: UInt8) -> Float64:
     while np.prod(np.ceil((high - origin) / side)) > MAX_CELLS:
         side *= 2.0
     return np.array([*origin, side, *np.ceil((high - origin) / side)])
-
-
-def _cells(strokes: Float32, kinds: UInt8, frame: Float64) -> tuple[Int64, Array]:
-    """Return the first place (C + 1,) of each cell in the list of its strokes, and that list."""
-    starts = np.zeros(int(frame[3] * frame[4]) + 1, np.int64)
-    list_strokes(strokes, kinds, frame, starts, np.zeros(0, np.int64), True)
-    np.cumsum(starts, out=starts)
-    items = np.empty(int(starts[-1]), np.int64)
-    list_strokes(strokes, kinds, frame, starts[:-1].copy(), items, False)
-    return starts, items

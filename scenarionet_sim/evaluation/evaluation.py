@@ -31,7 +31,7 @@ from scenarionet_sim.rollouts.loading import loaded_ahead
 from scenarionet_sim.rollouts.parts import Part, parts_of, run_parts
 from scenarionet_sim.rollouts.span import EPISODES
 from scenarionet_sim.rollouts.table import concat_rollouts, rollout_rows
-from scenarionet_sim.scenarios.selection import database_reference
+from scenarionet_sim.scenarios.selection import resolved
 
 PART_SIZE = 32
 """Rollouts per part: the most work that a killed worker loses."""
@@ -225,13 +225,10 @@ def plan_evaluation(
         raise BadParameter(f"{num_rollouts!r} rollouts of each scenario; expected at least 1")
     if episode not in EPISODES:
         raise BadParameter(f"unknown episode {episode!r}; choose from {', '.join(EPISODES)}")
-    lake = lake if isinstance(lake, Lake) else Lake(lake)
+    lake, reference = resolved(lake, database)
     if policy.startswith(PREFIX):
         policy = pinned(lake.files, policy)
     resolve_drivers(policy, traffic, backend, tracker, route, str(lake.root))  # raises if one is unknown
-    reference = database_reference(database)
-    if isinstance(reference, str):
-        reference = lake.database(reference).reference
     number = lake.snapshot.number
     return Evaluation(
         str(lake.root), reference, number, policy, traffic, backend, seed, num_rollouts, episode, tracker, route

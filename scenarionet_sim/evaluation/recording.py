@@ -17,7 +17,7 @@ import pyarrow as pa
 
 from scenarionet_data import Database, Lake, ScenarioLoader, version
 from scenarionet_data.arrays.columns import offsets_of
-from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.arrays.dtypes import Int32
 from scenarionet_data.codec.arrow import list_array, string_array
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor
@@ -31,7 +31,7 @@ from scenarionet_sim.evaluation.evaluation import describe_database
 from scenarionet_sim.policies.objects import ego, vehicles
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.rollouts.parts import Part, parts_of, run_parts
-from scenarionet_sim.scenarios.selection import database_reference
+from scenarionet_sim.scenarios.selection import resolved
 from scenarionet_sim.sensors.camera import Camera
 from scenarionet_sim.simulation.simulation import LOOK_AHEAD, LOOK_BACK, Simulation
 from scenarionet_sim.worlds.path_kernels import follow_paths
@@ -134,10 +134,7 @@ def record(
         raise BadParameter(
             f"cameras={cameras!r}; expected a tuple of cameras, such as (Camera(width=320, height=180),)"
         )
-    lake = lake if isinstance(lake, Lake) else Lake(lake)
-    reference = database_reference(database)
-    if isinstance(reference, str):
-        reference = lake.database(reference).reference
+    lake, reference = resolved(lake, database)
     begun = None if reference is None else evaluation_runs.begun_at(lake.files, name)  # as in `run_evaluation`
     plan = ObservationPlan(str(lake.root), reference, begun or lake.snapshot.number, agents, seed, tuple(cameras))
     run = evaluation_runs.claim(open_files(plan.lake), name, plan.tables, plan.description)
@@ -205,28 +202,18 @@ def observe_log(
             }
             found = {"observations": pa.table(columns, schema=schema.remove(schema.get_field_index("run")))}
             if cameras:
-                pictures = [camera.frames(batch, state, rows, rng) for camera in cameras]
-                found["frames"] = _frames(world, timestep, rows[:, 1], pictures)
+                here = {"scenario_id": world.scenario_id, "timestep": timestep}
+                frames = [
+                    here | {
+                        "track_id": track, "camera": number, "channel": channel, "height": picture.shape[0],
+                        "width": picture.shape[1], "dtype": picture.dtype.name, "pixels": picture.tobytes(),
+                    }
+                    for number, camera in enumerate(cameras)
+                    for channel, seen in camera.frames(batch, state, rows, rng).items()
+                    for track, picture in zip(world.track_ids[rows[:, 1]].tolist(), seen, strict=True)
+                ]  # fmt: skip
+                schema = tables.load("frames").schema
+                schema = schema.remove(schema.get_field_index("run"))
+                found["frames"] = pa.Table.from_pylist(frames, schema=schema)
             yield found
     simulation.close()
-
-
-def _frames(world: World, timestep: int, rows: Int32, pictures: list[dict[str, Array]]) -> pa.Table:
-    found = [
-        {
-            "scenario_id": world.scenario_id,
-            "track_id": track,
-            "timestep": timestep,
-            "camera": camera,
-            "channel": channel,
-            "height": picture.shape[0],
-            "width": picture.shape[1],
-            "dtype": picture.dtype.name,
-            "pixels": picture.tobytes(),
-        }
-        for camera, channels in enumerate(pictures)
-        for channel, seen in channels.items()
-        for track, picture in zip(world.track_ids[rows].tolist(), seen, strict=True)
-    ]
-    schema = tables.load("frames").schema
-    return pa.Table.from_pylist(found, schema=schema.remove(schema.get_field_index("run")))

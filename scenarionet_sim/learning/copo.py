@@ -141,21 +141,18 @@ class CopoLearner(PpoLearner):
         mixed = coordinated(own[:, 0], others[:, 0], angles)
         batch = self._batch(rollout, mixed, own + own_values, own_values)
         learned = self._learn(batch)
-        learned["social_value_loss"] = self._learn_social_values(batch.observations, others + other_values)
+        returns, loss = others + other_values, torch.zeros(())
+        for _ in range(config.epochs):
+            for rows in torch.randperm(len(returns), generator=self._social_generator).split(config.minibatch):
+                values = self.social_critic(batch.observations[rows])
+                loss = (values - returns[rows]).square().mean(dim=0).sum()
+                self._social_descent.step(loss)
+        learned["social_value_loss"] = float(loss.detach())
         social = SocialAdvantages(own[:, 0], others[:, 0], standardized(others[:, 1]))
         mean, deviation = mixed.mean(), mixed.std().clamp(min=_SMALLEST_DEVIATION)
         self._learn_angle(old, batch, social, mean, deviation)
         angle, log_deviation = self.angle.parameters_.detach()
         return learned | {"angle": 90.0 * float(angle.tanh()), "angle_deviation": 90.0 * float(log_deviation.exp())}
-
-    def _learn_social_values(self, observations: Tensor, returns: Tensor) -> float:
-        """Fit the values of the neighbourhood's and of all agents' rewards; return the last loss."""
-        loss = torch.zeros(())
-        for _ in range(self.config.epochs):
-            for rows in torch.randperm(len(returns), generator=self._social_generator).split(self.config.minibatch):
-                loss = (self.social_critic(observations[rows]) - returns[rows]).square().mean(dim=0).sum()
-                self._social_descent.step(loss)
-        return float(loss.detach())
 
     def _learn_angle(
         self, old: StochasticPolicy, batch: Batch, social: SocialAdvantages, mean: Tensor, deviation: Tensor

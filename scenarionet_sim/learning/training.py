@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -35,7 +35,7 @@ from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.policies.objects import other_vehicles
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.scenarios.sampling import Curriculum
-from scenarionet_sim.scenarios.selection import Scenarios, database_reference
+from scenarionet_sim.scenarios.selection import Scenarios, resolved
 
 _KEPT_WORLDS = 256
 """Largest number of scenarios to keep in memory."""
@@ -193,19 +193,13 @@ def plan_training(
     name: str | None = None,
 ) -> Training:
     """Return the specification of a run; arguments and errors as in :func:`train`."""
-    lake = lake if isinstance(lake, Lake) else Lake(lake)
-    reference = database_reference(database)
-    if isinstance(reference, str):
-        reference = lake.database(reference).reference
+    lake, reference = resolved(lake, database)
     known = tuple(lake.database(test).reference for test in tests)
     config = config or make_learner_config(algorithm)
-    training = Training(
-        str(lake.root), reference, lake.snapshot.number, algorithm, config, seed, known, observations
-    )  # fmt: skip
+    number = lake.snapshot.number
+    training = Training(str(lake.root), reference, number, algorithm, config, seed, known, observations)
     begun = evaluation_runs.begun_at(lake.files, name or training.default_name)
-    if begun is None:
-        return training
-    return Training(training.lake, reference, begun, algorithm, config, seed, known, observations)
+    return training if begun is None else replace(training, snapshot=begun)
 
 
 def run_training(training: Training, name: str | None = None, on_round: OnRound | None = None) -> TrainingReport:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.roads.roads import Roads
@@ -32,12 +32,6 @@ class LaneLinks:
     _after: dict[int, LaneRows] = field(default_factory=dict, init=False, repr=False)
     _before: dict[int, LaneRows] = field(default_factory=dict, init=False, repr=False)
 
-    @cached_property
-    def _edges(self) -> tuple[Int32, Int32]:
-        """First and second lane of each pair that follow one another."""
-        followers = self.roads.successors
-        return np.repeat(np.arange(len(followers), dtype=np.int32), followers.lengths), followers.values
-
     def after(self, lane: int) -> LaneRows:
         """Lanes that follow a lane."""
         if lane not in self._after:
@@ -47,8 +41,8 @@ class LaneLinks:
     def before(self, lane: int) -> LaneRows:
         """Lanes that a lane follows."""
         if lane not in self._before:
-            first, second = self._edges
-            self._before[lane] = tuple(first[second == lane].tolist())
+            places = np.flatnonzero(self.roads.successors.values == lane)
+            self._before[lane] = tuple((np.searchsorted(self.roads.successors.offsets, places, "right") - 1).tolist())
         return self._before[lane]
 
     @cached_property

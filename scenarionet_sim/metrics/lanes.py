@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -53,7 +52,7 @@ class DrivenLanes:
         Args:
             position: (T, 2) centre of the vehicle [m].
         """
-        progress, lane = np.zeros(len(position)), self._first
+        progress, lane = np.zeros(len(position)), np.array([lanes[0] if lanes else -1 for lanes in self.route], np.intp)
         steps = np.flatnonzero(lane >= 0)
         if len(steps) < 2:
             return progress
@@ -77,11 +76,6 @@ class DrivenLanes:
                 edges = [edge for lane in lanes for edge in (*graph.after(lane), *graph.before(lane))]
                 limits[lanes] = float(known[edges].max()) if edges else np.nan  # which is that of any unknown
         return np.array([limits[lanes] for lanes in self.route])
-
-    @cached_property
-    def _first(self) -> IntP:
-        """(T,) the first lane of each moment; -1 without one."""
-        return np.array([lanes[0] if lanes else -1 for lanes in self.route], np.intp)
 
 
 @kernel(allocates=False)

@@ -24,29 +24,24 @@ def is_off_road(corners: Float64, roads: Roads) -> Bool:
         corners: (T, 4, 2) [m].
         roads: The map, with at least one drivable polygon.
     """
-    flat = corners.reshape(-1, 2)
-    is_off = ~roads.is_on_road(flat)
+    points = corners.reshape(-1, 2)
+    is_off = ~roads.is_on_road(points)
     rest = np.flatnonzero(is_off)
     if len(rest):
-        is_off[rest[_is_near_road(flat, rest, roads)]] = False
+        outlines, bounds, asked = roads.polygons, roads.polygon_bounds, points[rest]
+        near: Bool = np.zeros(len(rest), np.bool_)
+        rows = np.flatnonzero(roads.is_road & _is_beside(bounds, asked))
+        _mark_near(asked, outlines.values, outlines.offsets, rows, OFF_ROAD_TOLERANCE**2, near)
+        start, direction = _beyond(roads, np.flatnonzero(roads.is_road & _is_beside(bounds, points)))
+        away = asked[:, None] - start
+        along = away[..., 0] * direction[:, 0] + away[..., 1] * direction[:, 1]
+        across = away[..., 1] * direction[:, 0] - away[..., 0] * direction[:, 1]
+        before = np.maximum(np.maximum(-along, along - _BEYOND_THE_MAP), 0.0)
+        beside = np.maximum(np.abs(across) - HALF_WIDTH, 0.0)
+        near |= (before**2 + beside**2 <= OFF_ROAD_TOLERANCE**2).any(axis=1)
+        is_off[rest[near]] = False
     off: Bool = np.any(is_off.reshape(corners.shape[:2]), axis=1)
     return off
-
-
-def _is_near_road(points: Float64, rest: IntP, roads: Roads) -> Bool:
-    """Return which of the points (Q, 2) [m] in the rows ``rest``, all off the road, are within the tolerance of it."""
-    outlines, bounds, asked = roads.polygons, roads.polygon_bounds, points[rest]
-    near: Bool = np.zeros(len(rest), np.bool_)
-    rows = np.flatnonzero(roads.is_road & _is_beside(bounds, asked))
-    _mark_near(asked, outlines.values, outlines.offsets, rows, OFF_ROAD_TOLERANCE**2, near)
-    start, direction = _beyond(roads, np.flatnonzero(roads.is_road & _is_beside(bounds, points)))
-    away = asked[:, None] - start
-    along = away[..., 0] * direction[:, 0] + away[..., 1] * direction[:, 1]
-    across = away[..., 1] * direction[:, 0] - away[..., 0] * direction[:, 1]
-    before = np.maximum(np.maximum(-along, along - _BEYOND_THE_MAP), 0.0)
-    beside = np.maximum(np.abs(across) - HALF_WIDTH, 0.0)
-    near |= (before**2 + beside**2 <= OFF_ROAD_TOLERANCE**2).any(axis=1)
-    return near
 
 
 @kernel(allocates=False)

@@ -85,14 +85,26 @@ class IdmPlanner(Planner):
         leader = int(np.argmin(gaps)) if len(gaps) else None
         gap, leading = (np.inf, 0.0) if leader is None else (float(gaps[leader]), float(obstacles.speed[leader]))
         desired = min(desired_speed(view, self.speed), way.speed_for_bends(3.0, 0.5 * self.deceleration))
-        arc, speed, arcs = 0.0, max(view.ego.speed, 0.0), [0.0]
+        arcs, _ = self.drive(np.array(max(view.ego.speed, 0.0)), desired, np.array(gap), leading)
+        return Trajectory(way.pose(np.append(0.0, arcs)), STEP * np.arange(len(arcs) + 1))
+
+    def drive(
+        self, speed: Float64, desired: Float64 | float, gap: Float64, leading: Float64 | float
+    ) -> tuple[Float64, Float64]:
+        """Return distances (..., T) [m] and speeds (..., T) [m/s] of drives at every ``STEP`` of the horizon.
+
+        Args:
+            speed: (...) at first [m/s].
+            desired: Desired speed [m/s].
+            gap, leading: Free way at first [m], and the speed of the object behind it [m/s], which it keeps.
+        """
+        arc, arcs, speeds = np.zeros_like(speed), [], []
         for _ in range(round(HORIZON / STEP)):  # each moment depends on the one before
-            wanted = float(self.accelerate(np.array(speed), desired, np.array(gap - arc), leading))
-            speed_then = max(speed + wanted * STEP, 0.0)
-            arc += 0.5 * (speed + speed_then) * STEP
-            gap, speed = gap + leading * STEP, speed_then
+            then = np.maximum(speed + self.accelerate(speed, desired, gap - arc, leading) * STEP, 0.0)
+            arc, gap, speed = arc + 0.5 * (speed + then) * STEP, gap + leading * STEP, then
             arcs.append(arc)
-        return Trajectory(way.pose(np.array(arcs)), STEP * np.arange(len(arcs)))
+            speeds.append(speed)
+        return np.stack(arcs, axis=-1), np.stack(speeds, axis=-1)
 
     def accelerate(self, speed: Float64, desired: Float64 | float, gap: Float64, leading: Float64 | float) -> Float64:
         """Return the acceleration by the model [m/s²], at least an emergency stop."""

@@ -12,7 +12,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.arrays.geometry import box_corners, wrap_angle
 from scenarionet_sim.planners.base import Planner, Trajectory
-from scenarionet_sim.planners.following import HORIZON, STEP, IdmPlanner, desired_speed
+from scenarionet_sim.planners.following import STEP, IdmPlanner, desired_speed
 from scenarionet_sim.planners.view import View
 from scenarionet_sim.planners.way import Obstacles, Way
 
@@ -61,15 +61,7 @@ class LaneGraphPlanner(Planner):
         first = np.argmin(gap, axis=1) if gap.shape[1] else np.zeros(len(offset), np.intp)
         room = gap[np.arange(len(offset)), first] if gap.shape[1] else np.full(len(offset), np.inf)
         leading = obstacles.speed[first] if gap.shape[1] else np.zeros(len(offset))
-        arc, speed = np.zeros(len(offset)), np.full(len(offset), max(view.ego.speed, 0.0))
-        arcs, speeds = [], []
-        for _ in range(round(HORIZON / STEP)):  # each moment depends on the one before
-            wanted = self._driver.accelerate(speed, desired, room - arc, leading)
-            then = np.maximum(speed + wanted * STEP, 0.0)
-            arc, room, speed = arc + 0.5 * (speed + then) * STEP, room + leading * STEP, then
-            arcs.append(arc)
-            speeds.append(speed)
-        return np.stack(arcs, axis=1), np.stack(speeds, axis=1)
+        return self._driver.drive(np.full(len(offset), max(view.ego.speed, 0.0)), desired, room, leading)
 
     def _scores(self, view: View, poses: Float64, arcs: Float64, speeds: Float64) -> Float64:
         """Scores (B,) of proposals with poses (B, T, 3)."""

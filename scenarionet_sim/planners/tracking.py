@@ -144,7 +144,20 @@ class Lqr:
         cos, sin = math.cos(vehicle.heading), math.sin(vehicle.heading)
         rear = np.array([vehicle.x - 0.5 * wheelbase * cos, vehicle.y - 0.5 * wheelbase * sin, vehicle.heading])
         acceleration, rate = self.control(rear, vehicle.speed, vehicle.steering, poses, wheelbase)
-        self._drive(vehicle, rear, acceleration, rate, wheelbase, dt)
+        acceleration = vehicle.acceleration + dt / (dt + self.acceleration_delay) * (  # engine and steering are late
+            acceleration - vehicle.acceleration
+        )
+        turned = dt / (dt + self.steering_delay) * rate * dt
+        speed, heading = vehicle.speed, vehicle.heading
+        x, y = rear[0] + speed * math.cos(heading) * dt, rear[1] + speed * math.sin(heading) * dt
+        heading = float(wrap_angle(heading + speed * math.tan(vehicle.steering) / wheelbase * dt))
+        vehicle.steering = min(max(vehicle.steering + turned, -self.max_steering), self.max_steering)
+        vehicle.speed, vehicle.acceleration, vehicle.heading = speed + acceleration * dt, acceleration, heading
+        vehicle.yaw_rate = vehicle.speed * math.tan(vehicle.steering) / wheelbase
+        cos, sin, arm = math.cos(heading), math.sin(heading), 0.5 * wheelbase
+        vehicle.x, vehicle.y = float(x) + arm * cos, float(y) + arm * sin
+        across = arm * vehicle.yaw_rate
+        vehicle.velocity = vehicle.speed * cos - across * sin, vehicle.speed * sin + across * cos
 
     def control(
         self, rear: Float64, speed: float, steering: float, poses: Float64, wheelbase: float
@@ -158,9 +171,16 @@ class Lqr:
             poses: (K, 3) where the rear axle is to be, every ``step`` from now on; two or more.
             wheelbase: [m].
         """
-        speeds = self._speeds(poses)
-        curvatures = self._curvatures(poses, speeds)
-        last = len(speeds) - 1
+        # Speeds and curvatures between poses, by least squares with penalties on the jerk and on changes of curvature.
+        moved, before, h = np.diff(poses[:, :2], axis=0), poses[:-1, 2], self.step
+        along = np.cos(before) * moved[:, 0] + np.sin(before) * moved[:, 1]
+        last = len(along) - 1
+        system: Array = h * h * np.eye(len(along)) + self.jerk_penalty / h**2 * _squared_differences(len(along), 2)
+        speeds = np.asarray(np.linalg.solve(system, h * along), np.float64)
+        turned, way = wrap_angle(np.diff(poses[:, 2])), speeds * h
+        system = np.diag(way * way) + self.curvature_rate_penalty / h**2 * _squared_differences(len(way), 1)
+        system[0, 0] += 1e-10  # a vehicle at rest has no curvature
+        curvatures = np.asarray(np.linalg.solve(system, way * turned), np.float64)
         wanted = float(speeds[min(self.horizon, last)])
         if wanted <= self.stopping_speed and speed <= self.stopping_speed:
             return -self.stopping_gain * (speed - wanted), 0.0
@@ -173,22 +193,6 @@ class Lqr:
         coming: Float64 = speed + acceleration * self.step * np.arange(float(self.horizon))
         ahead = curvatures[np.minimum(np.arange(self.horizon), last)]
         return acceleration, self._steering_rate(errors, coming, ahead, wheelbase)
-
-    def _speeds(self, poses: Float64) -> Float64:
-        """Speeds (K - 1,) between poses, by least squares with a penalty on their second differences, the jerk."""
-        moved, heading = np.diff(poses[:, :2], axis=0), poses[:-1, 2]
-        along = np.cos(heading) * moved[:, 0] + np.sin(heading) * moved[:, 1]
-        count, h = len(along), self.step
-        system: Array = h * h * np.eye(count) + self.jerk_penalty / h**2 * _squared_differences(count, 2)
-        return np.asarray(np.linalg.solve(system, h * along), np.float64)
-
-    def _curvatures(self, poses: Float64, speeds: Float64) -> Float64:
-        """Curvatures (K - 1,) between poses [1/m], by least squares with a penalty on their differences."""
-        turned, way = wrap_angle(np.diff(poses[:, 2])), speeds * self.step
-        penalty = self.curvature_rate_penalty / self.step**2 * _squared_differences(len(way), 1)
-        system: Array = np.diag(way * way) + penalty
-        system[0, 0] += 1e-10  # a vehicle at rest has no curvature
-        return np.asarray(np.linalg.solve(system, way * turned), np.float64)
 
     def _steering_rate(self, errors: Float64, speeds: Float64, curvatures: Float64, wheelbase: float) -> float:
         """The constant steering rate that is best for the errors at the horizon, with the dynamics linearised."""
@@ -204,22 +208,3 @@ class Lqr:
         response = np.array([by_lateral, by_heading, by_steering])
         weighted = np.array([self.lateral_weight, self.heading_weight, self.steering_weight]) * response
         return -float(weighted @ state) / (float(weighted @ response) + self.rate_weight)
-
-    def _drive(
-        self, vehicle: TrackedVehicle, rear: Float64, acceleration: float, rate: float, wheelbase: float, dt: float
-    ) -> None:
-        """Advance the bicycle; engine and steering follow their commands with a delay."""
-        acceleration = vehicle.acceleration + dt / (dt + self.acceleration_delay) * (
-            acceleration - vehicle.acceleration
-        )
-        turned = dt / (dt + self.steering_delay) * rate * dt
-        speed, heading = vehicle.speed, vehicle.heading
-        x, y = rear[0] + speed * math.cos(heading) * dt, rear[1] + speed * math.sin(heading) * dt
-        heading = float(wrap_angle(heading + speed * math.tan(vehicle.steering) / wheelbase * dt))
-        vehicle.steering = min(max(vehicle.steering + turned, -self.max_steering), self.max_steering)
-        vehicle.speed, vehicle.acceleration, vehicle.heading = speed + acceleration * dt, acceleration, heading
-        vehicle.yaw_rate = vehicle.speed * math.tan(vehicle.steering) / wheelbase
-        cos, sin, arm = math.cos(heading), math.sin(heading), 0.5 * wheelbase
-        vehicle.x, vehicle.y = float(x) + arm * cos, float(y) + arm * sin
-        across = arm * vehicle.yaw_rate
-        vehicle.velocity = vehicle.speed * cos - across * sin, vehicle.speed * sin + across * cos

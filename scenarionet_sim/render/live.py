@@ -74,7 +74,15 @@ class Live:
         from scenarionet_sim.render.pixels import Pixels
 
         if self._image is None:
-            _require_display()
+            try:
+                can_open = pyplot.get_backend().lower() != "agg"
+            except ImportError:  # an interactive backend was requested without a display
+                can_open = False
+            if not can_open:
+                raise BadParameter(
+                    "a window needs a display and a GUI toolkit such as tkinter; without them use "
+                    "render_mode='rgb_array'"
+                )
             with pyplot.rc_context({"toolbar": "None"}):
                 figure = pyplot.figure("ScenarioNet", figsize=(self._size / 100, self._size / 100), dpi=100)
             figure.canvas.mpl_connect("close_event", lambda _: setattr(self, "is_closed", True))
@@ -111,17 +119,3 @@ class Live:
 
 def _tell(listener: KeyListener, event: Any) -> None:
     listener(event.key)
-
-
-def _require_display() -> None:
-    """Raise BadParameter unless matplotlib can open windows."""
-    from matplotlib import pyplot
-
-    try:
-        can_open = pyplot.get_backend().lower() != "agg"
-    except ImportError:  # an interactive backend was requested without a display
-        can_open = False
-    if not can_open:
-        raise BadParameter(
-            "a window needs a display and a GUI toolkit such as tkinter; without them use render_mode='rgb_array'"
-        )

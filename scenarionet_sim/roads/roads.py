@@ -23,7 +23,7 @@ from scenarionet_data.scenario.vocabulary import (
     is_road_edge,
     is_road_line,
 )
-from scenarionet_sim.arrays.containment import PolygonGrid, find_polygon, find_polygons, find_stays, strips_of
+from scenarionet_sim.arrays.containment import PolygonGrid, find_polygon, find_stays, strips_of
 from scenarionet_sim.roads.grid import Grid
 from scenarionet_sim.roads.lane_kernels import find_lanes
 from scenarionet_sim.roads.line_grid import LineGrid
@@ -117,10 +117,6 @@ class Roads:
         """(Q, 4) min_x, min_y, max_x, max_y of each polygon [m]; NaN for an empty one."""
         return np.concatenate(self.polygons.bounds(), axis=1)
 
-    @cached_property
-    def _strips(self) -> Float32:
-        return strips_of(self.polygons.values)
-
     def is_on_road(self, points: npt.ArrayLike) -> Bool:
         """Return whether points (..., 2) [m] are on a lane or another drivable area."""
         return self.is_in(points, self.is_road)
@@ -153,10 +149,11 @@ class Roads:
     def lanes_around(self, points: npt.ArrayLike) -> Bool:
         """Return which of the M lanes contain each point (..., 2) [m], as (..., M)."""
         where = np.asarray(points, dtype=np.float64)
-        flat = np.ascontiguousarray(where.reshape(-1, 2))
-        inside = np.zeros((len(flat), self.num_lanes), np.bool_)
-        find_polygons(flat, self._gridded_polygons(), inside)
-        return inside.reshape(*where.shape[:-1], self.num_lanes)
+        first, lanes = self.stays_in_lanes(where.reshape(-1, 1, 2))
+        inside = np.zeros((len(first), self.num_lanes), np.bool_)
+        inside[np.repeat(np.arange(len(first)), lanes.lengths), lanes.values] = True
+        repeated = np.repeat(inside, np.diff(first, append=where.size // 2), axis=0)
+        return repeated.reshape(*where.shape[:-1], self.num_lanes)
 
     def stays_in_lanes(self, points: Float64) -> tuple[Int32, Ragged]:
         """Return when points that move together change lanes.
@@ -167,7 +164,7 @@ class Roads:
         Returns:
             (S,) the first moment of each stay, and S * K lists of the lanes (int32) around each point.
         """
-        polygons, (moments, count) = self._gridded_polygons(), points.shape[:2]
+        polygons, (moments, count) = self._gridded_polygons, points.shape[:2]
         first, starts = np.empty(moments, np.int32), np.zeros(moments * count + 1, np.int32)
         around = np.empty(moments * count * int(np.diff(polygons.cell_start).max(initial=0)), np.int32)
         stays = find_stays(np.ascontiguousarray(points), polygons, self.num_lanes, first, starts, around)
@@ -178,14 +175,13 @@ class Roads:
         where = np.asarray(points, dtype=np.float64)
         flat = np.ascontiguousarray(where.reshape(-1, 2))
         found = np.empty(len(flat), np.int32)
-        find_polygon(flat, self._gridded_polygons(), is_selected, found)
+        find_polygon(flat, self._gridded_polygons, is_selected, found)
         return found.reshape(where.shape[:-1])
 
+    @cached_property
     def _gridded_polygons(self) -> PolygonGrid:
-        grid, outlines = self.polygon_grid, self.polygons
-        return PolygonGrid(
-            outlines.values, self._strips, outlines.offsets, grid.frame, grid.cell_start, grid.cell_items
-        )
+        grid, points, offsets = self.polygon_grid, self.polygons.values, self.polygons.offsets
+        return PolygonGrid(points, strips_of(points), offsets, grid.frame, grid.cell_start, grid.cell_items)
 
 
 def _segments(features: MapFeatures) -> tuple[Float32, Int32]:

@@ -8,7 +8,6 @@ from functools import cache
 
 from scenarionet_data import ScenarioLoader
 from scenarionet_data.errors import MissingDependency
-from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_sim.rollouts.span import EpisodeSpan
 from scenarionet_sim.worlds.world import World
 
@@ -46,14 +45,13 @@ def _load(loader: ScenarioLoader, indices: range, span: EpisodeSpan) -> list[Loa
         if len(indices) == 1:
             return [error]
         return [loaded for index in indices for loaded in _load(loader, range(index, index + 1), span)]
-    return [_world_and_start(scenario, span) for scenario in scenarios]
-
-
-def _world_and_start(scenario: ScenarioDescription, span: EpisodeSpan) -> Loaded:
-    try:
-        world = World.from_scenario(scenario)
-        return world, span.start(scenario, world)
-    except (MemoryError, MissingDependency):
-        raise
-    except Exception as error:  # one scenario must not end the run
-        return error
+    found: list[Loaded] = []
+    for scenario in scenarios:
+        try:
+            world = World.from_scenario(scenario)
+            found.append((world, span.start(scenario, world)))
+        except (MemoryError, MissingDependency):
+            raise
+        except Exception as error:  # one scenario must not end the run
+            found.append(error)
+    return found

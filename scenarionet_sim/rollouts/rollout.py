@@ -151,9 +151,5 @@ class RolloutRecorder:
             grown[used[: values.ndim]] = values[used[: values.ndim]]
             return grown
 
-        self._episodes = episodes._replace(
-            motion=larger(episodes.motion),
-            present=larger(episodes.present),
-            contacts=larger(episodes.contacts),
-            arc=larger(episodes.arc),
-        )
+        names = "motion", "present", "contacts", "arc"
+        self._episodes = episodes._replace(**{name: larger(getattr(episodes, name)) for name in names})

@@ -141,6 +141,18 @@ class Scenarios:
         )
 
 
+def resolved(
+    lake: Lake | str | Path, database: Database | str | Sequence[str] | None
+) -> tuple[Lake, str | tuple[str, ...] | None]:
+    """Return the lake and, of an existing database, its reference.
+
+    Raises:
+        DatabaseNotFound: The database does not exist.
+    """
+    lake, reference = lake if isinstance(lake, Lake) else Lake(lake), database_reference(database)
+    return lake, lake.database(reference).reference if isinstance(reference, str) else reference
+
+
 def database_reference(database: Database | str | Sequence[str] | None) -> str | tuple[str, ...] | None:
     """Return a picklable and comparable form: ``name@version`` of a saved database, or the ids."""
     if database is None or isinstance(database, str):

@@ -139,7 +139,17 @@ class BirdView(Sensor):
             motion[:, X : Y + 1] = stop[:, :2]
             boxes = motion, size, np.ascontiguousarray(shown), ~np.isnan(stop[:, 0])
             unchecked(draw_boxes)(*boxes, _LIGHTS, view, pictures, crossings)
-            self._draw_objects(state, slot, row, view, pictures, crossings)
+            size, types, others = state.size[slot], state.object_type[slot], state.present[slot].copy()
+            others[row] = False
+            me, motion, drawn = [row], state.motion[slot], (view, pictures, crossings)
+            unchecked(draw_boxes)(motion, size, types, others, _OBJECTS, *drawn)
+            unchecked(draw_boxes)(motion[me], size[me], types[me], state.present[slot, me], _EGO, *drawn)
+            past = state.history or History.empty(0, *state.present.shape)
+            for moment in range(self.history):
+                motion = np.zeros_like(motion)
+                motion[:, X : Y + 1], motion[:, HEADING] = past.position[moment, slot], past.heading[moment, slot]
+                channel = _style({}, len(Channel) + moment)
+                unchecked(draw_boxes)(motion, size, types, past.present[moment, slot], channel, *drawn)
         return out
 
     def view(self, center: Float64, heading: float) -> Float64:
@@ -148,20 +158,3 @@ class BirdView(Sensor):
         turn = np.array([[sin, -cos], [-cos, -sin]]) / self.resolution
         start = np.array(self.anchor) * self.size - turn @ center
         return np.array([*turn[0], start[0], *turn[1], start[1]])
-
-    def _draw_objects(
-        self, state: State, world: int, row: int, view: Float64, pictures: Array, crossings: Crossings
-    ) -> None:
-        motion, size, types, present = (
-            of_all[world] for of_all in (state.motion, state.size, state.object_type, state.present)
-        )
-        me, others, drawn = [row], present.copy(), (view, pictures, crossings)
-        others[row] = False
-        unchecked(draw_boxes)(motion, size, types, others, _OBJECTS, *drawn)
-        unchecked(draw_boxes)(motion[me], size[me], types[me], present[me], _EGO, *drawn)
-        past = state.history or History.empty(0, *state.present.shape)
-        for moment in range(self.history):
-            motion = np.zeros_like(motion)
-            motion[:, X : Y + 1], motion[:, HEADING] = past.position[moment, world], past.heading[moment, world]
-            channel = _style({}, len(Channel) + moment)
-            unchecked(draw_boxes)(motion, size, types, past.present[moment, world], channel, *drawn)

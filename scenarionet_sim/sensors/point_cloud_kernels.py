@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
-from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_sim.arrays.log import HEADING, X, Y, Z
 from scenarionet_sim.arrays.minmax import larger, smaller
 from scenarionet_sim.roads.ray_kernels import ray_through_box
@@ -34,6 +34,7 @@ def spin(
         out: (A, R, K) output.
     """
     count, (mount, reach) = directions.shape[0], lidar
+    per_radian = count / (2.0 * np.pi)
     enters, leaves = np.empty(count), np.empty(count)
     for a in range(agents.shape[0]):
         w, own = agents[a, 0], agents[a, 1]
@@ -48,7 +49,17 @@ def spin(
                 continue
             dx, dy, turn = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y], motion[w, n, HEADING] - me[HEADING]
             half_x, half_y = 0.5 * size[w, n, 0], 0.5 * size[w, n, 1]
-            first, last, x, y, cos, sin = _box_ahead(dx, dy, cos_me, sin_me, turn, (half_x, half_y), reach, count)
+            radius = np.sqrt(half_x * half_x + half_y * half_y)
+            if dx * dx + dy * dy >= (reach + radius) * (reach + radius):
+                continue
+            ahead, aside = cos_me * dx + sin_me * dy, cos_me * dy - sin_me * dx
+            first, last, apart = 0, count - 1, np.sqrt(ahead * ahead + aside * aside)
+            if apart > radius:  # those that may meet the circle around the box; -1 is the last ray
+                middle, half = np.arctan2(aside, ahead), np.arcsin(radius / apart)
+                first = int(np.ceil((middle - half) * per_radian - 1e-9))
+                last = smaller(int(np.floor((middle + half) * per_radian + 1e-9)), first + count - 1)
+            cos, sin = np.cos(turn), np.sin(turn)
+            x, y = -(cos * ahead + sin * aside), -(cos * aside - sin * ahead)  # the agent in the frame of the box
             for ray in range(first, last + 1):
                 k = ray + count if ray < 0 else ray
                 forward = cos * directions[k, 0] + sin * directions[k, 1]
@@ -70,42 +81,3 @@ def spin(
                     k = ray + count if ray < 0 else ray
                     if along <= smaller(leaves[ray - first], high) and along * stretch < out[a, ring, k]:
                         out[a, ring, k] = along * stretch
-
-
-@device_function
-def _rays_at_circle(x: float, y: float, radius: float, count: int) -> tuple[int, int]:
-    """Return the first and last of ``count`` evenly spread rays that may meet a circle; -1 is the last ray."""
-    apart = np.sqrt(x * x + y * y)
-    if apart <= radius:
-        return 0, count - 1
-    middle, half = np.arctan2(y, x), np.arcsin(radius / apart)
-    per_radian = count / (2.0 * np.pi)
-    first = int(np.ceil((middle - half) * per_radian - 1e-9))
-    last = int(np.floor((middle + half) * per_radian + 1e-9))
-    return first, smaller(last, first + count - 1)
-
-
-@device_function
-def _box_ahead(
-    dx: float, dy: float, cos: float, sin: float, turn: float, half: tuple[float, float], reach: float, count: int
-) -> tuple[int, int, float, float, float, float]:
-    """Transform a box into the frame of an agent.
-
-    Args:
-        dx, dy: Offset from the agent to the box [m].
-        cos, sin: Cosine and sine of the agent's heading.
-        turn: Heading of the box minus the agent's [rad].
-        half: Half of the box's length and width [m].
-        reach, count: Range [m], and number of rays, evenly spread from straight ahead.
-
-    Returns:
-        First and last ray that may meet it (first > last if out of reach); the agent's position x, y in the frame
-        of the box; cosine and sine of ``turn``.
-    """
-    radius = np.sqrt(half[0] * half[0] + half[1] * half[1])
-    if dx * dx + dy * dy >= (reach + radius) * (reach + radius):
-        return 0, -1, 0.0, 0.0, 0.0, 0.0
-    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-    first, last = _rays_at_circle(ahead, left, radius, count)
-    cos, sin = np.cos(turn), np.sin(turn)
-    return first, last, -(cos * ahead + sin * left), -(cos * left - sin * ahead), cos, sin

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int32, is_count
+from scenarionet_data.arrays.dtypes import Array, Int32, is_count
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.sensors.base import Sensor, require, visible_objects
 from scenarionet_sim.sensors.route_kernels import observe_others
@@ -60,11 +59,6 @@ class Surrounding(Sensor):
         observed = np.empty((len(agents), *self.shape))
         is_visible = visible_objects(state, self.types)
         observe_others(agents, state.motion, state.size, state.object_type, is_visible, self.range, observed)
-        np.multiply(observed, self._scale, out=out, casting="same_kind")
-        return np.clip(out, -1.0, 1.0, out=out)
-
-    @cached_property
-    def _scale(self) -> Float64:
-        """(13,) factors of the columns."""
         full = [1.0, *[self.range] * 2, 1.0, 1.0, *[self.max_speed] * 2, *[self.max_size] * 3, 1.0, 1.0, 1.0]
-        return 1.0 / np.array(full)
+        np.multiply(observed, 1.0 / np.array(full), out=out, casting="same_kind")
+        return np.clip(out, -1.0, 1.0, out=out)

@@ -116,7 +116,13 @@ def settle(
         seats.ended[w, 0] += 1
         seats.ended[w, 1] += status == ARRIVED
         if k < num_seats:
-            _leave(row, a, status, result, seats)
+            seats.truncations[row], seats.terminals[row] = status == TIMED_OUT, status != TIMED_OUT
+            seats.arrivals[row], seats.masks[row] = status == ARRIVED, False
+            for column in range(len(result.numbers)):
+                seats.last_numbers[row, column] = result.numbers[column, a]
+            for column in range(seats.observations.shape[1]):
+                seats.last_observations[row, column] = seats.observations[row, column]
+            _clear(seats.observations[row])
     is_left = num_ended < num_agents or not seats.can_end[w]
     seats.is_over[w] = not is_left and not is_agent_due(w, recorded, now, driver, agents)
     if seats.is_over[w] or num_ended == 0:
@@ -126,19 +132,6 @@ def settle(
         if n >= 0 and result.status[w * num_places + k] != DRIVING:
             agents.rows[w, k], driver[w, n] = -1, UNDRIVEN
             before.present[w, n], now.present[w, n] = False, False
-
-
-@device_function
-def _leave(row: int, a: int, status: int, result: StepResult, seats: Seats) -> None:
-    """Let an agent that ended leave its row."""
-    seats.truncations[row], seats.terminals[row] = status == TIMED_OUT, status != TIMED_OUT
-    seats.arrivals[row] = status == ARRIVED
-    for k in range(len(result.numbers)):
-        seats.last_numbers[row, k] = result.numbers[k, a]
-    for k in range(seats.observations.shape[1]):
-        seats.last_observations[row, k] = seats.observations[row, k]
-    _clear(seats.observations[row])
-    seats.masks[row] = False
 
 
 @device_function

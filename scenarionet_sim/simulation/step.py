@@ -16,7 +16,6 @@ from scenarionet_sim.arrays.structures import (
     FIRST_STEP,
     NUM_OBJECTS,
     OBJECTS,
-    Recorded,
     StateArrays,
 )
 from scenarionet_sim.backends.bicycle_kernels import drive_bicycle
@@ -60,17 +59,7 @@ def step_worlds(
         exchange: What the step gets and returns.
         scratch: Memory of this thread.
     """
-    if own == LEADER:
-        keep(team, (phases, settings, arrays, exchange))
-    turn = begin(team, own, 0)
-    while turn:
-        given = kept(team, (phases, settings, arrays, exchange))
-        lost, w = -1, take(team.ranges, own)
-        while w >= 0:
-            _begin_or_move(w, given[0], given[1], given[2])
-            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
-            w = take(team.ranges, own)
-        turn = end(team, own, turn, lost)
+    _step(own, team, phases, settings, arrays, exchange, scratch, None)
 
 
 @kernel(nogil=True, allocates=False)
@@ -90,6 +79,15 @@ def step_reactive_worlds(
         own, team, phases, settings, arrays, exchange, scratch: See :func:`step_worlds`.
         memory: Memory of this thread.
     """
+    _step(own, team, phases, settings, arrays, exchange, scratch, memory)
+
+
+@device_function(forceinline=True, nogil=True)
+def _step(
+    own: int, team: Team, phases: int, settings: StepSettings, arrays: StepArrays, exchange: Exchange, scratch: Scratch,
+    memory: SightMemory | None,
+) -> None:  # fmt: skip
+    """Advance worlds by one step; without a memory none of their objects follows a path."""
     if own == LEADER:
         keep(team, (phases, settings, arrays, exchange))
     turn = begin(team, own, 0)
@@ -98,7 +96,8 @@ def step_reactive_worlds(
         lost, w = -1, take(team.ranges, own)
         while w >= 0:
             _begin_or_move(w, given[0], given[1], given[2])
-            _drive_by_idm(w, given[0], given[1].dt, given[2], memory)
+            if memory is not None:
+                _drive_by_idm(w, given[0], given[1].dt, given[2], memory)
             lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
             w = take(team.ranges, own)
         turn = end(team, own, turn, lost)
@@ -138,8 +137,17 @@ def _finish(
         for k in range(num_places):
             n = agents.rows[w, k]
             if n >= 0:
-                _locate(w, n, settings, recorded, then, agents)
-                _find_contacts(first + k, w, n, then, agents, scratch)
+                route, objects = agents.route[w, n], recorded.place[w, OBJECTS] + n
+                if not is_own:
+                    agents.route_before[w, n, 0], agents.route_before[w, n, 1] = route[0], route[1]
+                path = PathRows(recorded.path, recorded.path_offsets[objects], recorded.path_offsets[objects + 1])
+                locate(path, settings.back, settings.ahead, then.motion[w, n], route, is_own)
+                contacts, agents.hits[first + k] = agents.contacts[first + k], 0
+                for m in range(len(contacts)):
+                    contacts[m] = False
+                if then.present[w, n]:
+                    of_world = then.motion[w], then.size[w], then.object_type[w]
+                    agents.hits[first + k] = touch(n, of_world, scratch.boxes, contacts)
                 if has_begun or agents.is_new[w, k]:  # what it touches from the beginning is no crash
                     _remember_contacts(first + k, agents)
     if phases & SCORE:
@@ -213,35 +221,6 @@ def _begin_agents(w: int, are_egos: bool, arrays: StepArrays) -> None:
                 arrays.vehicles[w, n, column] = arrays.new_vehicle[column]
             if are_egos:
                 agents.route[w, n, 0], agents.route[w, n, 1] = np.nan, np.nan
-
-
-@device_function(forceinline=True)
-def _locate(
-    w: int,
-    n: int,
-    settings: StepSettings,
-    recorded: Recorded,
-    then: StateArrays,
-    agents: DrivenArrays,
-) -> None:
-    """Locate an agent on its path."""
-    route, is_own = agents.route[w, n], settings.are_own_routes
-    if not is_own:
-        agents.route_before[w, n, 0], agents.route_before[w, n, 1] = route[0], route[1]
-    row = recorded.place[w, OBJECTS] + n
-    path = PathRows(recorded.path, recorded.path_offsets[row], recorded.path_offsets[row + 1])
-    locate(path, settings.back, settings.ahead, then.motion[w, n], route, is_own)
-
-
-@device_function(forceinline=True)
-def _find_contacts(a: int, w: int, n: int, then: StateArrays, agents: DrivenArrays, scratch: Scratch) -> None:
-    """Find what an agent touches: nothing if it is absent."""
-    contacts, agents.hits[a] = agents.contacts[a], 0
-    for m in range(len(contacts)):
-        contacts[m] = False
-    if then.present[w, n]:
-        motion, size, object_type = then.motion[w], then.size[w], then.object_type[w]
-        agents.hits[a] = touch(n, motion, size, object_type, scratch.boxes, contacts)
 
 
 @device_function(forceinline=True)

@@ -43,12 +43,24 @@ class Blocks:
     def put(self, values: Mapping[str, Array]) -> tuple[int, int]:
         """Store a block, one array per column; return its first row and its end."""
         count = len(next(iter(values.values())))
-        start = self._claim(count)
+        room = next((gap for gap in self._gaps if gap[1] - gap[0] >= count), None)
+        if room is None:
+            is_tail_free = bool(self._gaps) and self._gaps[-1][1] == self._num_rows
+            used = self._gaps.pop()[0] if is_tail_free else self._num_rows
+            self._num_rows = max(used + count, int(_GROWTH * self._num_rows))
+            for name, old in self.arrays.items():
+                self.arrays[name] = np.empty((self._num_rows, *old.shape[1:]), old.dtype)
+                self.arrays[name][:used] = old[:used]
+            room = used, self._num_rows
+            self._gaps.append(room)
+        start, end = room[0], room[0] + count
+        place = self._gaps.index(room)
+        self._gaps[place : place + 1] = [(end, room[1])] if room[1] > end else []
         for name, rows in values.items():
-            self.arrays[name][start : start + count] = rows
+            self.arrays[name][start:end] = rows
         self.num_put += 1
-        self.last_put.append((start, start + count))
-        return start, start + count
+        self.last_put.append((start, end))
+        return start, end
 
     def remove(self, start: int, end: int) -> None:
         """Free the rows of a block."""
@@ -62,19 +74,3 @@ class Blocks:
             else:
                 joined.append((first, last))
         self._gaps = joined
-
-    def _claim(self, count: int) -> int:
-        """Return the first of ``count`` free rows."""
-        for place, (start, end) in enumerate(self._gaps):
-            if end - start >= count:
-                self._gaps[place : place + 1] = [(start + count, end)] if end - start > count else []
-                return start
-        is_tail_free = bool(self._gaps) and self._gaps[-1][1] == self._num_rows
-        used = self._gaps.pop()[0] if is_tail_free else self._num_rows
-        self._num_rows = max(used + count, int(_GROWTH * self._num_rows))
-        for name, old in self.arrays.items():
-            self.arrays[name] = np.empty((self._num_rows, *old.shape[1:]), old.dtype)
-            self.arrays[name][:used] = old[:used]
-        if used + count < self._num_rows:
-            self._gaps.append((used + count, self._num_rows))
-        return used

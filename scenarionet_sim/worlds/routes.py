@@ -33,7 +33,25 @@ def continued(world: World, rows: Bool, beyond: float) -> World:
     way, count = ways_beyond(world.roads, paths, owners, beyond)
     if not count.any():
         return world
-    longer = _extend(paths, owners, way, count)
+    own = np.diff(paths.path_offsets)
+    added = np.zeros_like(own)
+    added[owners] = count  # of the points of each owner's way, those before the lanes end
+    offsets = np.append(0, np.cumsum(own + added)).astype(np.int32)
+    place = np.arange(len(paths.path)) + np.repeat(offsets[:-1] - paths.path_offsets[:-1], own)
+    is_tail = np.ones(offsets[-1], np.bool_)
+    is_tail[place] = False
+    end = np.repeat(paths.path_offsets[1:] - 1, added)  # last recorded point before each added point
+    tail = way[np.arange(way.shape[1]) < count[:, None]]
+    step = np.diff(tail, axis=0, prepend=0.0)
+    is_first = np.diff(np.repeat(np.arange(len(own)), added), prepend=-1) > 0
+    step[is_first] = tail[is_first] - paths.path_points[end[is_first]]
+    hops = np.cumsum(np.hypot(step[:, 0], step[:, 1]))
+    until = (hops - np.hypot(step[:, 0], step[:, 1]))[is_first]
+    arc = hops - np.repeat(until, count[count > 0]) + paths.path_arc[end]
+    points = np.empty((len(is_tail), 5), np.float32)
+    points[place] = paths.path
+    points[is_tail] = np.column_stack([tail, paths.path[end, Z], np.arctan2(step[:, 1], step[:, 0]), arc])
+    longer = Paths(points, offsets)
     return replace(world, paths=longer, stops=Stops.on(longer, world.light_lane, world.light_stop, world.roads))
 
 
@@ -62,26 +80,3 @@ def ways_beyond(roads: Roads, paths: Paths, owners: IntP, beyond: float) -> tupl
     follow_lanes(found, graph, _STEP, way, count)
     way += (last - way[:, 0])[:, None] * np.maximum(1.0 - ahead / _BACK_TO_THE_MIDDLE, 0.0)[:, None]
     return way[:, 1:], np.maximum(count - 1, 0)  # without the first, the end of the path
-
-
-def _extend(paths: Paths, owners: IntP, way: Float64, count: Int32) -> Paths:
-    """Append the first ``count`` points of each owner's way to its path."""
-    own = np.diff(paths.path_offsets)
-    added = np.zeros_like(own)
-    added[owners] = count
-    offsets = np.append(0, np.cumsum(own + added)).astype(np.int32)
-    place = np.arange(len(paths.path)) + np.repeat(offsets[:-1] - paths.path_offsets[:-1], own)
-    is_tail = np.ones(offsets[-1], np.bool_)
-    is_tail[place] = False
-    end = np.repeat(paths.path_offsets[1:] - 1, added)  # last recorded point before each added point
-    tail = way[np.arange(way.shape[1]) < count[:, None]]
-    step = np.diff(tail, axis=0, prepend=0.0)
-    is_first = np.diff(np.repeat(np.arange(len(own)), added), prepend=-1) > 0
-    step[is_first] = tail[is_first] - paths.path_points[end[is_first]]
-    hops = np.cumsum(np.hypot(step[:, 0], step[:, 1]))
-    until = (hops - np.hypot(step[:, 0], step[:, 1]))[is_first]
-    arc = hops - np.repeat(until, count[count > 0]) + paths.path_arc[end]
-    longer = np.empty((len(is_tail), 5), np.float32)
-    longer[place] = paths.path
-    longer[is_tail] = np.column_stack([tail, paths.path[end, Z], np.arctan2(step[:, 1], step[:, 0]), arc])
-    return Paths(longer, offsets)

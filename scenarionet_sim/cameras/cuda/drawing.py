@@ -67,7 +67,9 @@ def draw(batch: WorldBatch, state: State, rig: Rig, optics: Optics, channels: Se
     if count:
         with _drawing:
             memory, stage = _memory_of(cuda.current_context()), stage_of(batch, rig.scenery)
-            shots = _shots_on(memory, shots_of(rig, optics, channels))
+            shots = shots_of(rig, optics, channels)
+            changing = {name: memory.put(name, getattr(shots, name)) for name in ("owners", "poses", "lens")}
+            shots = shots._replace(**changing, rays=memory.constant(shots.rays), rings=memory.constant(shots.rings))
             _draw(memory, shots, _scene_on(memory, batch, state, stage, rig.look), pictures)
     made: dict[str, Any] = dict(zip(CHANNELS, pictures, strict=True))
     return {name: DeviceFrames(made[name].reshape((count, *size, *tail_of_channel(name)))) for name in channels}
@@ -105,40 +107,16 @@ def _draw(memory: DeviceMemory, shots: Shots, scene: SceneArrays, pictures: Pict
 
 def _scene_on(memory: DeviceMemory, batch: WorldBatch, state: State, stage: Stage, look: Look) -> SceneArrays:
     """Return what cameras see with its arrays on the card."""
-    solids, meshes = stage.solids(batch, state), library()
+    solids, kinds, logs = stage.solids(batch, state), stage.kinds, batch.pool.kinds
+    stored = memory.rows(kinds["fixed"]) | memory.rows(logs["log"]) | memory.rows(logs["lights"])
+    stored |= {name: memory.put(name, getattr(solids, name)) for name in _EACH_CALL}
+    ground = memory.rows(kinds["cells"]) | memory.rows(kinds["strokes"]) | memory.rows(kinds["heights"])
+    ground |= {name: memory.put(f"ground_{name}", getattr(stage.ground, name)) for name in Ground._fields[:4]}
     return SceneArrays(
-        _solids_on(memory, batch, stage, solids),
-        _ground_on(memory, stage),
-        Meshes(*(memory.constant(values) for values in meshes)),
+        Solids(**stored, light_color=memory.constant(solids.light_color)),
+        Ground(**ground),
+        Meshes(*(memory.constant(values) for values in library())),
         Look(memory.put("lights", look.lights), memory.constant(look.grain), memory.constant(look.tone)),
-    )
-
-
-def _ground_on(memory: DeviceMemory, stage: Stage) -> Ground:
-    """Return the ground with its arrays on the card."""
-    each_call = {name: memory.put(f"ground_{name}", getattr(stage.ground, name)) for name in Ground._fields[:4]}
-    stored = [memory.rows(stage.kinds[kind]) for kind in ("cells", "strokes", "heights")]
-    return Ground(**each_call, **stored[0], **stored[1], **stored[2])
-
-
-def _solids_on(memory: DeviceMemory, batch: WorldBatch, stage: Stage, solids: Solids) -> Solids:
-    """Return what stands on the ground with its arrays on the card."""
-    each_call = {name: memory.put(name, getattr(solids, name)) for name in _EACH_CALL}
-    stored = [
-        memory.rows(kinds) for kinds in (stage.kinds["fixed"], batch.pool.kinds["log"], batch.pool.kinds["lights"])
-    ]
-    light_color = memory.constant(solids.light_color)
-    return Solids(**each_call, **stored[0], **stored[1], **stored[2], light_color=light_color)
-
-
-def _shots_on(memory: DeviceMemory, shots: Shots) -> Shots:
-    """Return the cameras with their arrays on the card."""
-    return shots._replace(
-        owners=memory.put("owners", shots.owners),
-        poses=memory.put("poses", shots.poses),
-        lens=memory.put("lens", shots.lens),
-        rays=memory.constant(shots.rays),
-        rings=memory.constant(shots.rings),
     )
 
 

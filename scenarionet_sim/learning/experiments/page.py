@@ -52,9 +52,17 @@ def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: s
          f"here, on the {comparison.tests[each.test]}": str(table(found, comparison, each.test)[each.arm][each.metric])}
         for each in comparison.published
     ]  # fmt: skip
+    first, names = comparison.arms[0], [arm.name for arm in comparison.arms]
+    settings, steps = describe_config(first.config), sorted({arm.config.steps for arm in comparison.arms})
     sections = [
         f"# {comparison.name} ({comparison.size})",
-        *_settings(comparison, commit),
+        f"Configuration of commit `{commit}`, fixed before the first run: {'; '.join(names)}; seeds "
+        f"{', '.join(map(str, comparison.seeds))}; {' or '.join(f'{count:,}' for count in steps)} steps of agents a "
+        "run. The table shows each run at the checkpoint with the highest success on the validation split of its own "
+        "training scenarios (the latest of equals). Intervals are 95 % intervals of Student's t over seeds; the "
+        "tests have the same scenarios for all seeds, which are not resampled.",
+        f"Settings of {first.name}: {', '.join(f'{name} {value}' for name, value in settings.items())}.",
+        *([f"The paper: {comparison.paper}"] if comparison.paper else []),
         *(["## Scenarios", _markdown(sources)] if sources else []),
         *_verdicts(found, comparison),
         *(["## Beside the paper's results", _markdown(published)] if published else []),
@@ -71,24 +79,6 @@ def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: s
     page = folder / "page.md"
     page.write_text("\n\n".join(sections) + "\n", "utf-8")
     return page
-
-
-def _settings(comparison: Comparison, commit: str) -> list[str]:
-    """Return how the experiment was made."""
-    steps = sorted({arm.config.steps for arm in comparison.arms})
-    arms = "; ".join(arm.name for arm in comparison.arms)
-    counts = " or ".join(f"{count:,}" for count in steps)
-    rule = (
-        f"Configuration of commit `{commit}`, fixed before the first run: {arms}; seeds "
-        f"{', '.join(map(str, comparison.seeds))}; {counts} steps of agents a run. "
-        "The table shows each run at the checkpoint with the highest success on the validation split of its own "
-        "training scenarios (the latest of equals). Intervals are 95 % intervals of Student's t over seeds; the "
-        "tests have the same scenarios for all seeds, which are not resampled."
-    )
-    first = comparison.arms[0]
-    values = ", ".join(f"{name} {value}" for name, value in describe_config(first.config).items())
-    settings = f"Settings of {first.name}: {values}."
-    return [rule, settings, *([f"The paper: {comparison.paper}"] if comparison.paper else [])]
 
 
 def _verdicts(found: ComparisonResult, comparison: Comparison) -> list[str]:

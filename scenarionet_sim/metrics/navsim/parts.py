@@ -60,8 +60,13 @@ def no_at_fault_collisions(plan: EgoDrive, others: SurroundingBoxes, touching: B
     for step, track in np.argwhere(touching).tolist():
         if track in forgotten:
             continue
-        is_between = areas.is_between_lanes[step] or areas.is_off_road[step]
-        if _is_at_fault(plan, others, step, track, float(first_speed[track]), is_between=bool(is_between)):
+        is_at_fault = plan.speed[step] > STOPPED
+        if is_at_fault and first_speed[track] > STOPPED:
+            is_behind = _along(plan, step, others.position[step, track]) < BEHIND
+            bumper = shapely.LineString(plan.corners[step][[0, 3]])
+            is_between = areas.is_between_lanes[step] or areas.is_off_road[step]
+            is_at_fault = not is_behind and (is_between or bumper.intersects(_outline(others, step, track)))
+        if is_at_fault:
             score = min(score, 0.0 if others.object_type[track] in _AGENTS else 0.5)
         else:
             forgotten.add(track)
@@ -137,19 +142,6 @@ def lane_keeping(plan: EgoDrive, centreline: Float64, areas: PlanAreas) -> float
         if steps >= longest:
             return 0.0
     return 1.0
-
-
-def _is_at_fault(
-    plan: EgoDrive, others: SurroundingBoxes, step: int, track: int, first_speed: float, *, is_between: bool
-) -> bool:
-    if plan.speed[step] <= STOPPED:
-        return False
-    if first_speed <= STOPPED:
-        return True
-    if _along(plan, step, others.position[step, track]) < BEHIND:
-        return False
-    bumper = shapely.LineString(plan.corners[step][[0, 3]])
-    return is_between or bool(bumper.intersects(_outline(others, step, track)))
 
 
 def _along(plan: EgoDrive, step: int, position: Float64) -> float:

@@ -102,7 +102,17 @@ def find_collisions(ego: EgoDrive, others: SurroundingBoxes, is_in_lane: Bool) -
         if not shapely.Polygon(box).intersects(outline):
             continue
         collided[track] = True
-        kind = _kind(ego, others, step, track, shapely.LineString(box[[0, 3]]).intersects(outline))
+        away = others.position[step, track] - ego.rear_axle[step]
+        along = away @ [math.cos(ego.heading[step]), math.sin(ego.heading[step])] / max(math.hypot(*away), 1e-9)
+        if ego.speed[step] <= STOPPED:
+            kind = CollisionKind.STOPPED_EGO
+        elif others.speed[step, track] <= STOPPED:
+            kind = CollisionKind.STOPPED_TRACK
+        elif along < BEHIND:
+            kind = CollisionKind.ACTIVE_REAR
+        else:
+            touches_front = shapely.LineString(box[[0, 3]]).intersects(outline)
+            kind = CollisionKind.ACTIVE_FRONT if touches_front else CollisionKind.ACTIVE_LATERAL
         is_at_fault = kind in (CollisionKind.ACTIVE_FRONT, CollisionKind.STOPPED_TRACK) or (
             kind is CollisionKind.ACTIVE_LATERAL and not is_in_lane[step]
         )
@@ -129,15 +139,3 @@ def box_outline(position: np.ndarray, heading: float, length: float, width: floa
     corners = 0.5 * np.array([[length, width], [-length, width], [-length, -width], [length, -width]])
     turned: np.ndarray = position + corners @ np.array([[cos, sin], [-sin, cos]])
     return turned
-
-
-def _kind(ego: EgoDrive, others: SurroundingBoxes, step: int, track: int, touches_front: bool) -> CollisionKind:
-    if ego.speed[step] <= STOPPED:
-        return CollisionKind.STOPPED_EGO
-    if others.speed[step, track] <= STOPPED:
-        return CollisionKind.STOPPED_TRACK
-    away = others.position[step, track] - ego.rear_axle[step]
-    along = away @ [math.cos(ego.heading[step]), math.sin(ego.heading[step])] / max(math.hypot(*away), 1e-9)
-    if along < BEHIND:
-        return CollisionKind.ACTIVE_REAR
-    return CollisionKind.ACTIVE_FRONT if touches_front else CollisionKind.ACTIVE_LATERAL

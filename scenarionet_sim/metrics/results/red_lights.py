@@ -9,8 +9,6 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor
 from scenarionet_sim.metrics.drive import DrivenEpisode
-from scenarionet_sim.rollouts.rollout import Rollout
-from scenarionet_sim.worlds.world import World
 
 _STOP_REACH = 2.0  # [m] to either side of a stop point
 
@@ -19,10 +17,18 @@ def measure(episode: DrivenEpisode) -> dict[str, Any]:
     """Return the number of lights that the vehicle runs; None without lights."""
     if not episode.is_whole:
         return {}
-    rollout = episode.scored
-    stop, direction, is_red = _lights(rollout, episode.world)
+    rollout, world = episode.scored, episode.world
+    rows = np.flatnonzero((world.light_lane >= 0) & np.isfinite(world.light_stop).all(axis=1))
+    rows = rows[world.roads.lanes.lengths[world.light_lane[rows]] > 1]
+    if not len(rows):
+        return {"red_light_violations": None}
+    steps = np.minimum(rollout.start + np.arange(rollout.num_steps + 1), world.num_steps - 1)  # the last state stays
+    is_red = LIGHT_COLORS[world.light_state[rows][:, steps]] == LightColor.RED
+    stop = world.light_stop[rows].astype(np.float64)
+    lanes = (world.roads.lanes[lane].astype(np.float64) for lane in world.light_lane[rows])
+    direction = np.array([_direction(lane, point) for lane, point in zip(lanes, stop, strict=True)])
     position = np.ascontiguousarray(rollout.position[:, rollout.agent])
-    return {"red_light_violations": int(runs_red_light(position, stop, direction, is_red).sum()) if len(stop) else None}
+    return {"red_light_violations": int(runs_red_light(position, stop, direction, is_red).sum())}
 
 
 def runs_red_light(position: Float64, stop: Float64, direction: Float64, is_red: Bool) -> Bool:
@@ -40,18 +46,6 @@ def runs_red_light(position: Float64, stop: Float64, direction: Float64, is_red:
     passes = (along[:, :-1] < 0.0) & (along[:, 1:] >= 0.0) & (np.abs(across[:, 1:]) <= _STOP_REACH)
     ran: Bool = (passes & is_red[:, 1:]).any(axis=1)
     return ran
-
-
-def _lights(rollout: Rollout, world: World) -> tuple[Float64, Float64, Bool]:
-    """Return stop points, lane directions and red phases of the lights whose lane is in the map."""
-    rows = np.flatnonzero((world.light_lane >= 0) & np.isfinite(world.light_stop).all(axis=1))
-    rows = rows[world.roads.lanes.lengths[world.light_lane[rows]] > 1]
-    steps = np.minimum(rollout.start + np.arange(rollout.num_steps + 1), world.num_steps - 1)  # the last state stays
-    is_red: Bool = LIGHT_COLORS[world.light_state[rows][:, steps]] == LightColor.RED
-    stop = world.light_stop[rows].astype(np.float64)
-    lanes = (world.roads.lanes[lane].astype(np.float64) for lane in world.light_lane[rows])
-    direction = [_direction(lane, point) for lane, point in zip(lanes, stop, strict=True)]
-    return stop, np.array(direction).reshape(-1, 2), is_red
 
 
 def _direction(line: Float64, point: Float64) -> Float64:
