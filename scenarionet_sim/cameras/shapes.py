@@ -27,10 +27,6 @@ class Shape:
     material: UInt8
     part: int = 0
 
-    def moved(self, by: Sequence[float]) -> Shape:
-        """Return the shape moved."""
-        return Shape(self.points + np.asarray(by), self.corners, self.material, self.part)
-
 
 def box(low: Sequence[float], high: Sequence[float], material: int, taper: tuple[float, float] = (1.0, 1.0)) -> Shape:
     """Return a box between two corners, its top shrunk in x and y by ``taper`` around its middle."""

@@ -23,7 +23,7 @@ from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.places import open_files
-from scenarionet_sim.drivers.by_name import MANUAL, REACTIVE, find_backend, resolve_drivers
+from scenarionet_sim.drivers.by_name import MANUAL, REACTIVE, Drivers, find_backend, resolve_drivers
 from scenarionet_sim.drivers.trained import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.rollouts.batch import SLOTS, RolloutBatch, RolloutJob
@@ -91,6 +91,10 @@ class Evaluation:
         words += [value for value in (self.episode, self.route) if value != "log"]
         name = "-".join(words if self.tracker == "lqr" else [*words, self.tracker])
         return name.replace("@", ".").replace(":", ".").replace("/", ".")
+
+    def drivers(self) -> Drivers:
+        """Return the drivers of ego and traffic; raises if one is unknown."""
+        return resolve_drivers(self.policy, self.traffic, self.backend, self.tracker, self.route, self.lake)
 
 
 _SHOWN = 10
@@ -228,11 +232,12 @@ def plan_evaluation(
     lake, reference = resolved(lake, database)
     if policy.startswith(PREFIX):
         policy = pinned(lake.files, policy)
-    resolve_drivers(policy, traffic, backend, tracker, route, str(lake.root))  # raises if one is unknown
     number = lake.snapshot.number
-    return Evaluation(
+    evaluation = Evaluation(
         str(lake.root), reference, number, policy, traffic, backend, seed, num_rollouts, episode, tracker, route
     )
+    evaluation.drivers()  # raises if one is unknown
+    return evaluation
 
 
 def run_evaluation(
@@ -310,14 +315,7 @@ def _loader(evaluation: Evaluation) -> ScenarioLoader:
 def simulate_part(job: _EvaluationJob) -> list[ScenarioEnd]:
     """Simulate the rollouts of a part, and publish the rows if it belongs to a run."""
     evaluation = job.evaluation
-    drivers = resolve_drivers(
-        evaluation.policy,
-        evaluation.traffic,
-        evaluation.backend,
-        evaluation.tracker,
-        evaluation.route,
-        evaluation.lake,
-    )
+    drivers = evaluation.drivers()
     # Bullet's worlds differ in their last digits by what else is in its memory; a person drives one world.
     is_single = evaluation.backend == "bullet" or evaluation.policy in MANUAL
     batch = RolloutBatch(drivers, find_backend(evaluation.backend), 1 if is_single else SLOTS)

@@ -32,21 +32,6 @@ class Grid:
     cell_start: Int32
     cell_items: Int32
 
-    @property
-    def origin(self) -> Float64:
-        """(2,) lower left corner of cell (0, 0) [m]."""
-        return self.frame[:2]
-
-    @property
-    def cell_size(self) -> float:
-        """Side of a cell [m]."""
-        return float(self.frame[2])
-
-    @property
-    def shape(self) -> Int32:
-        """(2,) int32 columns, rows."""
-        return self.frame[3:].astype(np.int32)
-
     @classmethod
     def over(cls, lower: Float32, upper: Float32, cell: float = CELL) -> Grid:
         """Return the grid over boxes.

@@ -60,7 +60,6 @@ class ScenarioStream(Generic[Prepared]):
         self._drawn: Int64 = _NONE  # some of the next ones, from number ``_at`` on
         self._at = 0
         self._cache: OrderedDict[int, Future[Prepared]] = OrderedDict()
-        self._ready: dict[int, Prepared] = {}  # of the cache, those that were played before
         self._thread: ThreadPoolExecutor | None = None
 
     def restart(self, seed: int) -> None:
@@ -76,17 +75,6 @@ class ScenarioStream(Generic[Prepared]):
         """Continue where another stream of the same scenarios stood."""
         self.sampler.restore(state["sampler"])
         self._drawn, self._at = np.array(state["drawn"], np.int64), 0
-
-    def next(self) -> tuple[int, Prepared]:
-        """Return the index of the next scenario, and the prepared scenario.
-
-        Raises:
-            ScenarioNetError: It cannot be read or prepared; the next call continues with the one after it.
-        """
-        index = self.draw()
-        prepared = self.get(index)
-        self.load_ahead()
-        return index, prepared
 
     def draw(self) -> int:
         """Return the index of the next scenario."""
@@ -116,13 +104,9 @@ class ScenarioStream(Generic[Prepared]):
 
     def get(self, index: int) -> Prepared:
         """Return the scenario with an index, without a draw."""
-        if index in self._ready:
-            self._cache.move_to_end(index)
-            return self._ready[index]
         if index in self._cache and self._cache[index].done() and self._cache[index].exception():
             del self._cache[index]  # retry, the file may have been repaired
-        self._ready[index] = prepared = self._submit(index).result()
-        return prepared
+        return self._submit(index).result()
 
     def index(self, scenario_id: str) -> int:
         """Return the index of a scenario id.
@@ -140,7 +124,6 @@ class ScenarioStream(Generic[Prepared]):
             self._thread.shutdown(wait=True, cancel_futures=True)
             self._thread = None
         self._cache.clear()
-        self._ready.clear()
         self._drawn, self._at = _NONE, 0
 
     def _prepared(self, index: int) -> Prepared:
@@ -163,6 +146,5 @@ class ScenarioStream(Generic[Prepared]):
             future.set_result(self._prepared(index))
         self._cache[index] = future
         while len(self._cache) > max(self._cache_size, self._prefetch + 1):
-            oldest, _ = self._cache.popitem(last=False)
-            self._ready.pop(oldest, None)
+            self._cache.popitem(last=False)
         return future

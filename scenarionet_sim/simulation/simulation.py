@@ -111,7 +111,7 @@ class Simulation:
         history = max([history, *(policy.history for policy in self.policies)])
         if history:
             self.state.history = History.empty(history, *shape)
-        self.previous = self.state.twin()
+        self.previous = State.empty(*shape).sharing(self.state)
         self.driver: UInt8 = np.full(shape, UNDRIVEN, np.uint8)
         self._session = (backend or Kinematic()).open(self.batch)
         substeps = self._session.substeps if isinstance(self._session, KinematicSession) else 1
@@ -389,7 +389,7 @@ class Simulation:
         if isinstance(self._session, KinematicSession):
             self._session.make_room(self.batch.max_objects)
         self.state = self.state.resized(self.batch.max_objects)
-        self.previous = self.previous.twin_resized(self.state)
+        self.previous = self.previous.resized(self.batch.max_objects).sharing(self.state)
         self.driver = np.pad(self.driver, ((0, 0), (0, more)), constant_values=UNDRIVEN)
 
 

@@ -50,10 +50,11 @@ class LaneRoute:
         Raises:
             BadParameter: The start or the goal is off the lanes, or no lanes lead there.
         """
-        paths = world.paths
-        routes = {}
-        for row in np.flatnonzero(rows & (np.diff(paths.path_offsets) > 1)).tolist():
-            path = paths.path[paths.path_offsets[row] : paths.path_offsets[row + 1]]
+        old = world.paths
+        pieces = np.split(old.path, old.path_offsets[1:-1])
+        changed = np.flatnonzero(rows & (np.diff(old.path_offsets) > 1)).tolist()
+        for row in changed:
+            path = pieces[row]
             if self.goal is None:
                 goal: npt.ArrayLike = path[-1, :2]
             else:
@@ -65,11 +66,15 @@ class LaneRoute:
                     f"{np.round(np.asarray(goal, np.float64), 1).tolist()}; choose a goal on a lane that can be reached"
                 )
             nearest = np.argmin(np.hypot(*(points[:, None] - path[None, :, :2]).T), axis=0)
-            routes[row] = points, path[nearest, Z]
-        if not routes:
+            step = np.diff(points, axis=0)
+            heading = np.arctan2(step[:, 1], step[:, 0])
+            columns = points, path[nearest, Z], np.append(heading, heading[-1:]), _arcs(points)
+            pieces[row] = np.column_stack(columns).astype(np.float32)
+        if not changed:
             return world
-        longer = _with_routes(paths, routes)
-        return replace(world, paths=longer, stops=Stops.on(longer, world.light_lane, world.light_stop, world.roads))
+        offsets = np.append(0, np.cumsum([len(piece) for piece in pieces])).astype(np.int32)
+        paths = Paths(np.concatenate(pieces), offsets)
+        return replace(world, paths=paths, stops=Stops.on(paths, world.light_lane, world.light_stop, world.roads))
 
 
 def route_between(roads: Roads, start: npt.ArrayLike, heading: float, goal: npt.ArrayLike) -> Float64 | None:
@@ -204,19 +209,3 @@ def _cut(line: Float64, first: float, end: float) -> Float64:
     first, end = min(first, float(arcs[-1])), min(end, float(arcs[-1]))
     kept = np.concatenate([[first], arcs[(arcs > first) & (arcs < end)], [end] if end > first else []])
     return np.column_stack([np.interp(kept, arcs, line[:, axis]) for axis in range(2)])
-
-
-def _with_routes(paths: Paths, routes: dict[int, tuple[Float64, npt.NDArray[np.float32]]]) -> Paths:
-    """Replace the paths of some objects; each has points (n, 2) and their heights (n,)."""
-    pieces = []
-    for row in range(len(paths.path_offsets) - 1):
-        if row not in routes:
-            pieces.append(paths.path[paths.path_offsets[row] : paths.path_offsets[row + 1]])
-            continue
-        points, height = routes[row]
-        step = np.diff(points, axis=0)
-        heading = np.arctan2(step[:, 1], step[:, 0])
-        arcs = _arcs(points)
-        pieces.append(np.column_stack((points, height, np.append(heading, heading[-1:]), arcs)).astype(np.float32))
-    offsets = np.append(0, np.cumsum([len(piece) for piece in pieces])).astype(np.int32)
-    return Paths(np.concatenate(pieces), offsets)

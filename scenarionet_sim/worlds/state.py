@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,8 +12,7 @@ from scenarionet_sim.arrays.log import HEADING, VX, YAW_RATE, Z
 from scenarionet_sim.arrays.structures import StateArrays
 
 
-@dataclass(eq=False)
-class History:
+class History(NamedTuple):
     """The last K moments, latest first, for sensors that show past positions.
 
     Attributes:
@@ -33,18 +33,16 @@ class History:
 
     def push(self, state: State) -> None:
         """Insert a moment and drop the oldest."""
-        for moments, now in zip(
-            (self.position, self.heading, self.present), (state.position, state.heading, state.present), strict=True
-        ):
+        for moments, now in zip(self, (state.position, state.heading, state.present), strict=True):
             moments[1:] = moments[:-1]
             moments[:1] = now
 
     def resized(self, num_objects: int) -> History:
         """Return a copy with room for more objects."""
         num_moments, num_worlds, old = self.present.shape
-        larger, here = History.empty(num_moments, num_worlds, num_objects), slice(0, old)
-        larger.position[:, :, here] = self.position
-        larger.heading[:, :, here], larger.present[:, :, here] = self.heading, self.present
+        larger = History.empty(num_moments, num_worlds, num_objects)
+        for values, moments in zip(larger, self, strict=True):
+            values[:, :, :old] = moments
         return larger
 
 
@@ -127,17 +125,9 @@ class State:
             timestep=np.zeros(num_worlds, np.int32),
         )
 
-    def twin(self) -> State:
-        """Return another state of the same objects: it shares their sizes and types."""
-        other = State.empty(*self.present.shape)
-        return replace(other, size=self.size, object_type=self.object_type, history=self.history)
-
-    def twin_resized(self, larger: State) -> State:
-        """Return a copy of this twin of a state as the twin of a larger copy of that state."""
-        twin, here = larger.twin(), np.s_[:, : self.present.shape[1]]
-        twin.motion[here], twin.route[here], twin.present[here] = self.motion, self.route, self.present
-        twin.timestep[:] = self.timestep
-        return twin
+    def sharing(self, other: State) -> State:
+        """Return this state with the sizes and types of the same objects, and the history, of another one."""
+        return replace(self, size=other.size, object_type=other.object_type, history=other.history)
 
     def resized(self, num_objects: int) -> State:
         """Return a copy with room for more objects; its history is shared with no other state."""

@@ -45,11 +45,8 @@ def _lamp(x: float, y: float, width: float, low: float, high: float) -> Shape:
 
 def _plate(half: float, low: float, high: float, material: int) -> Shape:
     """Return a flat part of the rear."""
-    return from_quads(
-        [(-0.507, half, low), (-0.507, -half, low), (-0.507, -half, high), (-0.507, half, high)],
-        [(0, 1, 2, 3)],
-        [material],
-    )
+    corners = [(-0.507, half, low), (-0.507, -half, low), (-0.507, -half, high), (-0.507, half, high)]
+    return from_quads(corners, [(0, 1, 2, 3)], [material])
 
 
 def _axles(places: tuple[float, ...]) -> list[Shape]:

@@ -73,12 +73,15 @@ def tree() -> list[Shape]:
     return [tube((0.0, 0.0, 0.0), (0.0, 0.0, 0.5), ((0.045, 0.045), (0.03, 0.03)), at.BARK, 6), *crown]
 
 
+_TIERS = (0.14, 0.56, 0.46), (0.36, 0.78, 0.36), (0.58, 1.0, 0.25)
+"""Heights of the lower and the upper end, and radius, of a conifer's parts."""
+
+
 def conifer() -> list[Shape]:
     """Return a conifer."""
     trunk = tube((0.0, 0.0, 0.0), (0.0, 0.0, 0.25), ((0.05, 0.05), (0.05, 0.05)), at.BARK, 6)
     tiers = [
-        tube((0.0, 0.0, low), (0.0, 0.0, high), ((wide, wide), (0.02, 0.02)), at.BODY, 9)
-        for low, high, wide in ((0.14, 0.56, 0.46), (0.36, 0.78, 0.36), (0.58, 1.0, 0.25))
+        tube((0.0, 0.0, low), (0.0, 0.0, high), ((wide, wide), (0.02, 0.02)), at.BODY, 9) for low, high, wide in _TIERS
     ]
     return [trunk, *tiers]
 
@@ -103,10 +106,7 @@ def middle_tree() -> list[Shape]:
 
 def middle_conifer() -> list[Shape]:
     """Return a conifer of few triangles."""
-    tiers = [
-        _open_tube(low, high, wide, 0.0, at.BODY, 7)
-        for low, high, wide in ((0.14, 0.56, 0.46), (0.36, 0.78, 0.36), (0.58, 1.0, 0.25))
-    ]
+    tiers = [_open_tube(low, high, wide, 0.0, at.BODY, 7) for low, high, wide in _TIERS]
     return [_open_tube(0.0, 0.25, 0.05, 0.05, at.BARK, 4), *tiers]
 
 
@@ -129,7 +129,7 @@ def far_tree() -> list[Shape]:
         for radius, angle in zip(_FAR_CROWN, angles.tolist(), strict=True)
     ]
     fan = [(0, (k + 1) % 8 + 1, k + 1) for k in range(8)]
-    return [_front([(-0.2, 0.0, 0.70), *outline], fan, at.BODY), _trunk(0.035, 0.42)]
+    return [_front([(-0.2, 0.0, 0.70), *outline], fan, at.BODY), _strip(0.035, 0.42, at.BARK)]
 
 
 def tiny_tree(sides: int) -> list[Shape]:
@@ -147,7 +147,7 @@ def far_conifer() -> list[Shape]:
                [(0, 3, 1), (0, 2, 3)], at.BODY)
         for low, high, wide in ((0.14, 0.60, 0.42), (0.44, 1.0, 0.29))
     ]  # fmt: skip
-    return [*tiers, _trunk(0.04, 0.16)]
+    return [*tiers, _strip(0.04, 0.16, at.BARK)]
 
 
 def tiny_conifer() -> list[Shape]:
@@ -178,13 +178,13 @@ def sign() -> list[Shape]:
 
 def far_pole(half: float) -> list[Shape]:
     """Return the side of a pole that faces -x."""
-    edge = [(0.0, half, 0.0), (0.0, -half, 0.0), (0.0, -half, 1.0), (0.0, half, 1.0)]
-    return [_front(edge, [(0, 1, 2), (0, 2, 3)], at.METAL)]
+    return [_strip(half, 1.0, at.METAL)]
 
 
-def _trunk(half: float, high: float) -> Shape:
+def _strip(half: float, high: float, material: int) -> Shape:
+    """Return the side of something upright that faces -x."""
     edge = [(0.0, half, 0.0), (0.0, -half, 0.0), (0.0, -half, high), (0.0, half, high)]
-    return _front(edge, [(0, 1, 2), (0, 2, 3)], at.BARK)
+    return _front(edge, [(0, 1, 2), (0, 2, 3)], material)
 
 
 def _front(points: list[tuple[float, float, float]], corners: list[tuple[int, int, int]], material: int) -> Shape:

@@ -18,7 +18,7 @@ def find_contacts(agents, motion, size, object_type, present, boxes, contacts, h
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
         write_boxes(motion.shape[1], motion[w], size[w], present[w], boxes)
-        hits[a] = touch(n, motion[w], size[w], object_type[w], boxes, contacts[a]) if present[w, n] else 0
+        hits[a] = touch(n, (motion[w], size[w], object_type[w]), boxes, contacts[a]) if present[w, n] else 0
 
 
 def make_boxes(position, heading, z, size):

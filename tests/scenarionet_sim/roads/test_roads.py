@@ -138,12 +138,13 @@ def test_box_is_listed_in_every_cell_it_touches(seed, count):
     upper = lower + rng.uniform(0, 40, (count, 2)).astype(np.float32)
     lower[:1], upper[:1] = np.nan, np.nan
     grid = Grid.over(lower, upper)
-    assert len(grid.cell_start) == grid.shape.prod() + 1
-    for row in range(grid.shape[1]):
-        for column in range(grid.shape[0]):
-            corner = grid.origin + grid.cell_size * np.array([column, row])
-            touches = ((lower < corner + grid.cell_size) & (upper >= corner)).all(axis=1)
-            cell = row * grid.shape[0] + column
+    origin, size, (columns, rows) = grid.frame[:2], grid.frame[2], grid.frame[3:].astype(int)
+    assert len(grid.cell_start) == columns * rows + 1
+    for row in range(rows):
+        for column in range(columns):
+            corner = origin + size * np.array([column, row])
+            touches = ((lower < corner + size) & (upper >= corner)).all(axis=1)
+            cell = row * columns + column
             listed = grid.cell_items[grid.cell_start[cell] : grid.cell_start[cell + 1]]
             np.testing.assert_array_equal(listed, np.flatnonzero(touches))
 

@@ -158,25 +158,33 @@ class Source:
         )
 
 
+def play(stream):
+    """Return the index of the next scenario, and the prepared scenario, as an environment takes them."""
+    index = stream.draw()
+    prepared = stream.get(index)
+    stream.load_ahead()
+    return index, prepared
+
+
 @pytest.mark.parametrize("prefetch", [0, 1, 3])
 def test_series_does_not_depend_on_prefetching(prefetch):
     stream = Source().stream(prefetch=prefetch)
-    assert [stream.next() for _ in range(12)] == [(i % 10, i % 10 * 10) for i in range(12)]
+    assert [play(stream) for _ in range(12)] == [(i % 10, i % 10 * 10) for i in range(12)]
     stream.restart(0)
-    assert stream.next() == (0, 0)
+    assert play(stream) == (0, 0)
     stream.close()
 
 
 def test_next_scenario_is_prefetched():
     source = Source()
     stream = source.stream(prefetch=1)
-    stream.next()
+    play(stream)
     stream.get(1)
     assert source.loaded == [0, 1]
     assert threading.main_thread() not in source.threads
     stream.close()
     here = Source()
-    here.stream(prefetch=0).next()
+    play(here.stream(prefetch=0))
     assert here.threads == {threading.main_thread()}
 
 
@@ -196,10 +204,10 @@ def test_cache_is_bounded():
 def test_damaged_scenario_raises_only_its_own_error(prefetch):
     source = Source(broken=[1])
     stream = source.stream(prefetch=prefetch)
-    assert stream.next() == (0, 0)
+    assert play(stream) == (0, 0)
     with pytest.raises(LakeError, match="scenario 1 is damaged"):
-        stream.next()
-    assert stream.next() == (2, 20)
+        play(stream)
+    assert play(stream) == (2, 20)
     source.broken.clear()
     assert stream.get(1) == 10
     stream.close()
@@ -207,13 +215,13 @@ def test_damaged_scenario_raises_only_its_own_error(prefetch):
 
 def test_closed_stream_has_no_thread_and_can_continue():
     stream = Source().stream(prefetch=2)
-    stream.next()
+    play(stream)
     before = threading.active_count()
     stream.close()
     assert threading.active_count() == before - 1
     stream.close()
     stream.restart(0)
-    assert stream.next() == (0, 0)
+    assert play(stream) == (0, 0)
     stream.close()
 
 
@@ -231,7 +239,7 @@ def test_streams_of_scenarios(lake):
     stream = ScenarioStream(
         loader.scenario_ids, loader.__getitem__, lambda scenario: scenario.id, sampler, prefetch=2, cache_size=4
     )
-    drawn = [stream.next() for _ in range(20)]
+    drawn = [play(stream) for _ in range(20)]
     assert [loader.scenario_ids[index] for index, _ in drawn] == [name for _, name in drawn]
     assert len(np.unique([index for index, _ in drawn])) == len(loader)
     stream.close()
