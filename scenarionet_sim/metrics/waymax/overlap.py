@@ -22,4 +22,5 @@ def overlaps(position: Float64, heading: Float64, size: Float64, present: Bool, 
     touched[:, row] = False
     position, heading = np.ascontiguousarray(position), np.ascontiguousarray(heading)
     keep_overlaps(position[:, row].copy(), heading[:, row].copy(), size[row], position, heading, size, touched)
-    return np.any(touched, axis=1)
+    is_touched: Bool = np.any(touched, axis=1)
+    return is_touched
