@@ -113,9 +113,8 @@ class DrivenAgents:
         given = as_numbers(actions)
         if given.shape != (len(self.row_at) * num_given, 2):
             expected = len(self.row_at) * num_given
-            raise BadParameter(
-                f"actions of shape {given.shape} for {expected} agents; pass one per agent, shape ({expected}, 2)"
-            )
+            count = len(given) if given.ndim else "no"
+            raise BadParameter(f"{count} actions for {expected} agents; pass one per agent, shape ({expected}, 2)")
         invalid = place_actions(self.row_at, given, self.actions)
         if invalid >= 0:
             raise BadParameter(f"an action is not finite: {given[invalid].tolist()}")

@@ -48,6 +48,9 @@ _ABANDONED_AFTER = 24 * 3600.0
 _ONE_THREAD = 2**18
 """Bytes of a file up to which starting threads takes longer than reading it."""
 
+_FEW_BYTES = 2**26
+"""Bytes of files up to which one thread verifies them: several wait for each other's turn in the interpreter."""
+
 
 @dataclass(frozen=True)
 class Listed:
@@ -262,8 +265,12 @@ class LakeFiles(ABC):
             LakeError: A file is missing or damaged.
         """
         paths = list(map(self.path, names))
-        with ThreadPoolExecutor() as pool:  # digests are computed without the interpreter lock
-            deque(pool.map(seals.verify, paths, map(partial(self.place, runs={}), names)), maxlen=0)
+        places = map(partial(self.place, runs={}), names)
+        if sum(filter(None, map(self.size, names))) < _FEW_BYTES:
+            deque(map(seals.verify, paths, places), maxlen=0)
+        else:
+            with ThreadPoolExecutor() as pool:
+                deque(pool.map(seals.verify, paths, places), maxlen=0)
         return list(map(str, paths))
 
     def filesystem(self) -> Any:
