@@ -81,6 +81,7 @@ WRITE: dict[str, Callable[[Path], Path | str]] = {
     "argoverse2": _argoverse2,
     "gpudrive": lambda raw: _training(raw, "gpudrive"),
     "interaction": _interaction,
+    "logical": lambda _raw: "cut_in",
     "lyft": lambda raw: lyft.write_dataset(raw, num_scenes=3, num_frames=20),
     "nuplan": _nuplan,
     "nuscenes": _nuscenes,
