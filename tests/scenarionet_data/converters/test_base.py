@@ -82,7 +82,7 @@ def test_one_of_two_folders_of_a_split_is_selected_by_its_name(raw):
 
 
 def test_accepted_names_of_splits():
-    assert ACCEPTED.keys() == set(converters.names()) - {"pg", "scenarionet"}
+    assert ACCEPTED.keys() == set(converters.names()) - {"logical", "pg", "scenarionet"}
     assert {lake_spelling(name) for names in ACCEPTED.values() for name in names} == {
         "train", "val", "test", "mini", "mini_train", "mini_val", "train_val",
         "validation_interactive", "testing_interactive",
