@@ -241,7 +241,8 @@ class _Scorer(Observer):
         if self.num_seats is None:
             last, seen = self.result, self.observed
             self.renew_results()
-            for values, old in zip(self.result, last, strict=True):
+            results: tuple[Array, ...] = self.result
+            for values, old in zip(results, last, strict=True):
                 values[:] = old
             self._observation.write(seen, self.observed)
 
