@@ -1,11 +1,10 @@
--- Smallest distance [m] from the corners of the second box to the first, which is centred at the origin along x.
-CREATE MACRO corners_gap(ahead, "left", turn, length1, width1, length2, width2) AS
-list_min(
-    list_transform(
-        [[1, 1], [1, -1], [-1, 1], [-1, -1]],
-        lambda side: sqrt(
-            greatest(abs(ahead + (side[1] * length2 * cos(turn) - side[2] * width2 * sin(turn)) / 2) - length1 / 2, 0) ** 2
-            + greatest(abs("left" + (side[1] * length2 * sin(turn) + side[2] * width2 * cos(turn)) / 2) - width1 / 2, 0) ** 2
-        )
-    )
+-- needs: corner_gap
+-- Square of the smallest distance [m^2] from the corners of the second box to the first, which is centred at the origin
+-- along x. `c` and `s` are the cosine and the sine of the second's rotation. Without lists, which take ten times as long.
+CREATE MACRO corners_gap(ahead, "left", c, s, length1, width1, length2, width2) AS
+least(
+    corner_gap(ahead + (length2 * c - width2 * s) / 2, "left" + (length2 * s + width2 * c) / 2, length1, width1),
+    corner_gap(ahead + (length2 * c + width2 * s) / 2, "left" + (length2 * s - width2 * c) / 2, length1, width1),
+    corner_gap(ahead - (length2 * c - width2 * s) / 2, "left" - (length2 * s + width2 * c) / 2, length1, width1),
+    corner_gap(ahead - (length2 * c + width2 * s) / 2, "left" - (length2 * s - width2 * c) / 2, length1, width1)
 );

@@ -9,7 +9,7 @@ SELECT
     t.track_id,
     o.track_id AS other_id,
     timestep,
-    sqrt((o.box_x - t.box_x) ** 2 + (o.box_y - t.box_y) ** 2) AS distance,
+    sqrt((o.box_x - t.box_x) * (o.box_x - t.box_x) + (o.box_y - t.box_y) * (o.box_y - t.box_y)) AS distance,
     (o.x - t.box_x) * cos(t.heading) + (o.y - t.box_y) * sin(t.heading) AS ahead,
     (o.y - t.box_y) * cos(t.heading) - (o.x - t.box_x) * sin(t.heading) AS "left",
     (o.box_x - t.box_x) * cos(t.heading) + (o.box_y - t.box_y) * sin(t.heading) AS box_ahead,

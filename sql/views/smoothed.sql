@@ -33,41 +33,41 @@ velocities AS (
     FROM positions
 ),
 accelerations AS (
-    SELECT
-        *, central_rates(vxs, seconds) AS axs, central_rates(vys, seconds) AS ays,
-        list_transform(range(1, len(seen) + 1), lambda i: median_of_seven(xs, i)) AS smooth_xs,
-        list_transform(range(1, len(seen) + 1), lambda i: median_of_seven(ys, i)) AS smooth_ys,
-        list_transform(range(1, len(seen) + 1), lambda i: median_of_seven(zs, i)) AS smooth_zs
+    SELECT *, central_rates(vxs, seconds) AS axs, central_rates(vys, seconds) AS ays
     FROM velocities
+),
+numbered AS (
+    -- By itself: lists that are computed beside unnest are computed again for every row.
+    SELECT *, unnest(range(1, len(seen) + 1)) AS k FROM accelerations
 ),
 steps AS (
     SELECT
-        *,
-        sqrt(
-            (list_max(smooth_xs) - list_min(smooth_xs)) ** 2 + (list_max(smooth_ys) - list_min(smooth_ys)) ** 2
-            + (list_max(smooth_zs) - list_min(smooth_zs)) ** 2
-        ) AS extent,
-        unnest(range(1, len(seen) + 1)) AS k
-    FROM accelerations
+        scenario_id,
+        track_id,
+        object_type,
+        source_type,
+        (start + seen[k] - 1)::INTEGER AS timestep,
+        seconds[k] AS seconds,
+        median_of_seven(xs, k) AS x,
+        median_of_seven(ys, k) AS y,
+        median_of_seven(zs, k) AS z,
+        median_of_seven(vxs, k) AS vx,
+        median_of_seven(vys, k) AS vy,
+        median_of_seven(axs, k) AS accel_x,
+        median_of_seven(ays, k) AS accel_y,
+        yaw_rates[k] AS yaw_rate,
+        xs[k] AS box_x,
+        ys[k] AS box_y,
+        headings[k] AS heading,
+        lengths[least(seen[k], len(lengths))] AS length,
+        widths[least(seen[k], len(widths))] AS width
+    FROM numbered
 )
 SELECT
-    scenario_id,
-    track_id,
-    object_type,
-    source_type,
-    (start + seen[k] - 1)::INTEGER AS timestep,
-    seconds[k] AS seconds,
-    smooth_xs[k] AS x,
-    smooth_ys[k] AS y,
-    median_of_seven(vxs, k) AS vx,
-    median_of_seven(vys, k) AS vy,
-    median_of_seven(axs, k) AS accel_x,
-    median_of_seven(ays, k) AS accel_y,
-    yaw_rates[k] AS yaw_rate,
-    extent,
-    xs[k] AS box_x,
-    ys[k] AS box_y,
-    headings[k] AS heading,
-    lengths[least(seen[k], len(lengths))] AS length,
-    widths[least(seen[k], len(widths))] AS width
-FROM steps;
+    * EXCLUDE (z),
+    sqrt(
+        (max(x) OVER track - min(x) OVER track) ** 2 + (max(y) OVER track - min(y) OVER track) ** 2
+        + (max(z) OVER track - min(z) OVER track) ** 2
+    ) AS extent
+FROM steps
+WINDOW track AS (PARTITION BY scenario_id, track_id);
