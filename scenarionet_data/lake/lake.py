@@ -17,6 +17,7 @@ from scenarionet_data.operations.diff import Diff, diff
 from scenarionet_data.operations.events import mine
 from scenarionet_data.operations.filter import Filtering
 from scenarionet_data.operations.lineage import LineageTree, lineage_tree
+from scenarionet_data.operations.mining import Definition, Mined, find_moments, keep_moments, kept_definitions
 from scenarionet_data.operations.moments import Moments, RelationSteps
 from scenarionet_data.operations.overlap import DatabaseOverlap, overlap
 from scenarionet_data.operations.rebuild import RebuildResult, rebase, rebuild
@@ -162,9 +163,38 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
         view = self if database is None else self.restrict_to(database)
         if not isinstance(found, RelationSteps | Moments):
             raise BadParameter(f"expected moments, such as following() & turning(), found {found!r}; see moments.py")
-        spans = found if isinstance(found, Moments) else found.lasting()
-        order = ", ".join(("scenario_id", "first_timestep", "last_timestep", *spans.roles))
-        return view.sql(f"SELECT * FROM (\n{spans.sql}\n) ORDER BY {order}")
+        return find_moments(view, found if isinstance(found, Moments) else found.lasting())
+
+    def keep_moments(
+        self,
+        name: str,
+        definitions: Mapping[str, RelationSteps | Moments] | None = None,
+        database: DatabaseRecord | str | None = None,
+        on_progress: Progress | None = None,
+    ) -> list[Mined]:
+        """Mine definitions, and keep their moments in the lake, as rows of the view ``moments``.
+
+        Only scenarios that a definition was not mined over yet are read; a definition that has changed, or of which the
+        SQL of a relation has, is mined again by itself, as another version.
+
+        Args:
+            name: Name under which the moments are kept.
+            definitions: What is mined, by name; by default what was kept under the name before.
+            database: Mine only its members.
+            on_progress: Called after each batch of scenarios.
+
+        Returns:
+            For each definition what was mined and found now.
+
+        Raises:
+            BadParameter: A name has other characters than letters, digits, ".", "_" and "-", or no definitions are
+                given and none were kept.
+        """
+        if definitions is None:
+            return keep_moments(self, name, kept_definitions(self, name), database, on_progress)
+        spans = {key: each if isinstance(each, Moments) else each.lasting() for key, each in definitions.items()}
+        wanted = {key: Definition.of(each) for key, each in spans.items()}
+        return keep_moments(self, name, wanted, database, on_progress)
 
     # --- scenarios ------------------------------------------------------------------------------------
 

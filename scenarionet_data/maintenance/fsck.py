@@ -135,6 +135,7 @@ def fsck(
     _check_references(files, readable, {each.lineage.snapshot for each in stored}, verifier, found)
     database_checks.check(files, stored, readable, found)
     run_checks.check(files, found, is_deep=is_deep)
+    run_checks.check_moments(files, found, is_deep=is_deep)
     if is_deep and readable:
         with found.of(snapshots.file_name(max(readable))):
             content_checks.check(files, readable[max(readable)], found)

@@ -1,7 +1,7 @@
 """Vacuum: expire old snapshots and delete files that no snapshot refers to.
 
 Files that running jobs have published but not yet committed are kept for a day; files adopted from earlier jobs are
-renewed first. Databases, user columns and evaluation results are never deleted, and the newest snapshot and those that
+renewed first. Databases, user columns, evaluation results and moments of the newest definitions are never deleted, and the newest snapshot and those that
 databases were made on never expire.
 """
 
@@ -16,6 +16,7 @@ from operator import itemgetter
 from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
+from scenarionet_data.storage import kept_moments
 from scenarionet_data.storage.files.lake_files import LakeFiles, Listed
 from scenarionet_data.storage.files.places import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import manifests
@@ -149,9 +150,9 @@ def vacuum(
 
 
 def list_files(files: LakeFiles) -> list[Listed]:
-    """List the files that belong to snapshots."""
+    """List the files that belong to snapshots, and those of moments that a newer definition has replaced."""
     found = (listed for folder in _FOLDERS for listed in files.listing(folder))
-    return [listed for listed in found if listed.name.endswith(".parquet")]
+    return [*(listed for listed in found if listed.name.endswith(".parquet")), *kept_moments.superseded(files)]
 
 
 def _made_on(files: LakeFiles) -> dict[int, list[str]]:

@@ -10,14 +10,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.operations.narrowing import OTHER as _OTHER
+from scenarionet_data.operations.narrowing import TRACK as _TRACK
+from scenarionet_data.operations.narrowing import narrowed_roles, together
 from scenarionet_data.query.named_sql import EVENTS, RELATIONS, NamedSql
 from scenarionet_data.query.statements import quoted
 
-_TRACK, _OTHER = "track_id", "other_id"
 _SWAPPED = {_TRACK: _OTHER, _OTHER: _TRACK}
 
 
@@ -29,14 +31,16 @@ class Moments:
         sql: SELECT of scenario_id, the roles, first_timestep, last_timestep, and their times ``begins`` and ``ends``
             from the scenario's first timestep [s].
         roles: ``track_id``, ``other_id`` or both, in this order.
+        measures: Columns with what was measured: ``value`` of an event.
     """
 
     sql: str
     roles: tuple[str, ...]
+    measures: tuple[str, ...] = ()
 
     def lasting(self, seconds: float) -> Moments:
         """Keep those that last for at least some seconds."""
-        return Moments(f"SELECT * FROM (\n{self.sql}\n) WHERE ends - begins >= {_seconds(seconds)}", self.roles)
+        return replace(self, sql=f"SELECT * FROM (\n{self.sql}\n) WHERE ends - begins >= {_seconds(seconds)}")
 
     def before(self, later: Moments, within: float) -> Moments:
         """Return spans from the beginning of one of these to the end of a later one that begins soon after it ends.
@@ -85,22 +89,29 @@ class RelationSteps:
         sql: SELECT of scenario_id, the roles, and timestep, each row once.
         roles: ``track_id``, ``other_id`` or both, in this order.
         denied: The steps that these are all others of, for ``~``.
+        narrows: Roles whose objects and steps may be narrowed first, see :mod:`.narrowing`.
+        parts, without: What holds together, and what does not, in one made by ``&``.
     """
 
     sql: str
     roles: tuple[str, ...]
     denied: RelationSteps | None = None
+    narrows: tuple[str, ...] = ()
+    parts: tuple[RelationSteps, ...] = ()
+    without: tuple[RelationSteps, ...] = ()
 
     def __and__(self, other: RelationSteps) -> RelationSteps:
         """Return the steps at which both hold, of the same objects in the roles that both have."""
         if self.denied is not None and other.denied is None:
             return other & self
         if other.denied is not None and set(other.roles) <= set(self.roles):
-            return self._without(other.denied)  # without the complement, which has all pairs of objects
+            # without the complement, which has all pairs of objects
+            parts, without = self.parts or (self,), (*self.without, other.denied)
+        else:
+            parts = (*(self.parts or (self,)), *(other.parts or (other,)))
+            without = (*self.without, *other.without)
         roles = _joined(self.roles, other.roles)
-        using = f"{_columns(_shared(self.roles, other.roles))}, timestep"
-        sql = f"SELECT {_columns(roles)}, timestep\nFROM (\n{self.sql}\n) JOIN (\n{other.sql}\n) USING ({using})"
-        return RelationSteps(sql, roles)
+        return RelationSteps(together(parts, without), roles, parts=parts, without=without)
 
     def __or__(self, other: RelationSteps) -> RelationSteps:
         """Return the steps at which at least one holds.
@@ -124,12 +135,7 @@ class RelationSteps:
         view = "pairs" if len(self.roles) > 1 else "states"
         column = "track_id AS other_id" if self.roles == (_OTHER,) else ", ".join(self.roles)
         observed = RelationSteps(f"SELECT scenario_id, {column}, timestep FROM {view}", self.roles)
-        return RelationSteps(observed._without(self).sql, self.roles, denied=self)
-
-    def _without(self, other: RelationSteps) -> RelationSteps:
-        using = f"{_columns(other.roles)}, timestep"
-        rest = f"(\n{self.sql}\n) ANTI JOIN (\n{other.sql}\n) USING ({using})"
-        return RelationSteps(f"SELECT {_columns(self.roles)}, timestep\nFROM {rest}", self.roles)
+        return RelationSteps(together([observed], [self]), self.roles, denied=self)
 
     def reversed(self) -> RelationSteps:
         """Return the same steps with the roles swapped: what held of the object holds of the other."""
@@ -177,7 +183,9 @@ def relation(name: str, parameters: Mapping[str, Any] | None = None) -> Relation
         BadParameter: No such parameter, or a value of another type.
     """
     found = RELATIONS.load(name)
-    return RelationSteps(_inlined(found, parameters), (_TRACK, _OTHER) if _OTHER in found.text else (_TRACK,))
+    roles = (_TRACK, _OTHER) if _OTHER in found.text else (_TRACK,)
+    narrows = narrowed_roles(found.text, found.bind(parameters or {}))
+    return RelationSteps(_inlined(found, parameters), roles, narrows=narrows)
 
 
 def event(name: str, parameters: Mapping[str, Any] | None = None) -> Moments:
@@ -193,8 +201,8 @@ def event(name: str, parameters: Mapping[str, Any] | None = None) -> Moments:
     """
     found = EVENTS.load(name)
     roles = (_TRACK,) if "NULL::VARCHAR AS other_id" in found.text else (_TRACK, _OTHER)
-    hits = f"SELECT {_columns(roles)}, first_timestep, last_timestep FROM (\n{_inlined(found, parameters)}\n)"
-    return Moments(_timed(hits), roles)
+    hits = f"SELECT {_columns(roles)}, first_timestep, last_timestep, value FROM (\n{_inlined(found, parameters)}\n)"
+    return Moments(_timed(hits), roles, ("value",))
 
 
 def _timed(spans: str) -> str:

@@ -89,12 +89,13 @@ class LakeView:
         self.user_columns: dict[str, int] = user_column_records.current(self.files, user_columns or {})
         self._max_memory = max_memory
         self._chosen: pa.Table | None = None
+        self._keeps = False
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self.root)!r}, snapshot={self.snapshot.number})"
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "engine"}  # a process opens its own
+        return {name: value for name, value in self.__dict__.items() if name not in ("engine", "keeping")}  # a process opens its own
 
     @property
     def root(self) -> Path | str:
@@ -117,7 +118,15 @@ class LakeView:
             user_columns=self.user_columns,
             chosen=self._chosen,
             max_memory=self._max_memory,
+            keeps=self._keeps,
         )
+
+    @cached_property
+    def keeping(self) -> Self:
+        """The same view, with a connection that computes what many relations read once, and keeps its rows."""
+        keeping = type(self)(self.root, self.snapshot.number, self.user_columns, max_memory=self._max_memory)
+        keeping._chosen, keeping._keeps = self._chosen, True
+        return keeping
 
     # --- other views of the same lake -----------------------------------------------------------------
 

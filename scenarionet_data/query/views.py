@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 from scenarionet_data.query.statements import quoted, shows_every_column, words
 from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
-from scenarionet_data.storage import evaluation_runs
+from scenarionet_data.storage import evaluation_runs, kept_moments
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
@@ -24,19 +24,23 @@ from scenarionet_data.storage.snapshots.snapshot import Snapshot
 if TYPE_CHECKING:
     import duckdb
 
-FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "defects", "shards", *evaluation_runs.RUN_TABLES)
+FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "defects", "shards", "moments", *evaluation_runs.RUN_TABLES)
 _HIVE_COLUMNS = {"maps": ("dataset", "version"), **dict.fromkeys(("tracks", "lights"), ("dataset", "split", "version"))}
 """Columns that are in the names of folders."""
+_ANY_TIME = {"moments", "moments_rows", *evaluation_runs.RUN_TABLES}
+"""Views of files that are written beside the snapshot."""
 _COMMENT_TABLES = {"duckdb_columns", "duckdb_views", "information_schema", "pg_description"}
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 
 
 def table_files(files: LakeFiles, snapshot: Snapshot, table: str) -> list[str]:
-    """Return the files of one of FILE_TABLES in a snapshot; results of runs belong to every snapshot."""
+    """Return the files of one of FILE_TABLES in a snapshot; results of runs and moments belong to every snapshot."""
     if table == "metadata":
         return list(snapshot.metadata)
     if table in evaluation_runs.RUN_TABLES:
         return evaluation_runs.part_files(files, table)
+    if table == "moments":
+        return kept_moments.part_files(files)
     if table == "shards":
         return list(snapshot.manifests)
     lists = manifests.column(files, snapshot, "files").chunks
@@ -56,6 +60,7 @@ class Views:
         user_columns: Version of each user column that the view metadata has for queries that use it.
         chosen: Scenarios that the views show, with their addresses; all of the snapshot for None. The connection has
             them as ``chosen``.
+        keeps: Whether the rows of views that say so (``-- kept:``) are computed once and kept.
         schemas: Versions of tables, as ``tracks/1``, that all files of the snapshot have.
         scanned: Files that the views read, in order.
     """
@@ -68,6 +73,7 @@ class Views:
     user_columns: Mapping[str, int]
     chosen: pa.Table | None
     schemas: Set[str]
+    keeps: bool = False
     scanned: dict[str, None] = field(default_factory=dict)
     _made: set[str] = field(default_factory=set)
     _commented: set[str] = field(default_factory=set)
@@ -89,8 +95,9 @@ class Views:
                 self._drop("metadata")
             self._joined = joined
         defined = _definitions()
-        for name in words(sql) & self._made & set(evaluation_runs.RUN_TABLES):
-            self._drop(name)  # runs are written beside the snapshot, at any time
+        if not words(sql).isdisjoint(_ANY_TIME):
+            for name in sorted(_ANY_TIME & self._made):  # moments before their rows
+                self._drop(name)
         for name in sorted(words(sql) & set(defined)):
             self._make(name, defined)
         if words(sql) & _COMMENT_TABLES:  # only on demand: comments take a third of the time of a first query
@@ -106,8 +113,7 @@ class Views:
         if name in self._made or name in self.given:
             return
         text = defined[name].read_text("utf-8")
-        needs = re.search(r"^-- needs: (.*)$", text, re.MULTILINE)
-        for needed in needs.group(1).split(", ") if needs else []:
+        for needed in _needs(text):
             self._make(needed, defined)
         table = name.removesuffix("_rows")
         if table in FILE_TABLES:
@@ -120,6 +126,8 @@ class Views:
                 self.scanned[file] = None
                 joins.append(f"LEFT JOIN read_parquet({quoted(str(path))}) AS user_{column} USING (scenario_id)")
             text = text.replace("{user_columns}", " ".join(joins))
+        if self.keeps and "-- kept:" in text:
+            text = text.replace("CREATE VIEW", "CREATE TEMP TABLE", 1)
         self.connection.execute(text)
         self._made.add(name)
 
@@ -181,6 +189,23 @@ def scan_files(table: str, files: str, *, is_current: bool) -> str:
     # DuckDB skips files by conditions on these columns, as it does for those of hive_partitioning.
     values = ", ".join(f"regexp_extract(filename, '/{name}=([^/]*)/', 1) AS {name}" for name in folders)
     return f"(SELECT * EXCLUDE (filename), {values} FROM read_parquet({files}, {schema}, filename = true))"
+
+
+def dependencies(sql: str) -> str:
+    """Return the SQL of all views and macros that a query depends on."""
+    defined, found, names = _definitions(), dict[str, str](), sorted(words(sql))
+    while names:
+        name = names.pop()
+        if name in defined and name not in found:
+            found[name] = defined[name].read_text("utf-8")
+            names += _needs(found[name])
+    return "\n".join(found[name] for name in sorted(found))
+
+
+def _needs(text: str) -> list[str]:
+    """Return the views and macros that a view or macro says it needs."""
+    needs = re.search(r"^-- needs: (.*)$", text, re.MULTILINE)
+    return needs.group(1).split(", ") if needs else []
 
 
 @cache

@@ -35,6 +35,7 @@ TABLES = (
     "observations",
     "frames",
     "training",
+    "moments",
     "predictions",
     "scores",
 )

@@ -9,7 +9,7 @@ WITH courses AS (
             WHEN sqrt(other_vx ** 2 + other_vy ** 2) > 0.5 THEN atan2(other_vy, other_vx)
             ELSE other_heading
         END AS other_course
-    FROM pairs
+    FROM pairs  -- each pair
     WHERE distance < 60 AND ahead > length / 2 AND ahead < 25 + length / 2 AND abs("left") < 15
 )
 SELECT DISTINCT p.scenario_id, p.track_id, p.other_id, p.timestep

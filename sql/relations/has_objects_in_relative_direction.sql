@@ -6,14 +6,13 @@
 -- max_number = 1000000
 -- within_distance = 50.0
 -- lateral_thresh = Infinity
-WITH beside AS (
+WITH beside AS MATERIALIZED (
     SELECT
         scenario_id, track_id, other_id, timestep,
         box_gap(box_ahead, box_left, turn, length, width, other_length, other_width) AS gap
-    FROM pairs
+    FROM pairs  -- each object, each pair if min_number = 1, max_number = 1000000
     WHERE
-        distance <= $within_distance + sqrt(length ** 2 + width ** 2) / 2
-            + sqrt(other_length ** 2 + other_width ** 2) / 2
+        distance <= $within_distance + radius + other_radius
         AND CASE $direction
             WHEN 'forward' THEN ahead > length / 2 AND abs("left") < width / 2 + $lateral_thresh
             WHEN 'backward' THEN ahead < -length / 2 AND abs("left") < width / 2 + $lateral_thresh

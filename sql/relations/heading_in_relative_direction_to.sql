@@ -8,7 +8,7 @@ WITH courses AS (
         speed < 1 AND other_speed > 1 AND object_type IN ('VEHICLE', 'PEDESTRIAN', 'CYCLIST') AS is_waiting,
         NOT is_waiting AND other_speed < 1 AND speed > 0.5
             AND other_object_type IN ('VEHICLE', 'PEDESTRIAN', 'CYCLIST') AS is_other_waiting
-    FROM pairs
+    FROM pairs  -- each pair
 ),
 angles AS (
     SELECT

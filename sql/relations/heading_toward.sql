@@ -8,16 +8,21 @@ WITH approaches AS (
         *,
         vx * cos(heading) + vy * sin(heading) AS v_ahead,
         vy * cos(heading) - vx * sin(heading) AS v_left,
-        ((other_vx - vx) * cos(heading) + (other_vy - vy) * sin(heading)) AS closing_ahead,
-        ((other_vy - vy) * cos(heading) - (other_vx - vx) * sin(heading)) AS closing_left
-    FROM pairs
+        (other_vx - vx) * cos(heading) + (other_vy - vy) * sin(heading) AS closing_ahead,
+        (other_vy - vy) * cos(heading) - (other_vx - vx) * sin(heading) AS closing_left
+    FROM pairs  -- each pair
+    WHERE distance <= $max_distance + radius + other_radius
+),
+toward AS MATERIALIZED (
+    SELECT
+        scenario_id, track_id, other_id, timestep,
+        box_gap(box_ahead, box_left, turn, length, width, other_length, other_width) AS gap
+    FROM approaches
+    WHERE
+        -(closing_ahead * ahead + closing_left * "left") / nullif(sqrt(ahead * ahead + "left" * "left"), 0)
+            >= $minimum_speed
+        AND abs(degrees(wrap_angle(atan2(v_left, v_ahead) - atan2("left", ahead)))) <= $angle_threshold
 )
 SELECT scenario_id, track_id, other_id, timestep
-FROM approaches
-WHERE
-    -(closing_ahead * ahead + closing_left * "left") / nullif(sqrt(ahead ** 2 + "left" ** 2), 0) >= $minimum_speed
-    AND abs(degrees(wrap_angle(atan2(v_left, v_ahead) - atan2("left", ahead)))) <= $angle_threshold
-    AND (
-        isinf($max_distance)
-        OR box_gap(box_ahead, box_left, turn, length, width, other_length, other_width) <= $max_distance
-    )
+FROM toward
+WHERE gap <= $max_distance

@@ -2,9 +2,12 @@
 -- an other.
 -- distance_thresh = 10.0
 -- min_objects = 1
+WITH near AS MATERIALIZED (
+    SELECT scenario_id, track_id, other_id, timestep, box_gap(box_ahead, box_left, turn, length, width, other_length, other_width) AS gap
+    FROM pairs  -- each object, each pair if min_objects = 1
+    WHERE distance <= $distance_thresh + radius + other_radius
+)
 SELECT scenario_id, track_id, other_id, timestep
-FROM pairs
-WHERE
-    distance <= $distance_thresh + sqrt(length ** 2 + width ** 2) / 2 + sqrt(other_length ** 2 + other_width ** 2) / 2
-    AND box_gap(box_ahead, box_left, turn, length, width, other_length, other_width) <= $distance_thresh
+FROM near
+WHERE gap <= $distance_thresh
 QUALIFY count(*) OVER (PARTITION BY scenario_id, track_id, timestep) >= $min_objects

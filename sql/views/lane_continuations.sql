@@ -2,6 +2,7 @@
 -- One row per lane and lane that drivers would call the same one: itself, and the lanes before and after it that
 -- lead straight on. From each lane it is the straightest of those that are outside of intersections, or cross one
 -- without turning; a lane that turns in an intersection has no others.
+-- kept: relations read it again and again
 CREATE VIEW lane_continuations AS
 WITH RECURSIVE lanes AS MATERIALIZED (
     SELECT

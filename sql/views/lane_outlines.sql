@@ -4,6 +4,7 @@
 -- (bicycle lanes: 0.75 m), through a point about every 2 m. `lane_heading` [rad] is the direction from the first to
 -- the last point of the centreline; `turns` is 1 for a lane that turns left by more than 30 degrees, -1 to the
 -- right, 0 otherwise. `lane_type` is VEHICLE, BIKE, or the source's own word, such as BUS.
+-- kept: relations read it again and again
 CREATE VIEW lane_outlines AS
 WITH lanes AS (
     SELECT

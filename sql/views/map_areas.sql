@@ -1,6 +1,7 @@
 -- needs: maps
 -- One row per feature of a map with an outline that is no lane, such as crosswalks and drivable areas; the outline
 -- and its bounding box are in the source's frame [m].
+-- kept: relations read it again and again
 CREATE VIEW map_areas AS
 SELECT
     dataset, version, map_id, feature_id, feature_type,

@@ -26,6 +26,8 @@ SELECT
     t.length,
     t.width,
     o.length AS other_length,
-    o.width AS other_width
+    o.width AS other_width,
+    t.radius,
+    o.radius AS other_radius
 FROM smoothed AS t JOIN smoothed AS o USING (scenario_id, timestep)
 WHERE t.track_id <> o.track_id;

@@ -2,6 +2,7 @@
 -- One row per lane and lane of the same road: on the same side, that is on lanes that continue it or lie beside
 -- these and lead the same way; or on the opposite side (`is_opposite`), beside one of these but leading the other
 -- way.
+-- kept: relations read it again and again
 CREATE VIEW road_sides AS
 WITH RECURSIVE beside AS MATERIALIZED (
     SELECT DISTINCT

@@ -3,7 +3,8 @@
 -- `accel_x` and `accel_y` [m/s^2] are medians of seven observations (0.6 s at 10 Hz); the derivatives are
 -- differences of the neighbouring observations. `yaw_rate` [rad/s] is such a difference, not smoothed. `extent` [m]
 -- is the diagonal of the box around all its positions. The box of the object is as recorded: `box_x`, `box_y`,
--- heading, length, width.
+-- heading, length, width, `radius` to its corners.
+-- kept: relations read it again and again
 CREATE VIEW smoothed AS
 WITH observed AS (
     -- Unobserved steps inside the span hold 0: omit them before measuring.
@@ -60,7 +61,8 @@ steps AS (
         ys[k] AS box_y,
         headings[k] AS heading,
         lengths[least(seen[k], len(lengths))] AS length,
-        widths[least(seen[k], len(widths))] AS width
+        widths[least(seen[k], len(widths))] AS width,
+        sqrt(length::DOUBLE * length + width::DOUBLE * width) / 2 AS radius
     FROM numbered
 )
 SELECT

@@ -37,11 +37,12 @@ READ_IN_PLACE = ("tracks/", "lights/", "maps/")
 IDENTITY = "lake.json"
 """File with the id of a lake, which is published before the first file that is bound to it."""
 
-_BOUND = re.compile(r"databases/.*|layers/.*|results/.*|snapshots/[0-9]+\.json|origins\.json")
+_BOUND = re.compile(r"databases/.*|layers/.*|results/.*|moments/.*|snapshots/[0-9]+\.json|origins\.json")
 """Files that no snapshot lists: a valid one of another lake could have the same name."""
 
-_OF_RUN = re.compile(r"(results/[^/]+)/[^/]+/.+")
-"""Files of a run besides its description: those of an earlier run of the same name could take their place."""
+_OF_RUN = re.compile(r"(results/[^/]+|moments/[^/]+/[^/]+/[^/]+)/[^/]+/.+")
+"""Files of a run, or of a version of moments, besides its description: those of an earlier one of the same name could
+take their place."""
 _TEMPORARY = ".tmp"
 _ABANDONED_AFTER = 24 * 3600.0
 

@@ -1,0 +1,206 @@
+"""Keep moments in the lake: definitions are mined over the scenarios that they were not mined over yet, in batches."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scenarionet_data import version
+from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.execution.progress import Progress
+from scenarionet_data.operations.moments import Moments
+from scenarionet_data.query.lake_view import LakeView
+from scenarionet_data.query.views import dependencies
+from scenarionet_data.schema import tables
+from scenarionet_data.storage import kept_moments
+from scenarionet_data.storage.kept_moments import KeptMoments
+from scenarionet_data.storage.snapshots import snapshot as snapshots
+
+if TYPE_CHECKING:
+    import polars as pl
+
+MAX_STATES = 1_000_000
+"""States of objects that are mined at once: their pairs and intermediate views take some hundred bytes each."""
+_FLUSH_AFTER = 60.0
+"""Seconds of work that are lost at most when mining is killed."""
+
+
+@dataclass(frozen=True)
+class Definition:
+    """What is mined under a name.
+
+    Attributes:
+        sql: SELECT of scenario_id, track_id, perhaps other_id, first_timestep, last_timestep, begins, ends, and perhaps
+            value; of each scenario by itself.
+        columns: The columns that it has of other_id and value.
+        parameters: Values that are written into it.
+        doc: What it is.
+    """
+
+    sql: str
+    columns: list[str]
+    parameters: dict[str, Any] = field(default_factory=dict)
+    doc: str = ""
+
+    @classmethod
+    def of(cls, found: Moments, parameters: Mapping[str, Any] | None = None, doc: str = "") -> Definition:
+        """Return the definition of composed moments."""
+        columns = [role for role in found.roles if role == "other_id"] + list(found.measures)
+        return cls(found.sql, columns, dict(parameters or {}), doc)
+
+    def description(self) -> dict[str, Any]:
+        """Return it for the lake, with the digest of all SQL that it consists of."""
+        sha256 = hashlib.sha256(f"{self.sql}\n{dependencies(self.sql)}".encode()).hexdigest()
+        made = {"created_at": snapshots.now(), "created_with": version.name_and_version()}
+        return asdict(self) | {"sha256": sha256} | made
+
+
+@dataclass(frozen=True)
+class Mined:
+    """What mining has added to a definition.
+
+    Attributes:
+        definition: Its name.
+        version: Its version; a changed definition gets another one.
+        scenarios: Scenarios that were mined now.
+        moments: Moments that were found in them.
+    """
+
+    definition: str
+    version: int
+    scenarios: int
+    moments: int
+
+
+def kept_definitions(view: LakeView, name: str) -> dict[str, Definition]:
+    """Return the definitions whose moments are kept under a name, as they were mined last.
+
+    Raises:
+        BadParameter: There are none.
+    """
+    found = {}
+    for definition in view.files.folders(f"{kept_moments.FOLDER}/{name}"):
+        newest = kept_moments.newest_version(view.files, name, definition)
+        if newest:
+            content, _ = newest.description()
+            found[definition] = Definition(content["sql"], content["columns"], content["parameters"], content["doc"])
+    if not found:
+        have = ", ".join(view.files.folders(kept_moments.FOLDER)) or "none yet"
+        raise BadParameter(f"{view.root}: no moments are kept under the name {name!r}; there are: {have}")
+    return found
+
+
+def keep_moments(
+    view: LakeView,
+    name: str,
+    definitions: Mapping[str, Definition],
+    database: DatabaseRecord | str | None = None,
+    on_progress: Progress | None = None,
+) -> list[Mined]:
+    """Mine definitions over the scenarios that they were not mined over yet, and keep the moments under a name.
+
+    Args:
+        view: The lake; its snapshot's scenarios are mined.
+        name: Name under which the moments are kept.
+        definitions: What is mined, by name.
+        database: Mine only its members.
+        on_progress: Called after each batch with the number of scenarios.
+    """
+    view = view if database is None else view.restrict_to(database)
+    kept = {each: kept_moments.claim(view.files, name, each, definitions[each].description()) for each in definitions}
+    batches = list(_batches(view, kept))
+    total, done = sum(len(wanted) for _, wanted in batches), 0
+    waiting: dict[str, list[pa.Table]] = {each: [] for each in kept}
+    mined, moments = dict.fromkeys(kept, 0), dict.fromkeys(kept, 0)
+    flushed = time.monotonic()
+
+    def flush() -> None:
+        for each, rows in waiting.items():
+            if rows:
+                moments[each] += kept[each].publish(pa.concat_tables(rows))
+                rows.clear()
+
+    try:
+        for missing, wanted in batches:
+            part = view.restrict_to(wanted["scenario_id"].to_pylist()).keeping
+            for each in missing:
+                waiting[each].append(_find(part, kept[each], definitions[each], wanted))
+                mined[each] += len(wanted)
+            part.engine.close()
+            done += len(wanted)
+            if on_progress:
+                on_progress(done, total, 0)
+            if time.monotonic() - flushed > _FLUSH_AFTER:
+                flush()
+                flushed = time.monotonic()
+    finally:
+        flush()
+    return [Mined(each, kept[each].version, mined[each], moments[each]) for each in kept]
+
+
+def _batches(view: LakeView, kept: Mapping[str, KeptMoments]) -> Iterator[tuple[list[str], pa.Table]]:
+    """Yield the definitions that some scenarios miss, and these scenarios, at most MAX_STATES of states together."""
+    columns = "scenario_id, content_hash, num_states"
+    scenarios = view.arrow(f"SELECT {columns} FROM metadata_rows ORDER BY scenario_id")
+    missing = np.zeros((len(kept), len(scenarios)), np.bool_)
+    for row, each in enumerate(kept.values()):
+        left = scenarios.join(each.mined(), ["scenario_id", "content_hash"], join_type="left anti")["scenario_id"]
+        missing[row] = pc.is_in(scenarios["scenario_id"], value_set=left.combine_chunks()).to_numpy()
+    groups: dict[bytes, list[int]] = defaultdict(list)
+    for scenario in np.flatnonzero(missing.any(axis=0)).tolist():
+        groups[missing[:, scenario].tobytes()].append(scenario)
+    names = np.array(list(kept), dtype=object)
+    for rows in groups.values():
+        wanted = scenarios.take(rows)
+        for part in cut(wanted["num_states"].to_numpy()):
+            yield names[missing[:, rows[0]]].tolist(), wanted.slice(part.start, part.stop - part.start)
+
+
+def cut(sizes: Sequence[int] | np.ndarray[Any, Any], most: int | None = None) -> Iterator[slice]:
+    """Yield slices of at most so much (MAX_STATES by default) together, or of one that is larger."""
+    batch = (np.cumsum(sizes) - sizes) // (most or MAX_STATES)
+    edges = [0, *(np.flatnonzero(np.diff(batch)) + 1).tolist(), len(batch)]
+    yield from (slice(start, stop) for start, stop in zip(edges, edges[1:], strict=False) if stop > start)
+
+
+def _find(view: LakeView, kept: KeptMoments, definition: Definition, wanted: pa.Table) -> pa.Table:
+    """Return the rows of ``moments`` of some scenarios; one without a moment has a row of nulls."""
+    given = {"name": kept.name, "definition": kept.definition, "parameters": json.dumps(definition.parameters)}
+    extra = ", ".join(("NULL AS " if each not in definition.columns else "") + each for each in ("other_id", "value"))
+    spans = "track_id, first_timestep, last_timestep, begins, ends"
+    sql = (
+        f"SELECT $name AS name, $definition AS definition, {kept.version} AS definition_version, scenario_id, "
+        f"content_hash, {spans}, {extra}, $parameters AS parameters\n"
+        f"FROM wanted LEFT JOIN (\n{definition.sql}\n) USING (scenario_id)"
+    )
+    schema = tables.load(kept_moments.FOLDER).schema
+    return view.arrow(sql, given, tables={"wanted": wanted}).select(schema.names).cast(schema)
+
+
+def find_moments(view: LakeView, found: Moments) -> pl.DataFrame:
+    """Return all moments of a composition in order of scenario and time, mined in batches of scenarios."""
+    import polars
+
+    order = ", ".join(("scenario_id", "first_timestep", "last_timestep", *found.roles))
+    sql = f"SELECT * FROM (\n{found.sql}\n) ORDER BY {order}"
+    scenarios = view.arrow("SELECT scenario_id, num_states FROM metadata_rows ORDER BY scenario_id")
+    parts = list(cut(scenarios["num_states"].to_numpy()))
+    if len(parts) < 2:
+        return view.keeping.sql(sql)
+    frames = []
+    for part in parts:
+        ids = scenarios["scenario_id"][part.start : part.stop].to_pylist()
+        batch = view.restrict_to(ids).keeping
+        frames.append(batch.sql(sql))
+        batch.engine.close()
+    return polars.concat(frames)
