@@ -193,7 +193,7 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
         if definitions is None:
             return keep_moments(self, name, kept_definitions(self, name), database, on_progress)
         spans = {key: each if isinstance(each, Moments) else each.lasting() for key, each in definitions.items()}
-        wanted = {key: Definition.of(each) for key, each in spans.items()}
+        wanted = {key: Definition(each) for key, each in spans.items()}
         return keep_moments(self, name, wanted, database, on_progress)
 
     # --- scenarios ------------------------------------------------------------------------------------

@@ -1,8 +1,8 @@
 """Vacuum: expire old snapshots and delete files that no snapshot refers to.
 
 Files that running jobs have published but not yet committed are kept for a day; files adopted from earlier jobs are
-renewed first. Databases, user columns, evaluation results and moments of the newest definitions are never deleted, and the newest snapshot and those that
-databases were made on never expire.
+renewed first. Databases, user columns, evaluation results and moments of the newest definitions are never deleted,
+and the newest snapshot and those that databases were made on never expire.
 """
 
 from __future__ import annotations

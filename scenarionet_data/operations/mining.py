@@ -8,6 +8,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,27 +41,18 @@ class Definition:
     """What is mined under a name.
 
     Attributes:
-        sql: SELECT of scenario_id, track_id, perhaps other_id, first_timestep, last_timestep, begins, ends, and perhaps
-            value; of each scenario by itself.
-        columns: The columns that it has of other_id and value.
+        moments: The composition, of each scenario by itself.
         parameters: Values that are written into it.
         doc: What it is.
     """
 
-    sql: str
-    columns: list[str]
+    moments: Moments
     parameters: dict[str, Any] = field(default_factory=dict)
     doc: str = ""
 
-    @classmethod
-    def of(cls, found: Moments, parameters: Mapping[str, Any] | None = None, doc: str = "") -> Definition:
-        """Return the definition of composed moments."""
-        columns = [role for role in found.roles if role == "other_id"] + list(found.measures)
-        return cls(found.sql, columns, dict(parameters or {}), doc)
-
     def description(self) -> dict[str, Any]:
         """Return it for the lake, with the digest of all SQL that it consists of."""
-        sha256 = hashlib.sha256(f"{self.sql}\n{dependencies(self.sql)}".encode()).hexdigest()
+        sha256 = hashlib.sha256(f"{self.moments.sql}\n{dependencies(self.moments.sql)}".encode()).hexdigest()
         made = {"created_at": snapshots.now(), "created_with": version.name_and_version()}
         return asdict(self) | {"sha256": sha256} | made
 
@@ -93,7 +85,9 @@ def kept_definitions(view: LakeView, name: str) -> dict[str, Definition]:
         newest = kept_moments.newest_version(view.files, name, definition)
         if newest:
             content, _ = newest.description()
-            found[definition] = Definition(content["sql"], content["columns"], content["parameters"], content["doc"])
+            sql, roles, measures = (content["moments"][key] for key in ("sql", "roles", "measures"))
+            moments = Moments(sql, tuple(roles), tuple(measures))
+            found[definition] = Definition(moments, content["parameters"], content["doc"])
     if not found:
         have = ", ".join(view.files.folders(kept_moments.FOLDER)) or "none yet"
         raise BadParameter(f"{view.root}: no moments are kept under the name {name!r}; there are: {have}")
@@ -149,7 +143,7 @@ def keep_moments(
 
 
 def _batches(view: LakeView, kept: Mapping[str, KeptMoments]) -> Iterator[tuple[list[str], pa.Table]]:
-    """Yield the definitions that some scenarios miss, and these scenarios, at most MAX_STATES of states together."""
+    """Yield the definitions that some scenarios miss, and these scenarios, about MAX_STATES of states together."""
     columns = "scenario_id, content_hash, num_states"
     scenarios = view.arrow(f"SELECT {columns} FROM metadata_rows ORDER BY scenario_id")
     missing = np.zeros((len(kept), len(scenarios)), np.bool_)
@@ -167,21 +161,22 @@ def _batches(view: LakeView, kept: Mapping[str, KeptMoments]) -> Iterator[tuple[
 
 
 def cut(sizes: Sequence[int] | np.ndarray[Any, Any], most: int | None = None) -> Iterator[slice]:
-    """Yield slices of at most so much (MAX_STATES by default) together, or of one that is larger."""
+    """Yield slices of about so much (MAX_STATES by default) together; the last scenario of each may be beyond it."""
     batch = (np.cumsum(sizes) - sizes) // (most or MAX_STATES)
     edges = [0, *(np.flatnonzero(np.diff(batch)) + 1).tolist(), len(batch)]
-    yield from (slice(start, stop) for start, stop in zip(edges, edges[1:], strict=False) if stop > start)
+    yield from (slice(start, stop) for start, stop in pairwise(edges) if stop > start)
 
 
 def _find(view: LakeView, kept: KeptMoments, definition: Definition, wanted: pa.Table) -> pa.Table:
     """Return the rows of ``moments`` of some scenarios; one without a moment has a row of nulls."""
     given = {"name": kept.name, "definition": kept.definition, "parameters": json.dumps(definition.parameters)}
-    extra = ", ".join(("NULL AS " if each not in definition.columns else "") + each for each in ("other_id", "value"))
-    spans = "track_id, first_timestep, last_timestep, begins, ends"
+    has = {*definition.moments.roles, *definition.moments.measures}
+    extra = ", ".join(("" if each in has else "NULL AS ") + each for each in ("track_id", "other_id", "value"))
+    spans = "first_timestep, last_timestep, begins, ends"
     sql = (
         f"SELECT $name AS name, $definition AS definition, {kept.version} AS definition_version, scenario_id, "
         f"content_hash, {spans}, {extra}, $parameters AS parameters\n"
-        f"FROM wanted LEFT JOIN (\n{definition.sql}\n) USING (scenario_id)"
+        f"FROM wanted LEFT JOIN (\n{definition.moments.sql}\n) USING (scenario_id)"
     )
     schema = tables.load(kept_moments.FOLDER).schema
     return view.arrow(sql, given, tables={"wanted": wanted}).select(schema.names).cast(schema)

@@ -23,11 +23,16 @@ class Steps(Protocol):
     """What holds at single steps, see :class:`~scenarionet_data.operations.moments.RelationSteps`."""
 
     @property
-    def sql(self) -> str: ...
+    def sql(self) -> str:
+        """SELECT of scenario_id, the roles and timestep."""
+
     @property
-    def roles(self) -> tuple[str, ...]: ...
+    def roles(self) -> tuple[str, ...]:
+        """``track_id``, ``other_id`` or both."""
+
     @property
-    def narrows(self) -> tuple[str, ...]: ...
+    def narrows(self) -> tuple[str, ...]:
+        """Roles whose objects and steps may be narrowed first."""
 
 
 def narrowed_roles(text: str, values: Mapping[str, Any]) -> tuple[str, ...]:
@@ -73,7 +78,9 @@ def _joined(queries: Sequence[str], roles: Sequence[Sequence[str]]) -> str:
     roles = list(roles) * len(queries) if len(roles) == 1 else roles
     sql, so_far = f"(\n{queries[0]}\n)", set(roles[0])
     for query, those in zip(queries[1:], roles[1:], strict=True):
-        using = ", ".join(("scenario_id", *(role for role in (TRACK, OTHER) if role in so_far & set(those)), "timestep"))
+        using = ", ".join(
+            ("scenario_id", *(role for role in (TRACK, OTHER) if role in so_far & set(those)), "timestep")
+        )
         sql += f" JOIN (\n{query}\n) USING ({using})"
         so_far |= set(those)
     return f"SELECT {', '.join(('scenario_id', *(r for r in (TRACK, OTHER) if r in so_far), 'timestep'))}\nFROM {sql}"

@@ -95,7 +95,9 @@ class LakeView:
         return f"{type(self).__name__}({str(self.root)!r}, snapshot={self.snapshot.number})"
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name not in ("engine", "keeping")}  # a process opens its own
+        return {
+            name: value for name, value in self.__dict__.items() if name not in ("engine", "keeping")
+        }  # a process opens its own
 
     @property
     def root(self) -> Path | str:

@@ -24,7 +24,17 @@ from scenarionet_data.storage.snapshots.snapshot import Snapshot
 if TYPE_CHECKING:
     import duckdb
 
-FILE_TABLES = ("metadata", "tracks", "lights", "maps", "quarantine", "defects", "shards", "moments", *evaluation_runs.RUN_TABLES)
+FILE_TABLES = (
+    "metadata",
+    "tracks",
+    "lights",
+    "maps",
+    "quarantine",
+    "defects",
+    "shards",
+    "moments",
+    *evaluation_runs.RUN_TABLES,
+)
 _HIVE_COLUMNS = {"maps": ("dataset", "version"), **dict.fromkeys(("tracks", "lights"), ("dataset", "split", "version"))}
 """Columns that are in the names of folders."""
 _ANY_TIME = {"moments", "moments_rows", *evaluation_runs.RUN_TABLES}

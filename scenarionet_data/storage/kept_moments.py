@@ -1,8 +1,8 @@
-"""Moments that are kept in a lake: ``moments/<name>/<definition>/<version>/moments/<part>.parquet``, outside snapshots.
+"""Moments that are kept in a lake, outside snapshots: ``moments/<name>/<definition>/<version>/moments/<part>.parquet``.
 
-A version is claimed by an immutable description, ``run.json``, with everything that its moments depend on. Each part has
-at least one row for each scenario that was mined for it, with the hash of the scenario's content, so that the parts say
-what is left to mine. Parts are numbered; of two jobs that publish the same number, one takes the next, without the
+A version is claimed by an immutable description, ``run.json``, with everything that its moments depend on. Each part
+has at least one row for each scenario that was mined for it, with the hash of the scenario's content, so that the parts
+say what is left to mine. Parts are numbered; of two jobs that publish the same number, one takes the next, without the
 scenarios that the other has published.
 """
 
@@ -64,13 +64,17 @@ class KeptMoments:
 
     def parts(self) -> list[str]:
         """Files with moments, in the order of their publication."""
-        return [f"{self.folder}/moments/{number:06d}.parquet" for number in self.files.numbers(f"{self.folder}/moments")]
+        return [
+            f"{self.folder}/moments/{number:06d}.parquet" for number in self.files.numbers(f"{self.folder}/moments")
+        ]
 
     def mined(self) -> pa.Table:
         """The scenarios that were mined: scenario_id and content_hash."""
         for part in self.parts():
             if part not in self._read:
-                self._read[part] = self.files.read(part, _KEYS).replace_schema_metadata(None).group_by(_KEYS).aggregate([])
+                self._read[part] = (
+                    self.files.read(part, _KEYS).replace_schema_metadata(None).group_by(_KEYS).aggregate([])
+                )
         empty = tables.load("moments").schema.remove_metadata().empty_table().select(_KEYS)
         return pa.concat_tables([empty, *self._read.values()])
 
@@ -85,7 +89,7 @@ class KeptMoments:
             try:
                 seals.seal(written, self.files.place_to_write(part))
                 if self.files.publish_new(part, written):
-                    return int(rows.num_rows - rows["track_id"].null_count)
+                    return int(rows.num_rows - rows["first_timestep"].null_count)
             finally:
                 written.unlink(missing_ok=True)
 
@@ -118,8 +122,9 @@ def claim(files: LakeFiles, name: str, definition: str, description: Mapping[str
 
 def versions(files: LakeFiles, name: str, definition: str) -> list[KeptMoments]:
     """All versions of a definition, ascending."""
-    found = (number for number in files.folders(f"{FOLDER}/{name}/{definition}") if number.isdecimal())
-    return [KeptMoments(files, name, definition, number) for number in sorted(map(int, found))]
+    folder = f"{FOLDER}/{name}/{definition}"
+    found = {each.name.removeprefix(f"{folder}/").partition("/")[0] for each in files.listing(folder)}
+    return [KeptMoments(files, name, definition, number) for number in sorted(map(int, filter(str.isdecimal, found)))]
 
 
 def newest_version(files: LakeFiles, name: str, definition: str) -> KeptMoments | None:

@@ -3,4 +3,4 @@
 CREATE VIEW moments AS
 SELECT moments_rows.*, ego_id
 FROM moments_rows JOIN (SELECT scenario_id, content_hash, ego_id FROM metadata_rows) USING (scenario_id, content_hash)
-WHERE track_id IS NOT NULL;
+WHERE first_timestep IS NOT NULL;

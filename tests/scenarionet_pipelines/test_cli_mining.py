@@ -51,6 +51,30 @@ def test_mine_moments_of_a_file(lake, tmp_path, ok, as_json):
     assert "it defines close" in run("mine", lake, "far", "--definitions", path).stderr
 
 
+def test_mine_keeps_moments(lake, tmp_path, ok, as_json):
+    path = tmp_path / "moments.toml"
+    path.write_text("[close]\nwhen = 'near_objects(distance_thresh=8.0).lasting(0.5)'\n")
+    first = as_json("mine", lake, "close", "--definitions", path, "--name", "mine")["definitions"]
+    hits = len(Lake(lake).moments(relation("near_objects", {"distance_thresh": 8.0}).lasting(0.5)))
+    scenarios = len(Lake(lake))
+    assert first == [{"definition": "close", "version": 1, "scenarios": scenarios, "moments": hits}]
+    assert (
+        "SELECT * FROM moments WHERE name = 'mine'"
+        in run("mine", lake, "hard_braking", "stationary", "--name", "mine").stderr
+    )
+    again = as_json("mine", lake, "--name", "mine")["definitions"]
+    assert [(each["definition"], each["scenarios"]) for each in again] == [
+        ("close", 0),
+        ("hard_braking", 0),
+        ("stationary", 0),
+    ]
+    kept = as_json("sql", lake, "SELECT DISTINCT definition, parameters FROM moments_rows ORDER BY ALL")
+    assert ["close", "{}"] in [list(row.values()) for row in kept] and '"min' in json.dumps(kept)
+    assert "mine close and far one by one" in run("mine", lake, "close", "far").stderr
+    assert "-p is for one event" in run("mine", lake, "near_miss", "stationary", "-p", "a=1", "--name", "x").stderr
+    assert "no moments are kept under the name 'none'; there are: mine" in run("mine", lake, "--name", "none").stderr
+
+
 def test_mine_without_an_event_lists_them(lake, ok, as_json):
     text = ok("mine", lake)
     assert "cut_in:max_gap=30,min_speed=2,within=4" in text

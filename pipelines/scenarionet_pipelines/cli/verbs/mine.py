@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,21 +12,27 @@ import click
 from scenarionet_pipelines.cli.named import show_named
 from scenarionet_pipelines.cli.output import count, print_json, print_table
 from scenarionet_pipelines.cli.parameters import pairs
-from scenarionet_pipelines.cli.verb import DATABASE, PARAMETERS, SNAPSHOT, LakeVerb, argument, option
+from scenarionet_pipelines.cli.verb import DATABASE, PARAMETERS, SNAPSHOT, LakeVerb, Progressing, argument, option
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
+    from scenarionet_data.operations.definitions import Definitions
+    from scenarionet_data.operations.mining import Definition
 
 _MAX_ROWS = 50
 
 
-class MineVerb(LakeVerb):
+class MineVerb(LakeVerb, Progressing):
     """List the occurrences of an event: scenario, objects involved, start and end; and how often it happens.
 
     Events are SQL files in sql/events, each with its definition, source and parameters; without EVENT they are
-    listed. Moments of your own are defined in a TOML file as compositions of relations and events. `scenarionet filter
-    --event cut_in` selects the scenarios with the event, `scenarionet db tag --event cut_in` stores its number of
-    occurrences as a user column.
+    listed. Relations of sql/relations are mined by their names, too. Moments of your own are defined in a TOML file as
+    compositions of relations and events. `scenarionet filter --event cut_in` selects the scenarios with the event,
+    `scenarionet db tag --event cut_in` stores its number of occurrences as a user column.
+
+    --name keeps the moments of one or more definitions in the lake, as rows of the view `moments`. Only scenarios that
+    a definition was not mined over yet are read, and a definition that has changed is mined again by itself; without
+    EVENT, what was kept under the name before is mined over new scenarios.
     """
 
     examples = (
@@ -33,14 +41,17 @@ class MineVerb(LakeVerb):
         "scenarionet mine lake hard_braking -p ego_only=true --json",
         "scenarionet mine lake close_behind --definitions moments.toml",
         "scenarionet mine lake close_behind --definitions moments.toml --explain",
+        "scenarionet mine lake cut_in near_miss following --name risky",
+        "scenarionet mine lake --name risky",
         "scenarionet mine lake",
     )
-    event: str | None = argument()
+    events: tuple[str, ...] = argument("[EVENT]...", required=False)
     parameters: tuple[str, ...] = PARAMETERS
     database: str | None = DATABASE
     definitions: Path | None = option(
         "TOML file that defines EVENT: see the guide on moments.", type=click.Path(path_type=Path, dir_okay=False)
     )
+    name: str | None = option("Keep the moments in the lake under this name.", metavar="NAME")
     explain: bool = option("Print the one SELECT that runs, and do not run it.", is_flag=True)
     limit: int | None = option(
         "Print at most N occurrences. [default: 50 in a table]", type=click.IntRange(0), metavar="N"
@@ -50,11 +61,10 @@ class MineVerb(LakeVerb):
     def run(self) -> None:
         from scenarionet_data import Lake
         from scenarionet_data.operations.definitions import Definitions
-        from scenarionet_data.operations.moments import event
         from scenarionet_data.query.named_sql import EVENTS
 
         definitions = None if self.definitions is None else Definitions(self.definitions)
-        if self.event is None:
+        if self.name is None and not self.events:
             if definitions is None:
                 show_named(EVENTS, "events", self.as_json)
             elif self.as_json:
@@ -62,18 +72,54 @@ class MineVerb(LakeVerb):
             else:
                 print_table(definitions.docs.items(), ("moment", "what it is"))
             return
-        if definitions is not None and self.parameters:
-            raise click.UsageError("definitions have no parameters: write them into the file, or leave out -p")
-        given = EVENTS.load(self.event).parse(pairs(self.parameters, "-p")) if definitions is None else {}
-        moments = event(self.event, given) if definitions is None else definitions.find(self.event)
+        if self.parameters and (definitions is not None or len(self.events) != 1):
+            raise click.UsageError(
+                "-p is for one event or relation: write parameters of others into a file of definitions"
+            )
+        if self.name is None and len(self.events) > 1:
+            raise click.UsageError(f"mine {' and '.join(self.events)} one by one, or keep them with --name NAME")
+        found = {event: self._definition(event, definitions) for event in self.events}
         if self.explain:
-            click.echo(moments.sql)
+            for each in found.values():
+                click.echo(each.moments.sql)
             return
         lake = Lake(self.lake, self.snapshot)
-        if definitions is None:
-            self._print(lake, lake.mine(self.event, given, self.database))
+        if self.name is not None:
+            self._keep(lake, self.name, found)
+            return
+        ((event, each),) = found.items()
+        if event in EVENTS.names():
+            self._print(lake, lake.mine(event, each.parameters, self.database))
         else:
-            self._print(lake, lake.moments(moments, self.database))
+            self._print(lake, lake.moments(each.moments, self.database))
+
+    def _definition(self, event: str, definitions: Definitions | None) -> Definition:
+        """Return what a name stands for: a definition of the file, or an event or relation with its parameters."""
+        from scenarionet_data.operations import moments
+        from scenarionet_data.operations.mining import Definition
+        from scenarionet_data.query.named_sql import EVENTS, RELATIONS
+
+        if definitions is not None:
+            return Definition(definitions.find(event), doc=definitions.docs[event])
+        is_relation = event in RELATIONS.names()
+        named = (RELATIONS if is_relation else EVENTS).load(event)
+        given = named.parse(pairs(self.parameters, "-p"))
+        found = moments.relation(event, given).lasting() if is_relation else moments.event(event, given)
+        return Definition(found, named.bind(given), named.doc)
+
+    def _keep(self, lake: Lake, name: str, definitions: Mapping[str, Definition]) -> None:
+        """Keep moments in the lake, and say what was mined for each definition."""
+        from scenarionet_data.operations.mining import keep_moments, kept_definitions
+
+        wanted = definitions or kept_definitions(lake, name)
+        with self.progress(f"mine {name}", "scenario") as progress:
+            mined = keep_moments(lake, name, wanted, self.database, progress.update)
+        if self.as_json:
+            print_json({"name": name, "definitions": [asdict(each) for each in mined]})
+            return
+        rows = [(each.definition, each.version, each.scenarios, each.moments) for each in mined]
+        print_table(rows, ("definition", "version", "scenarios mined", "moments found"))
+        click.echo(f"`SELECT * FROM moments WHERE name = '{name}'` has them all", err=True)
 
     def _print(self, lake: Lake, found: Any) -> None:
         """Print a table of occurrences, and how often they happen."""
@@ -87,7 +133,7 @@ class MineVerb(LakeVerb):
         if self.as_json:
             shown = found if self.limit is None else found.head(self.limit)
             listed = {name: rate._asdict() for name, rate in rates.items()}
-            totals = {"event": self.event, "hits": hits, "scenarios": scenarios}
+            totals = {"event": self.events[0], "hits": hits, "scenarios": scenarios}
             print_json(totals | listed | {"rows": shown.to_dicts()})
             return
         shown = found.head(_MAX_ROWS if self.limit is None else self.limit)
