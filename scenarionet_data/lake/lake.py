@@ -17,7 +17,7 @@ from scenarionet_data.operations.diff import Diff, diff
 from scenarionet_data.operations.events import mine
 from scenarionet_data.operations.filter import Filtering
 from scenarionet_data.operations.lineage import LineageTree, lineage_tree
-from scenarionet_data.operations.mining import Definition, Mined, find_moments, keep_moments, kept_definitions
+from scenarionet_data.operations.mining import Defined, Mined, find_moments, keep_moments, kept_definitions
 from scenarionet_data.operations.moments import Moments, RelationSteps
 from scenarionet_data.operations.overlap import DatabaseOverlap, overlap
 from scenarionet_data.operations.rebuild import RebuildResult, rebase, rebuild
@@ -193,7 +193,7 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
         if definitions is None:
             return keep_moments(self, name, kept_definitions(self, name), database, on_progress)
         spans = {key: each if isinstance(each, Moments) else each.lasting() for key, each in definitions.items()}
-        wanted = {key: Definition(each) for key, each in spans.items()}
+        wanted = {key: Defined(each) for key, each in spans.items()}
         return keep_moments(self, name, wanted, database, on_progress)
 
     # --- scenarios ------------------------------------------------------------------------------------

@@ -19,8 +19,10 @@ from scenarionet_data import version
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
+from scenarionet_data.operations import moments as composed
 from scenarionet_data.operations.moments import Moments
 from scenarionet_data.query.lake_view import LakeView
+from scenarionet_data.query.named_sql import EVENTS, RELATIONS
 from scenarionet_data.query.views import dependencies
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import kept_moments
@@ -37,7 +39,7 @@ _FLUSH_AFTER = 60.0
 
 
 @dataclass(frozen=True)
-class Definition:
+class Defined:
     """What is mined under a name.
 
     Attributes:
@@ -74,7 +76,25 @@ class Mined:
     moments: int
 
 
-def kept_definitions(view: LakeView, name: str) -> dict[str, Definition]:
+def defined(name: str, parameters: Mapping[str, str]) -> Defined:
+    """Return what the name of an event or a relation stands for.
+
+    Args:
+        name: Name of its file.
+        parameters: Values of its parameters as text; the others keep their defaults.
+
+    Raises:
+        UnknownEvent: There is neither.
+        BadParameter: A parameter is unknown, or its text has another type.
+    """
+    is_relation = name in RELATIONS.names()
+    named = (RELATIONS if is_relation else EVENTS).load(name)
+    given = named.parse(parameters)
+    found = composed.relation(name, given).lasting() if is_relation else composed.event(name, given)
+    return Defined(found, named.bind(given), named.doc)
+
+
+def kept_definitions(view: LakeView, name: str) -> dict[str, Defined]:
     """Return the definitions whose moments are kept under a name, as they were mined last.
 
     Raises:
@@ -87,7 +107,7 @@ def kept_definitions(view: LakeView, name: str) -> dict[str, Definition]:
             content, _ = newest.description()
             sql, roles, measures = (content["moments"][key] for key in ("sql", "roles", "measures"))
             moments = Moments(sql, tuple(roles), tuple(measures))
-            found[definition] = Definition(moments, content["parameters"], content["doc"])
+            found[definition] = Defined(moments, content["parameters"], content["doc"])
     if not found:
         have = ", ".join(view.files.folders(kept_moments.FOLDER)) or "none yet"
         raise BadParameter(f"{view.root}: no moments are kept under the name {name!r}; there are: {have}")
@@ -97,7 +117,7 @@ def kept_definitions(view: LakeView, name: str) -> dict[str, Definition]:
 def keep_moments(
     view: LakeView,
     name: str,
-    definitions: Mapping[str, Definition],
+    definitions: Mapping[str, Defined],
     database: DatabaseRecord | str | None = None,
     on_progress: Progress | None = None,
 ) -> list[Mined]:
@@ -167,7 +187,7 @@ def cut(sizes: Sequence[int] | np.ndarray[Any, Any], most: int | None = None) ->
     yield from (slice(start, stop) for start, stop in pairwise(edges) if stop > start)
 
 
-def _find(view: LakeView, kept: KeptMoments, definition: Definition, wanted: pa.Table) -> pa.Table:
+def _find(view: LakeView, kept: KeptMoments, definition: Defined, wanted: pa.Table) -> pa.Table:
     """Return the rows of ``moments`` of some scenarios; one without a moment has a row of nulls."""
     given = {"name": kept.name, "definition": kept.definition, "parameters": json.dumps(definition.parameters)}
     has = {*definition.moments.roles, *definition.moments.measures}

@@ -19,7 +19,7 @@ _FROM_PAIRS = re.compile(r"FROM pairs  -- each (object|pair)(?:, each pair if ([
 _SIDES = {TRACK: ("t", "objects"), OTHER: ("o", "others")}
 
 
-class Steps(Protocol):
+class HeldSteps(Protocol):
     """What holds at single steps, see :class:`~scenarionet_data.operations.moments.RelationSteps`."""
 
     @property
@@ -50,7 +50,7 @@ def narrowed_roles(text: str, values: Mapping[str, Any]) -> tuple[str, ...]:
     return (TRACK, OTHER) if is_each else (TRACK,)
 
 
-def together(parts: Sequence[Steps], without: Sequence[Steps] = ()) -> str:
+def together(parts: Sequence[HeldSteps], without: Sequence[HeldSteps] = ()) -> str:
     """Return the SELECT of the steps at which all parts hold, of the same objects in the roles that they share.
 
     Args:
@@ -86,7 +86,7 @@ def _joined(queries: Sequence[str], roles: Sequence[Sequence[str]]) -> str:
     return f"SELECT {', '.join(('scenario_id', *(r for r in (TRACK, OTHER) if r in so_far), 'timestep'))}\nFROM {sql}"
 
 
-def _narrow(part: Steps, roles: set[str]) -> str:
+def _narrow(part: HeldSteps, roles: set[str]) -> str:
     """Return the SELECT of a relation of two over the pairs that are left."""
     source = _pairs()
     for role in roles & set(part.narrows):

@@ -48,7 +48,6 @@ class Engine:
         max_memory: Memory of queries [bytes]; 80 % of the machine's by default.
         user_columns: Version of each user column that the view metadata has for queries that use it.
         chosen: Scenarios that the views show, with their addresses; all of the snapshot by default.
-        keeps: Compute the views that many relations read once, and keep their rows.
 
     Raises:
         SchemaMismatch: The snapshot has files of another version of the contract.
@@ -64,7 +63,6 @@ class Engine:
         max_memory: int | None = None,
         user_columns: Mapping[str, int] | None = None,
         chosen: pa.Table | None = None,
-        keeps: bool = False,
     ) -> None:
         schemas = manifests.schema_versions(files, snapshot)
         self._files = files
@@ -76,7 +74,7 @@ class Engine:
         if chosen is not None:
             self._connection.register("chosen", chosen.select(["scenario_id", "map_id"]))
         self._views = Views(
-            self._connection, files, snapshot, set(without), set(given), user_columns or {}, chosen, schemas, keeps
+            self._connection, files, snapshot, set(without), set(given), user_columns or {}, chosen, schemas
         )
         self._filesystem: Any = files.filesystem()
         if self._filesystem:  # before allowed_directories: DuckDB 1.5 would take its URLs for local folders
@@ -99,6 +97,10 @@ class Engine:
         self._connection.execute(f"SET allowed_directories = [{folders}]")
         self._connection.execute("SET enable_external_access = false")
         self._connection.execute("SET lock_configuration = true")
+
+    def keep_views(self) -> None:
+        """Compute the views that many relations read once from here on, and keep their rows."""
+        self._views.keeps = True
 
     def close(self) -> None:
         """Release the connection."""

@@ -89,7 +89,6 @@ class LakeView:
         self.user_columns: dict[str, int] = user_column_records.current(self.files, user_columns or {})
         self._max_memory = max_memory
         self._chosen: pa.Table | None = None
-        self._keeps = False
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self.root)!r}, snapshot={self.snapshot.number})"
@@ -120,14 +119,14 @@ class LakeView:
             user_columns=self.user_columns,
             chosen=self._chosen,
             max_memory=self._max_memory,
-            keeps=self._keeps,
         )
 
     @cached_property
     def keeping(self) -> Self:
         """The same view, with a connection that computes what many relations read once, and keeps its rows."""
         keeping = type(self)(self.root, self.snapshot.number, self.user_columns, max_memory=self._max_memory)
-        keeping._chosen, keeping._keeps = self._chosen, True
+        keeping._chosen = self._chosen
+        keeping.engine.keep_views()
         return keeping
 
     # --- other views of the same lake -----------------------------------------------------------------

@@ -37,6 +37,7 @@ FILE_TABLES = (
 )
 _HIVE_COLUMNS = {"maps": ("dataset", "version"), **dict.fromkeys(("tracks", "lights"), ("dataset", "split", "version"))}
 """Columns that are in the names of folders."""
+_NEEDS = re.compile(r"^-- needs: (.*)$", re.MULTILINE)
 _ANY_TIME = {"moments", "moments_rows", *evaluation_runs.RUN_TABLES}
 """Views of files that are written beside the snapshot."""
 _COMMENT_TABLES = {"duckdb_columns", "duckdb_views", "information_schema", "pg_description"}
@@ -123,7 +124,8 @@ class Views:
         if name in self._made or name in self.given:
             return
         text = defined[name].read_text("utf-8")
-        for needed in _needs(text):
+        needs = _NEEDS.search(text)
+        for needed in needs[1].split(", ") if needs else []:
             self._make(needed, defined)
         table = name.removesuffix("_rows")
         if table in FILE_TABLES:
@@ -208,14 +210,9 @@ def dependencies(sql: str) -> str:
         name = names.pop()
         if name in defined and name not in found:
             found[name] = defined[name].read_text("utf-8")
-            names += _needs(found[name])
+            needs = _NEEDS.search(found[name])
+            names += needs[1].split(", ") if needs else []
     return "\n".join(found[name] for name in sorted(found))
-
-
-def _needs(text: str) -> list[str]:
-    """Return the views and macros that a view or macro says it needs."""
-    needs = re.search(r"^-- needs: (.*)$", text, re.MULTILINE)
-    return needs.group(1).split(", ") if needs else []
 
 
 @cache

@@ -68,8 +68,9 @@ def test_mine_keeps_moments(lake, tmp_path, ok, as_json):
         ("hard_braking", 0),
         ("stationary", 0),
     ]
-    kept = as_json("sql", lake, "SELECT DISTINCT definition, parameters FROM moments_rows ORDER BY ALL")
-    assert ["close", "{}"] in [list(row.values()) for row in kept] and '"min' in json.dumps(kept)
+    kept = dict(Lake(lake).sql("SELECT DISTINCT definition, parameters FROM moments_rows").rows())
+    assert kept["close"] == "{}"
+    assert json.loads(kept["hard_braking"]) == EVENTS.load("hard_braking").defaults
     assert "mine close and far one by one" in run("mine", lake, "close", "far").stderr
     assert "-p is for one event" in run("mine", lake, "near_miss", "stationary", "-p", "a=1", "--name", "x").stderr
     assert "no moments are kept under the name 'none'; there are: mine" in run("mine", lake, "--name", "none").stderr

@@ -91,12 +91,12 @@ def test_a_changed_definition_is_mined_alone(lake):
 
 
 def test_a_changed_view_is_another_definition(lake, monkeypatch):
-    first = mining.Definition(NEAR.lasting()).description()["sha256"]
-    assert first == mining.Definition(NEAR.lasting()).description()["sha256"]
+    first = mining.Defined(NEAR.lasting()).description()["sha256"]
+    assert first == mining.Defined(NEAR.lasting()).description()["sha256"]
     texts = mining.dependencies(NEAR.sql)
     assert "CREATE VIEW smoothed" in texts and "CREATE MACRO wrap_angle" in texts
     monkeypatch.setattr(mining, "dependencies", lambda sql: texts.replace("0.0", "0.1"))
-    assert first != mining.Definition(NEAR.lasting()).description()["sha256"]
+    assert first != mining.Defined(NEAR.lasting()).description()["sha256"]
 
 
 def test_replaced_scenarios_lose_their_moments_and_are_mined_again(lake):
@@ -126,10 +126,10 @@ def test_batches_and_one_pass_give_the_same(lake, monkeypatch):
 
 
 def test_two_jobs_do_not_publish_a_scenario_twice(lake):
-    first = kept_moments.claim(lake.files, "all", "near", mining.Definition(NEAR.lasting()).description())
-    second = kept_moments.claim(lake.files, "all", "near", mining.Definition(NEAR.lasting()).description())
+    first = kept_moments.claim(lake.files, "all", "near", mining.Defined(NEAR.lasting()).description())
+    second = kept_moments.claim(lake.files, "all", "near", mining.Defined(NEAR.lasting()).description())
     wanted = lake.arrow("SELECT scenario_id, content_hash FROM metadata_rows")
-    rows = mining._find(lake, first, mining.Definition(NEAR.lasting()), wanted)
+    rows = mining._find(lake, first, mining.Defined(NEAR.lasting()), wanted)
     assert (first.version, second.version) == (1, 1)
     assert first.publish(rows) == 2
     assert second.publish(rows) == 0

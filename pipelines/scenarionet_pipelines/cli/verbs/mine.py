@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +15,6 @@ from scenarionet_pipelines.cli.verb import DATABASE, PARAMETERS, SNAPSHOT, LakeV
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
-    from scenarionet_data.operations.definitions import Definitions
-    from scenarionet_data.operations.mining import Definition
 
 _MAX_ROWS = 50
 
@@ -61,6 +58,7 @@ class MineVerb(LakeVerb, Progressing):
     def run(self) -> None:
         from scenarionet_data import Lake
         from scenarionet_data.operations.definitions import Definitions
+        from scenarionet_data.operations.mining import Defined, defined, keep_moments, kept_definitions
         from scenarionet_data.query.named_sql import EVENTS
 
         definitions = None if self.definitions is None else Definitions(self.definitions)
@@ -78,48 +76,34 @@ class MineVerb(LakeVerb, Progressing):
             )
         if self.name is None and len(self.events) > 1:
             raise click.UsageError(f"mine {' and '.join(self.events)} one by one, or keep them with --name NAME")
-        found = {event: self._definition(event, definitions) for event in self.events}
+        given = pairs(self.parameters, "-p")
+        found = {
+            event: defined(event, given)
+            if definitions is None
+            else Defined(definitions.find(event), doc=definitions.docs[event])
+            for event in self.events
+        }
         if self.explain:
             for each in found.values():
                 click.echo(each.moments.sql)
             return
         lake = Lake(self.lake, self.snapshot)
         if self.name is not None:
-            self._keep(lake, self.name, found)
+            with self.progress(f"mine {self.name}", "scenario") as progress:
+                wanted = found or kept_definitions(lake, self.name)
+                mined = keep_moments(lake, self.name, wanted, self.database, progress.update)
+            if self.as_json:
+                print_json({"name": self.name, "definitions": [asdict(each) for each in mined]})
+                return
+            rows = [(each.definition, each.version, each.scenarios, each.moments) for each in mined]
+            print_table(rows, ("definition", "version", "scenarios mined", "moments found"))
+            click.echo(f"`SELECT * FROM moments WHERE name = '{self.name}'` has them all", err=True)
             return
         ((event, each),) = found.items()
         if event in EVENTS.names():
             self._print(lake, lake.mine(event, each.parameters, self.database))
         else:
             self._print(lake, lake.moments(each.moments, self.database))
-
-    def _definition(self, event: str, definitions: Definitions | None) -> Definition:
-        """Return what a name stands for: a definition of the file, or an event or relation with its parameters."""
-        from scenarionet_data.operations import moments
-        from scenarionet_data.operations.mining import Definition
-        from scenarionet_data.query.named_sql import EVENTS, RELATIONS
-
-        if definitions is not None:
-            return Definition(definitions.find(event), doc=definitions.docs[event])
-        is_relation = event in RELATIONS.names()
-        named = (RELATIONS if is_relation else EVENTS).load(event)
-        given = named.parse(pairs(self.parameters, "-p"))
-        found = moments.relation(event, given).lasting() if is_relation else moments.event(event, given)
-        return Definition(found, named.bind(given), named.doc)
-
-    def _keep(self, lake: Lake, name: str, definitions: Mapping[str, Definition]) -> None:
-        """Keep moments in the lake, and say what was mined for each definition."""
-        from scenarionet_data.operations.mining import keep_moments, kept_definitions
-
-        wanted = definitions or kept_definitions(lake, name)
-        with self.progress(f"mine {name}", "scenario") as progress:
-            mined = keep_moments(lake, name, wanted, self.database, progress.update)
-        if self.as_json:
-            print_json({"name": name, "definitions": [asdict(each) for each in mined]})
-            return
-        rows = [(each.definition, each.version, each.scenarios, each.moments) for each in mined]
-        print_table(rows, ("definition", "version", "scenarios mined", "moments found"))
-        click.echo(f"`SELECT * FROM moments WHERE name = '{name}'` has them all", err=True)
 
     def _print(self, lake: Lake, found: Any) -> None:
         """Print a table of occurrences, and how often they happen."""
