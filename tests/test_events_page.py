@@ -40,8 +40,9 @@ def test_every_event_and_view_is_named():
     text = (ROOT / PAGE).read_text("utf-8")
     assert [name for name in EVENTS.names() if f"`{name}`" not in text] == []
     of_files = {"metadata", "metadata_rows", "tracks", "lights", "maps", "shards", "quarantine", "defects", "steps"}
-    of_checks, of_runs = {"lanes", "map_windows"}, {"results", "rollouts", "observations", "training", "frames"}
-    views = {path.stem for path in (SQL / "views").glob("*.sql")} - of_files - of_checks - of_runs
+    of_checks, of_moments = {"lanes", "map_windows"}, {"moments", "moments_rows"}
+    of_runs = {"results", "rollouts", "observations", "training", "frames"}
+    views = {path.stem for path in (SQL / "views").glob("*.sql")} - of_files - of_checks - of_runs - of_moments
     assert [name for name in sorted(views) if f"`{name}`" not in text] == []
 
 
