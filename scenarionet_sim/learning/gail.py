@@ -99,13 +99,7 @@ class GailLearner(PpoLearner):
                 mine = self.logits(pairs[rows], log_probabilities[rows])
                 loss = nn.functional.softplus(-theirs).mean() + nn.functional.softplus(mine).mean()
                 if config.gradient_penalty:
-                    # How far the gradient's norm is from 1 between experts and policy (Gulrajani et al. 2017).
-                    share = torch.rand(len(rows), 1, 1, generator=self._imitation_generator)
-                    between = (share * expert + (1.0 - share) * pairs[rows]).requires_grad_()
-                    total = self.logits(between, between.new_zeros(len(between))).sum()
-                    (gradient,) = torch.autograd.grad(total, between, create_graph=True)
-                    penalty = (gradient.flatten(1).norm(dim=1) - 1.0).square().mean()
-                    loss = loss + config.gradient_penalty * penalty
+                    loss = loss + config.gradient_penalty * self._penalty(expert, pairs[rows])
                 self._discriminator_adam.zero_grad()
                 loss.backward()
                 self._discriminator_adam.step()
@@ -115,3 +109,11 @@ class GailLearner(PpoLearner):
             "discriminator_loss": float(torch.stack(losses).mean()),
             "discriminator_accuracy": float(torch.stack(right).mean()),
         }
+
+    def _penalty(self, expert: Tensor, mine: Tensor) -> Tensor:
+        """Return how far the gradient's norm is from 1 between experts and policy (Gulrajani et al. 2017)."""
+        share = torch.rand(len(mine), 1, 1, generator=self._imitation_generator)
+        between = (share * expert + (1.0 - share) * mine).requires_grad_()
+        total = self.logits(between, between.new_zeros(len(between))).sum()
+        (gradient,) = torch.autograd.grad(total, between, create_graph=True)
+        return (gradient.flatten(1).norm(dim=1) - 1.0).square().mean()

@@ -89,9 +89,12 @@ def test_copo_learns_its_angle_from_the_advantages_of_its_own_the_neighbours_and
     """Without a look ahead, and where all values are 0, advantages are rewards; the mean angle is 90 tanh(1/2)."""
     config = CopoConfig(**SMALL, neighbourhood=10.0, reward_scale=0.5, gamma=1e-9, global_gamma=1e-9, angle_rate=0.0)
     learner, given = CopoLearner(Scripted(), config), []
-    learner.critic, learner.social_critic = Constant(0.0), Constant(0.0)
+    learner.critic = Constant(0.0)
     learner.critic.forward = lambda seen: torch.zeros(len(seen), 1)
-    learner._learn, learner._learn_social_values = lambda batch: {}, lambda *_: 0.0
+    with torch.no_grad():
+        for weights in learner.social_critic.parameters():
+            weights.zero_()
+    learner._learn = lambda batch: {}
     learner._learn_angle = lambda old, batch, social, mean, deviation: given.append(social)
     with torch.no_grad():
         learner.angle.parameters_[0] = 0.5
