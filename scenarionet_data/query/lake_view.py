@@ -94,9 +94,8 @@ class LakeView:
         return f"{type(self).__name__}({str(self.root)!r}, snapshot={self.snapshot.number})"
 
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            name: value for name, value in self.__dict__.items() if name not in ("engine", "keeping")
-        }  # a process opens its own
+        own = "engine", "keeping"  # of each process
+        return {name: value for name, value in self.__dict__.items() if name not in own}
 
     @property
     def root(self) -> Path | str:
@@ -113,13 +112,8 @@ class LakeView:
         """Connection that runs the queries, opened on first use."""
         from scenarionet_data.query.engine import Engine  # here: a loader needs no DuckDB
 
-        return Engine(
-            self.files,
-            self.snapshot,
-            user_columns=self.user_columns,
-            chosen=self._chosen,
-            max_memory=self._max_memory,
-        )
+        chosen, max_memory = self._chosen, self._max_memory
+        return Engine(self.files, self.snapshot, user_columns=self.user_columns, chosen=chosen, max_memory=max_memory)
 
     @cached_property
     def keeping(self) -> Self:
@@ -169,7 +163,7 @@ class LakeView:
         """Run one SELECT over the views of the lake and return its rows as a Polars data frame.
 
         The views are metadata, tracks, lights, maps, states, steps, objects, shards, quarantine, defects, and
-        those of docs/events.md.
+        those of docs/guides/events.md.
 
         Args:
             query: The SELECT.

@@ -9,12 +9,7 @@ import numpy as np
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import Moment, Scene
-
-_ROWS = """
-    SELECT track_id, start, x, y, heading, valid
-    FROM rollouts
-    WHERE run = $run AND scenario_id = $scenario_id AND rollout = $rollout
-"""
+from scenarionet_sim.rollouts.table import read_rollout
 
 
 def rollout_moments(lake: Lake | str | Path, run: str, scene: Scene, rollout: int = 0) -> list[Moment]:
@@ -32,10 +27,7 @@ def rollout_moments(lake: Lake | str | Path, run: str, scene: Scene, rollout: in
     if not isinstance(scene, Scene):
         raise BadParameter(f"scene={scene!r}; expected what scene_of(world) returns")
     lake = lake if isinstance(lake, Lake) else Lake(lake)
-    rows = lake.sql(_ROWS, {"run": run, "scenario_id": scene.scenario_id, "rollout": rollout})
-    if rows.is_empty():
-        runs = ", ".join(lake.sql("SELECT DISTINCT run FROM rollouts ORDER BY run")["run"]) or "none"
-        raise BadParameter(f"run {run!r} has no rollout {rollout} of {scene.scenario_id}; runs in this lake: {runs}")
+    rows = read_rollout(lake, run, scene.scenario_id, rollout)
     row_of = {track: row for row, track in enumerate(scene.track_ids)}
     objects = [row_of[track] for track in rows["track_id"]]
     num_moments, start = len(rows["x"][0]), int(rows["start"][0])

@@ -11,14 +11,8 @@ import polars as pl
 
 from scenarionet_data import Lake, ScenarioDescription, ScenarioLoader, Tracks, resample
 from scenarionet_data.arrays.dtypes import Bool, Float32, IntP
-from scenarionet_data.errors import BadParameter
+from scenarionet_sim.rollouts.table import read_rollout
 from scenarionet_sim.worlds.world import STEP
-
-_ROWS = """
-    SELECT track_id, is_judged, start, x, y, heading, vx, vy, valid
-    FROM rollouts
-    WHERE run = $run AND scenario_id = $scenario_id AND rollout = 0
-"""
 
 
 @dataclass(frozen=True)
@@ -58,11 +52,7 @@ class DrivenScenarios(Sequence[ScenarioDescription]):
         if isinstance(index, slice):
             return [self[each] for each in range(*index.indices(len(self)))]
         scenario = resample(self.scenarios[index], STEP)
-        lake = Lake(self.lake)
-        rows = lake.sql(_ROWS, {"run": self.run, "scenario_id": scenario.id})
-        if rows.is_empty():
-            runs = ", ".join(lake.sql("SELECT DISTINCT run FROM rollouts ORDER BY run")["run"]) or "none"
-            raise BadParameter(f"run {self.run!r} has no trajectories of {scenario.id}; runs with some: {runs}")
+        rows = read_rollout(Lake(self.lake), self.run, scenario.id)
         if self.beside:
             judged = rows.filter(pl.col("is_judged"))
             added = _driven(scenario.tracks, judged)

@@ -94,7 +94,9 @@ def _log_motion(scene: ViewedScene, context: foxglove.Context) -> None:
     objects, lights = SceneUpdateChannel("/objects", context=context), SceneUpdateChannel("/lights", context=context)
     frames = FrameTransformChannel("/tf", context=context)
     colors = [_color(color) for color in scene.colors.tolist()]
-    centers, sizes = scene.position.astype(np.float64).tolist(), scene.size.astype(np.float64).tolist()
+    centers, sizes = scene.position.astype(np.float64).tolist(), scene.size.astype(np.float64)
+    is_new = np.any(np.diff(sizes, axis=1, prepend=-1.0) != 0.0, axis=2).tolist()
+    boxes = [Vector3() for _ in scene.names]
     turns = quaternions(scene.heading)[..., 2:].tolist()
     ids = [[KeyValuePair(key="object", value=name)] for name in scene.names]
 
@@ -107,11 +109,12 @@ def _log_motion(scene: ViewedScene, context: foxglove.Context) -> None:
         entities = []
         for row in scene.objects_at(timestep).tolist():
             position, orientation = pose(row, timestep)
-            length, width, height = sizes[row][timestep]
+            if is_new[row][timestep]:
+                length, width, height = sizes[row, timestep].tolist()
+                boxes[row] = Vector3(x=length, y=width, z=height)
             cube = CubePrimitive(
-                pose=Pose(position=position, orientation=orientation),
-                size=Vector3(x=length, y=width, z=height), color=colors[row],
-            )  # fmt: skip
+                pose=Pose(position=position, orientation=orientation), size=boxes[row], color=colors[row]
+            )
             entities.append(
                 SceneEntity(timestamp=stamp, frame_id=_FRAME, id=scene.names[row], metadata=ids[row], cubes=[cube])
             )

@@ -58,7 +58,7 @@ def test_its_vehicle_beside_the_recording(lake):
 
 
 def test_a_run_that_is_not_there(lake):
-    with pytest.raises(BadParameter, match=r"run 'other' has no trajectories of .*; runs with some: straight"):
+    with pytest.raises(BadParameter, match=r"run 'other' has no rollout 0 of .*; runs in this lake: straight"):
         DrivenScenarios(ScenarioLoader(lake), lake, "other")[0]
 
 
