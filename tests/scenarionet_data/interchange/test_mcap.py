@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,6 +61,17 @@ def test_boxes_are_where_and_as_large_as_recorded(scenario, messages):
     assert count == tracks.valid.sum()
 
 
+def test_boxes_grow_with_their_objects(scenario):
+    size = scenario.tracks.size.copy()
+    size[:, 5:] *= 1.5
+    grown = replace(scenario, tracks=replace(scenario.tracks, size=size))
+    updates = decoded(writer_for("mcap").write(grown, "x", Losses())["x.mcap"])["/objects"]
+    for timestep in (0, 4, 5, 6):
+        rows = np.flatnonzero(scenario.tracks.valid[:, timestep])
+        lengths = [entity.cubes[0].size.x for entity in updates[timestep][1].entities]
+        np.testing.assert_array_equal(np.float32(lengths), size[rows, timestep, 0])
+
+
 def test_objects_that_left_are_taken_away(messages):
     assert all([deletion.type for deletion in update.deletions] == [1] for _, update in messages["/objects"])
 
@@ -84,6 +96,9 @@ def test_lights_have_the_colours_of_their_states(lake):
     updates = decoded(writer_for("mcap").write(scenario, "x", Losses())["x.mcap"])["/lights"]
     colors = {(round(s.color.r, 2), round(s.color.g, 2)) for _, u in updates for e in u.entities for s in e.spheres}
     assert len(colors) > 1
+    first = np.flatnonzero((scenario.lights.state[:, 0] != 0) & np.isfinite(scenario.lights.stop_point).all(axis=1))[0]
+    hung = updates[0][1].entities[0].spheres[0].pose.position
+    np.testing.assert_allclose([hung.x, hung.y, hung.z], scenario.lights.stop_point[first] + [0, 0, 4.0])
     assert len(updates[0][1].entities) == int((scenario.lights.state[:, 0] != 0).sum())
 
 

@@ -1,6 +1,7 @@
 """Runs as scenarios, and exports of them with pictures."""
 
 import numpy as np
+import polars as pl
 import pytest
 
 from scenarionet_data import Lake, ScenarioLoader, convert
@@ -12,6 +13,7 @@ from scenarionet_sim import evaluate
 from scenarionet_sim.render.pictured import WithPictures
 from scenarionet_sim.render.space import Film
 from scenarionet_sim.rollouts.driven import DrivenScenarios
+from scenarionet_sim.rollouts.table import read_rollout
 
 pytestmark = pytest.mark.integration
 
@@ -46,6 +48,19 @@ def test_a_run_replaces_the_recording(lake):
     np.testing.assert_array_equal(scenario.tracks.velocity[ego, steps, 1], np.float32(row[1])[: len(seen)] * seen)
     assert np.abs(scenario.tracks.position[ego, -1] - recorded.tracks.position[ego, -1]).max() > 1.0
     np.testing.assert_array_equal(scenario.tracks.position[:, : row[3]], recorded.tracks.position[:, : row[3]])
+
+
+def test_objects_are_gone_after_the_end_of_an_episode(lake, monkeypatch):
+    def cut(*asked):
+        lists = pl.col("x", "y", "heading", "vx", "vy", "valid").list.head(20)
+        return read_rollout(*asked).with_columns(lists)
+
+    monkeypatch.setattr("scenarionet_sim.rollouts.driven.read_rollout", cut)
+    scenario = driven(lake)[0]
+    scenario.validate()
+    start = read_rollout(Lake(lake), "straight", scenario.id)["start"][0]
+    assert scenario.tracks.valid[scenario.ego_index, : start + 20].all()
+    assert not scenario.tracks.valid[scenario.ego_index, start + 20 :].any()
 
 
 def test_its_vehicle_beside_the_recording(lake):
