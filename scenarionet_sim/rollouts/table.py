@@ -41,6 +41,8 @@ def rollout_rows(rollout: Rollout, world: World, number: int = 0) -> pa.Table:
     rows = np.flatnonzero(rollout.present.any(axis=0))
     present = rollout.present[:, rows].T
     offsets = offsets_of(np.full(len(rows), present.shape[1]))
+    is_always = present.all(axis=1)
+    some = offsets_of(np.where(is_always, 0, present.shape[1]))  # Parquet writers want null lists to be empty
 
     def column(values: Float64) -> pa.Array:
         return list_array(offsets, np.where(present, values[:, rows].T, 0.0).astype(np.float32).ravel())
@@ -56,7 +58,7 @@ def rollout_rows(rollout: Rollout, world: World, number: int = 0) -> pa.Table:
         "heading": column(rollout.heading),
         "vx": column(rollout.velocity[..., 0]),
         "vy": column(rollout.velocity[..., 1]),
-        "valid": list_array(offsets, present.ravel(), mask=np.array(present.all(axis=1))),
+        "valid": list_array(some, present[~is_always].ravel(), mask=is_always),
         "rollout": pa.array(np.full(len(rows), number, np.int32)),
     }
     return pa.table(columns)
