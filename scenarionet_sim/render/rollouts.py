@@ -1,15 +1,34 @@
-"""Rollouts of an evaluation run, as moments to draw."""
+"""Rollouts of an evaluation run, as rows and as moments to draw."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import Moment, Scene
-from scenarionet_sim.rollouts.table import read_rollout
+
+_ROWS = """
+    SELECT track_id, is_judged, start, x, y, heading, vx, vy, valid
+    FROM rollouts
+    WHERE run = $run AND scenario_id = $scenario_id AND rollout = $rollout
+"""
+
+
+def read_rollout(lake: Lake, run: str, scenario_id: str, rollout: int = 0) -> pl.DataFrame:
+    """Return a row for each object of a rollout: track_id, is_judged, start, and lists over the episode.
+
+    Raises:
+        BadParameter: The run has no such rollout of the scenario.
+    """
+    rows = lake.sql(_ROWS, {"run": run, "scenario_id": scenario_id, "rollout": rollout})
+    if rows.is_empty():
+        runs = ", ".join(lake.sql("SELECT DISTINCT run FROM rollouts ORDER BY run")["run"]) or "none"
+        raise BadParameter(f"run {run!r} has no rollout {rollout} of {scenario_id}; runs in this lake: {runs}")
+    return rows
 
 
 def rollout_moments(lake: Lake | str | Path, run: str, scene: Scene, rollout: int = 0) -> list[Moment]:

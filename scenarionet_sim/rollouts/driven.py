@@ -11,7 +11,7 @@ import polars as pl
 
 from scenarionet_data import Lake, ScenarioDescription, ScenarioLoader, Tracks, resample
 from scenarionet_data.arrays.dtypes import Bool, Float32, IntP
-from scenarionet_sim.rollouts.table import read_rollout
+from scenarionet_sim.render.rollouts import read_rollout
 from scenarionet_sim.worlds.world import STEP
 
 

@@ -1,39 +1,17 @@
-"""Convert rollouts to rows of ``schemas/rollouts.toml``, and read them from a lake."""
+"""Convert rollouts to rows of ``schemas/rollouts.toml``."""
 
 from __future__ import annotations
 
 import numpy as np
-import polars as pl
 import pyarrow as pa
 
-from scenarionet_data import Lake
 from scenarionet_data.arrays.columns import offsets_of
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.codec.arrow import list_array, names_of, string_array
-from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.schema import tables
 from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
-
-_ROWS = """
-    SELECT track_id, is_judged, start, x, y, heading, vx, vy, valid
-    FROM rollouts
-    WHERE run = $run AND scenario_id = $scenario_id AND rollout = $rollout
-"""
-
-
-def read_rollout(lake: Lake, run: str, scenario_id: str, rollout: int = 0) -> pl.DataFrame:
-    """Return a row for each object of a rollout: track_id, is_judged, start, and lists over the episode.
-
-    Raises:
-        BadParameter: The run has no such rollout of the scenario.
-    """
-    rows = lake.sql(_ROWS, {"run": run, "scenario_id": scenario_id, "rollout": rollout})
-    if rows.is_empty():
-        runs = ", ".join(lake.sql("SELECT DISTINCT run FROM rollouts ORDER BY run")["run"]) or "none"
-        raise BadParameter(f"run {run!r} has no rollout {rollout} of {scenario_id}; runs in this lake: {runs}")
-    return rows
 
 
 def rollout_rows(rollout: Rollout, world: World, number: int = 0) -> pa.Table:
@@ -41,7 +19,7 @@ def rollout_rows(rollout: Rollout, world: World, number: int = 0) -> pa.Table:
     rows = np.flatnonzero(rollout.present.any(axis=0))
     present = rollout.present[:, rows].T
     offsets = offsets_of(np.full(len(rows), present.shape[1]))
-    is_always = present.all(axis=1)
+    is_always: Bool = np.asarray(present.all(axis=1))
     some = offsets_of(np.where(is_always, 0, present.shape[1]))  # Parquet writers want null lists to be empty
 
     def column(values: Float64) -> pa.Array:

@@ -11,9 +11,9 @@ from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.mcap.writer import McapWriter
 from scenarionet_sim import evaluate
 from scenarionet_sim.render.pictured import WithPictures
+from scenarionet_sim.render.rollouts import read_rollout
 from scenarionet_sim.render.space import Film
 from scenarionet_sim.rollouts.driven import DrivenScenarios
-from scenarionet_sim.rollouts.table import read_rollout
 
 pytestmark = pytest.mark.integration
 
