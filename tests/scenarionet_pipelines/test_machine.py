@@ -88,7 +88,7 @@ def test_requirements_of_a_checkout_match_the_package(monkeypatch):
 
     monkeypatch.setattr("importlib.metadata.requires", absent)
     found = [local.parse(text) for text in local._requirements()]
-    assert Requirement("pyarrow", ">=19,<27", "", "") in found
+    assert Requirement("pyarrow", ">=20,<27", "", "") in found
     assert Requirement("pybullet", ">=3.2.7,<4", "sim", "3.11.") in found
     assert [f for f in local.examine_installation() if "scenarionet-lake is not" in f.found] == []
 
