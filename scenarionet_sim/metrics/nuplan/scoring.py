@@ -28,9 +28,6 @@ WEIGHTS: Mapping[str, float] = {
     "ego_is_comfortable": 2.0,
 }
 
-MIN_PROGRESS_RATIO = 0.2
-"""Share of the recorded progress from which the ego makes progress."""
-
 _MIN_PROGRESS = 2.0
 """Lower bound of both distances in the ratio; reversing by more gives a ratio of 0 [m]."""
 
@@ -96,6 +93,11 @@ def driving_direction(progress: Iterable[float], dt: float) -> tuple[float, floa
 def direction_score(distance: float) -> float:
     """1 below 2 m driven against the traffic within one second, 0.5 below 6 m, else 0."""
     return 1.0 if distance < 2.0 else 0.5 if distance < 6.0 else 0.0
+
+
+def progress_score(ratio: float) -> float:
+    """1 from a fifth of the recorded progress on, else 0: ``ego_is_making_progress``."""
+    return float(ratio >= 0.2)
 
 
 def progress_ratio(driven: float, recorded: float) -> float:

@@ -16,11 +16,11 @@ from scenarionet_sim.metrics.drive import DrivenEpisode, EgoDrive, SurroundingBo
 from scenarionet_sim.metrics.lanes import DrivenLanes
 from scenarionet_sim.metrics.nuplan.collisions import CollisionKind, collision_score, find_collisions
 from scenarionet_sim.metrics.nuplan.scoring import (
-    MIN_PROGRESS_RATIO,
     closed_loop_score,
     direction_score,
     driving_direction,
     progress_ratio,
+    progress_score,
     speed_limit_score,
 )
 from scenarionet_sim.metrics.nuplan.time_to_collision import BOUND, time_to_collision
@@ -107,7 +107,7 @@ def _score(row: dict[str, Any]) -> float | None:
             "no_ego_at_fault_collisions": row["no_ego_at_fault_collisions"],
             "drivable_area_compliance": float(row["off_road_time"] == 0.0),
             "driving_direction_compliance": direction_score(row["wrong_way_distance"]),
-            "ego_is_making_progress": float(row["progress_ratio"] >= MIN_PROGRESS_RATIO),
+            "ego_is_making_progress": progress_score(row["progress_ratio"]),
             "ego_progress_along_expert_route": row["progress_ratio"],
             "time_to_collision_within_bound": float(row["is_time_to_collision_in_bound"]),
             "speed_limit_compliance": row["speed_limit_compliance"],

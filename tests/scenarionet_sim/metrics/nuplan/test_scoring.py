@@ -7,7 +7,7 @@ import pytest
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.metrics.nuplan import closed_loop_score, driving_direction, plan_errors, speed_limit_score
-from scenarionet_sim.metrics.nuplan.scoring import MULTIPLIERS, WEIGHTS
+from scenarionet_sim.metrics.nuplan.scoring import MULTIPLIERS, WEIGHTS, direction_score, progress_score
 
 
 def test_closed_loop_score():
@@ -43,6 +43,16 @@ def test_driving_direction(step: float, score: float):
 
 def test_direction_of_the_last_second_only():
     assert driving_direction([0.0, -5.0, *[0.0] * 20, -3.0], 0.1)[1] == pytest.approx(-5.0)
+
+
+@pytest.mark.parametrize(("distance", "score"), [(1.9, 1.0), (2.0, 0.5), (5.9, 0.5), (6.0, 0.0)])
+def test_direction(distance: float, score: float):
+    assert direction_score(distance) == score
+
+
+@pytest.mark.parametrize(("ratio", "score"), [(0.0, 0.0), (0.199, 0.0), (0.2, 1.0), (1.0, 1.0)])
+def test_progress(ratio: float, score: float):
+    assert progress_score(ratio) == score
 
 
 def test_open_loop_score():

@@ -30,7 +30,8 @@ def scenario() -> ScenarioDescription:
     made = make_drive("abc", num_steps=91, others=others)
     tracks = replace(made.tracks, ids=strings(["12", "7", "9"]))
     name = make_scenario_id("waymo", "v1", "abc")
-    return replace(made, id=name, dataset="waymo", tracks=tracks, ego_id="12", current_timestep=10)
+    origin = np.array([1000.0, -200.0, 30.0])
+    return replace(made, id=name, dataset="waymo", origin=origin, tracks=tracks, ego_id="12", current_timestep=10)
 
 
 @pytest.fixture(scope="module")
@@ -46,10 +47,10 @@ def test_submission_of_a_run_is_read_back_and_scored(lake: Lake, scenario: Scena
     assert ours.scenario_id == "abc" and ours.object_ids.tolist() == [7, 12]
     assert ours.position.shape == (3, 2, 80, 3)
     ends = lake.sql("SELECT x[-1] AS x FROM rollouts WHERE run = 'ours' AND is_judged ORDER BY rollout")["x"]
-    assert ours.position[:, 1, -1, 0] == pytest.approx(ends.to_numpy())
+    assert ours.position[:, 1, -1, 0] == pytest.approx(ends.to_numpy() + 1000.0)
     assert len(set(ends)) == 3, "the rollouts differ"
-    seen = scenario.tracks.position[1, 20, 0]
-    assert ours.position[:, 0, 9:, 0] == pytest.approx(np.full((3, 71), seen)), "held where it was last seen"
+    seen = scenario.tracks.position[1, 20] + scenario.origin
+    assert ours.position[:, 0, 9:] == pytest.approx(np.full((3, 71, 3), seen)), "held where it was last seen"
     write_submission(tmp_path / "ours.binproto", [ours])
     (again,) = read_submission(tmp_path / "ours.binproto")
     assert (again.position == ours.position).all() and (again.heading == ours.heading).all()
@@ -64,7 +65,7 @@ def test_the_recording_as_rollouts_begins_a_step_after_the_present(scenario: Sce
     for now in (10, 11):
         found = log_rollouts(replace(scenario, current_timestep=now), 2)
         assert found.position.shape == (2, 2, 90 - now, 3)
-        assert found.position[0, 1, 0, 0] == pytest.approx(now + 1.0), "the ego at 10 m/s"
+        assert found.position[0, 1, 0, 0] == pytest.approx(1000.0 + now + 1.0), "the ego at 10 m/s"
 
 
 def test_run_without_the_episode_of_the_challenge_is_refused(lake: Lake):
