@@ -1,11 +1,13 @@
 """A scenario as the training simulators hold it: 91 timesteps of a few kinds of objects, and roads as polylines.
 
-GPUDrive's JSON and PufferDrive's binary maps share this step; coordinates are those of the source frame.
+GPUDrive's JSON, PufferDrive's binary maps and Waymax's examples share this step; coordinates are those of the source
+frame.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +32,7 @@ class TrainingScene:
         steps: 91 timesteps of the scenario.
         position: (N, 91, 3) float64 [m]. heading: (N, 91) [rad]. velocity: (N, 91, 2) [m/s].
         valid: (N, 91).
-        size: (N, 3) length, width, height [m].
+        size: (N, 91, 3) length, width, height [m].
         goal: (N, 3) last valid position [m].
         ids: (N,) numbers that are their ids.
         ego: Row of the ego among these objects.
@@ -49,9 +51,28 @@ class TrainingScene:
     ego: int
     roads: list[tuple[int, int, Float64]]
 
+    def first_size(self, losses: Losses) -> Float64:
+        """Return the size (N, 3) of each object when it is first seen [m], for files that hold one size."""
+        first: Float64 = self.size[np.arange(len(self.rows)), np.argmax(self.valid, axis=1)]
+        changes = np.abs(np.where(self.valid[..., None], self.size - first[:, None], 0.0))
+        losses.approximate(
+            "objects whose size changes",
+            int((changes.max(axis=(1, 2), initial=0.0) > 0.01).sum()),
+            float(changes.max(initial=0.0)),
+            "m",
+        )
+        return first
 
-def make_scene(scenario: ScenarioDescription, losses: Losses) -> TrainingScene:
+
+def make_scene(
+    scenario: ScenarioDescription, losses: Losses, kinds: Collection[ObjectType] = OBJECT_NAMES.keys()
+) -> TrainingScene:
     """Select the timesteps and objects that the training simulators hold, with the ego first to be kept.
+
+    Args:
+        scenario: The scenario.
+        losses: Collects what is left out.
+        kinds: Types of objects that are kept.
 
     Raises:
         InvalidScenario: The scenario is shorter than 91 timesteps.
@@ -69,11 +90,8 @@ def make_scene(scenario: ScenarioDescription, losses: Losses) -> TrainingScene:
     losses.leave_out("timesteps", num_steps - NUM_STEPS)
     late = scenario.current_timestep - first - HISTORY
     losses.approximate("current timesteps, which are the eleventh", int(late != 0), abs(late) * scenario.dt, "s")
-    is_kept = np.isin(tracks.object_type, list(OBJECT_NAMES)) & tracks.valid[:, steps].any(axis=1)
-    losses.leave_out(
-        "objects that are no vehicles, pedestrians or cyclists, or not seen in these timesteps", int((~is_kept).sum())
-    )
-    losses.leave_out("states of traffic lights", int((scenario.lights.state[:, steps] != 0).sum()))
+    is_kept = np.isin(tracks.object_type, list(kinds)) & tracks.valid[:, steps].any(axis=1)
+    losses.leave_out("objects of other types, or not seen in these timesteps", int((~is_kept).sum()))
     rows = np.flatnonzero(is_kept)
     held = set(tracks.ids[rows])
     losses.leave_out("objects of interest", sum(track not in held for track in scenario.objects_of_interest))
@@ -81,20 +99,11 @@ def make_scene(scenario: ScenarioDescription, losses: Losses) -> TrainingScene:
     valid = tracks.valid[rows, steps]
     position = tracks.position[rows, steps].astype(np.float64) + scenario.origin
     last = NUM_STEPS - 1 - np.argmax(valid[:, ::-1], axis=1)
-    first_seen = np.argmax(valid, axis=1)
     goal = position[np.arange(len(rows)), last]
     for place, row in enumerate(rows):
         asked = json.loads(tracks.extras[row] or "{}").get("goal_position")
         if asked is not None:
             goal[place] = asked
-    size = tracks.size[rows, steps].astype(np.float64)
-    changes = np.abs(np.where(valid[..., None], size - size[np.arange(len(rows)), first_seen][:, None], 0.0))
-    losses.approximate(
-        "objects whose size changes",
-        int((changes.max(axis=(1, 2), initial=0.0) > 0.01).sum()),
-        float(changes.max(initial=0.0)),
-        "m",
-    )
     ego = np.flatnonzero(rows == tracks.index(scenario.ego_id))
     if not len(ego):
         raise InvalidScenario(
@@ -102,7 +111,7 @@ def make_scene(scenario: ScenarioDescription, losses: Losses) -> TrainingScene:
         )
     return TrainingScene(
         rows, steps, position, tracks.heading[rows, steps].astype(np.float64),
-        tracks.velocity[rows, steps].astype(np.float64), valid, size[np.arange(len(rows)), first_seen], goal,
+        tracks.velocity[rows, steps].astype(np.float64), valid, tracks.size[rows, steps].astype(np.float64), goal,
         _numbers([tracks.ids[row] for row in rows], "objects", losses), int(ego[0]), _roads(scenario, losses),
     )  # fmt: skip
 

@@ -24,6 +24,8 @@ class GpuDriveWriter:
     def write(self, scenario: ScenarioDescription, stem: str, losses: Losses) -> Mapping[str, bytes]:
         """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.FormatWriter`."""
         scene = make_scene(scenario, losses)
+        losses.leave_out("states of traffic lights", int((scenario.lights.state[:, scene.steps] != 0).sum()))
+        size = scene.first_size(losses)
         losses.leave_out("objects beyond those that GPUDrive reads", max(len(scene.rows) - MAX_OBJECTS, 0))
         losses.leave_out("roads beyond those that GPUDrive reads", max(len(scene.roads) - MAX_ROADS, 0))
         place_of = {scenario.tracks.ids[row]: place for place, row in enumerate(scene.rows[:MAX_OBJECTS])}
@@ -37,7 +39,10 @@ class GpuDriveWriter:
             {
                 "name": f"{stem}.json",
                 "scenario_id": scenario.source.scenario_id,
-                "objects": [_object(scenario, scene, place) for place in range(min(len(scene.rows), MAX_OBJECTS))],
+                "objects": [
+                    _object(scenario, scene, place, size[place].tolist())
+                    for place in range(min(len(scene.rows), MAX_OBJECTS))
+                ],
                 "roads": [_road(scenario, each, losses) for each in scene.roads[:MAX_ROADS]],
                 "tl_states": {},
                 "metadata": {
@@ -50,7 +55,7 @@ class GpuDriveWriter:
         return {f"{stem}.json": text.encode()}
 
 
-def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int) -> dict[str, Any]:
+def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int, size: list[float]) -> dict[str, Any]:
     row, valid = scene.rows[place], scene.valid[place]
     extras = json.loads(scenario.tracks.extras[row] or "{}")
 
@@ -61,7 +66,7 @@ def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int) -> 
             for value, is_valid in zip(values.tolist(), valid.tolist(), strict=True)
         ]
 
-    length, width, height = scene.size[place].tolist()
+    length, width, height = size
     is_expert = extras.get("mark_as_expert")
     if is_expert is None:
         is_expert = crosses_edges(scene.position[place], valid, scenario.map, scenario.origin)

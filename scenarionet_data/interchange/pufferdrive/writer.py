@@ -44,7 +44,9 @@ class PufferDriveWriter:
     def write(self, scenario: ScenarioDescription, stem: str, losses: Losses) -> Mapping[str, bytes]:
         """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.FormatWriter`."""
         scene = make_scene(scenario, losses)
-        objects = [_object(scenario, scene, place) for place in range(len(scene.rows))]
+        losses.leave_out("states of traffic lights", int((scenario.lights.state[:, scene.steps] != 0).sum()))
+        size = scene.first_size(losses)
+        objects = [_object(scenario, scene, place, size[place].tolist()) for place in range(len(scene.rows))]
         roads = [] if scenario.map is None else [self._road(scenario.map, each, losses) for each in scene.roads]
         place_of = {scenario.tracks.ids[row]: place for place, row in enumerate(scene.rows)}
         predicted = tuple(place_of[track] for track, _ in scenario.tracks_to_predict if track in place_of)
@@ -77,7 +79,7 @@ class PufferDriveWriter:
         return Entity(ROAD_TYPES[name], feature_id, points.astype(np.float32))
 
 
-def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int) -> Entity:
+def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int, size: list[float]) -> Entity:
     row, valid = scene.rows[place], scene.valid[place]
     extras = json.loads(scenario.tracks.extras[row] or "{}")
     is_expert = extras.get("mark_as_expert")
@@ -89,7 +91,7 @@ def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int) -> 
         return np.where(is_known, values, INVALID).astype(np.float32)
 
     velocity = np.concatenate([scene.velocity[place], np.zeros((len(valid), 1))], axis=1)
-    length, width, height = scene.size[place].tolist()
+    length, width, height = size
     return Entity(
         kind=OBJECT_TYPES[object_name(scenario.tracks.object_type[row])],
         id=scene.ids[place],

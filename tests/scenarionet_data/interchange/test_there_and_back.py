@@ -52,7 +52,7 @@ def differing(name: str, before: ScenarioDescription, after: ScenarioDescription
     note("timesteps", before.num_timesteps != after.num_timesteps)
     kept = np.arange(len(tracks))[np.isin(tracks.object_type, (1, 2, 3)) & tracks.valid[:, scene.steps].any(axis=1)]
     assert rows.tolist() == kept.tolist()
-    note("objects that are no vehicles, pedestrians or cyclists, or not seen in these timesteps",
+    note("objects of other types, or not seen in these timesteps",
          len(tracks) != len(after.tracks))  # fmt: skip
     # What formats hold: states, sizes, types, points of the map.
     assert np.array_equal(after.tracks.valid, tracks.valid[rows, scene.steps])
