@@ -36,6 +36,7 @@ NO_EFFECT = ("core/RemoveDecorator", "core/ExceptionReplacer")
 KERNELS = FOLDER / "kernels"  # machine code without a mutant
 LONGEST = 3.0  # times the processor time without a mutant: tests that take longer loop for ever, which counts as caught
 BAR = 0.9
+_MARKS = "not integration and not damage and not packaging", "integration"  # those of .ci/run: whole programs come last
 
 
 @dataclass(frozen=True)
@@ -56,20 +57,20 @@ class Area:
             seconds: Processor time that each half may take; 0 for any.
         """
         python = ROOT / (".venv-learn" if self.needs_torch else ".venv") / "bin" / "python"
+        run = f"{python} -m pytest -x -q -p no:cacheprovider -m"
         marks = (
-            "learn and not long"
-            if self.needs_torch
-            else "not long and not learn and not integration and not damage and not packaging"
+            ["learn and not long"] if self.needs_torch else [f"not long and not learn and {mark}" for mark in _MARKS]
         )
-        run = f"{python} -m pytest -x -q -p no:cacheprovider -m '{marks}'"
         if module is None:
-            return f"{run} {' '.join(self.tests)}"
-        name, mirror = f"from {'.'.join(module.with_suffix('').parts)} import", "tests" / module.parent
-        files = [path for folder in self.tests for path in sorted([Path(folder), *Path(folder).rglob("test_*.py")])]
-        files = [path for path in files if path.is_file()]
-        near = [path for path in files if path.parent == mirror or name in path.read_text("utf-8")]
-        halves = [half for half in (near, [path for path in files if path not in near]) if half]
-        runs = [f"{{ {run} {' '.join(map(str, half))} || [ $? = 5 ]; }}" for half in halves]  # 5: all have other marks
+            commands = [f"{run} '{mark}' {' '.join(self.tests)}" for mark in marks]
+        else:
+            name, mirror = f"from {'.'.join(module.with_suffix('').parts)} import", "tests" / module.parent
+            files = [path for folder in self.tests for path in sorted([Path(folder), *Path(folder).rglob("test_*.py")])]
+            files = [path for path in files if path.is_file()]
+            near = [path for path in files if path.parent == mirror or name in path.read_text("utf-8")]
+            halves = [half for half in (near, [path for path in files if path not in near]) if half]
+            commands = [f"{run} '{mark}' {' '.join(map(str, half))}" for mark in marks for half in halves]
+        runs = [f"{{ {command} || [ $? = 5 ]; }}" for command in commands]  # 5: all have other marks
         return shlex.join(["sh", "-c", f"ulimit -t {seconds or 'unlimited'}; {' && '.join(runs)}"])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import random
 
 import pytest
@@ -80,6 +81,28 @@ def test_replacing_a_shard_within_a_merged_partition(files, template, few):
     assert commits.consolidate(files).operation == "consolidate metadata"
     assert stored_ids(files) == wanted
     assert all("merged" in name for name in snapshots.read(files).metadata)
+
+
+def test_a_damaged_file_of_an_earlier_job_is_merged_again(files, template, few):
+    records = [write_shard(files.root, [renamed(template, f"s{k}")], name=f"shard{k}") for k in range(9)]
+    commits.commit(files, records, "test")
+    wanted = metadata_files.layout(metadata_files.shard_files(records))
+    name = next(name for name, sources in wanted.items() if sources != [name])
+    files.path(name).write_bytes(b"half a file")
+    assert name in commits.consolidate(files).metadata
+    assert files.verify(name)
+    assert stored_ids(files) == sorted(f"made/v1/s{k}" for k in range(9))
+
+
+def test_names_of_merged_files_do_not_change_between_versions(few):
+    own = [f"metadata/dataset=d/version=v/split=s/{k}.parquet" for k in range(9)]
+
+    def digest(names):
+        return hashlib.blake2b("\n".join(names).encode(), digest_size=8).hexdigest()
+
+    parts = [[name for name in own if int(digest([name]), base=16) % 4 == k] for k in range(4)]
+    expected = {f"metadata/dataset=d/version=v/split=s/merged-{digest(part)}.parquet": part for part in parts if part}
+    assert metadata_files.layout(own) == expected
 
 
 def test_large_partitions_stay_within_the_limit():
