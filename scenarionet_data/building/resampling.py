@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, is_number
 from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.building.tracks import make_tracks
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario.description import ScenarioDescription, Tracks
+from scenarionet_data.scenario.description import ScenarioDescription, Tracks, check_scenario
 
 _SAME_TIME = 1e-6
 """Times closer than this are the same [s]."""
@@ -77,7 +77,7 @@ class Resampling:
         return turned
 
 
-def resample(scenario: ScenarioDescription, dt: float) -> ScenarioDescription:
+def resample(scenario: ScenarioDescription, dt: float | None = None) -> ScenarioDescription:
     """Return a scenario with timesteps of ``dt`` seconds; the same object if its timesteps are that already.
 
     Positions, velocities and headings are interpolated, and flagged in ``tracks.is_interpolated``. Sizes and lights
@@ -85,13 +85,15 @@ def resample(scenario: ScenarioDescription, dt: float) -> ScenarioDescription:
 
     Args:
         scenario: The scenario.
-        dt: Timestep [s].
+        dt: Timestep [s]; ``scenario.dt`` by default, if steps differ.
 
     Raises:
-        BadParameter: ``dt`` is not a time above 0.
+        BadParameter: It is no scenario, or ``dt`` is not a time above 0.
     """
-    if not 0.0 < dt < np.inf:
-        raise BadParameter(f"dt: expected a timestep above 0 s, found {dt}")
+    check_scenario(scenario)
+    dt = scenario.dt if dt is None else dt
+    if not (is_number(dt) and 0.0 < dt < np.inf):
+        raise BadParameter(f"dt: expected a timestep above 0 s, found {dt!r}")
     times = scenario.timestamps
     if np.abs(times - np.arange(len(times)) * dt).max() <= _TOLERANCE * dt:
         return scenario

@@ -100,7 +100,7 @@ def convert(
             committer.commit()
         jobs = [ShardJob(dataset, shard, str(files.root), limit, check) for shard in plan.shards]
         if limit is None:
-            executor = executor or executor_for(min(workers, len(jobs)))
+            executor = executor or executor_for(workers, len(jobs))
             results = executor(jobs, convert_shard, lost_shard)
         else:
             results = run_limited(jobs, limit)

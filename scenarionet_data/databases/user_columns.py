@@ -146,7 +146,7 @@ def check_name(name: str) -> None:
     metadata = tables.load("metadata")
     if name in {column.name for column in (*metadata.columns, *metadata.derived)} | _RESERVED:
         raise BadParameter(f"{name!r} is a column of every lake; choose another name")
-    if not _NAME.fullmatch(name):
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise BadParameter(
             f"{name!r} is not a valid name of a user column; use lower-case letters, digits and '_', a letter first"
         )

@@ -14,7 +14,8 @@ from itertools import islice
 from multiprocessing import get_context
 from typing import Generic, Protocol, TypeVar
 
-from scenarionet_data.errors import WorkerLost
+from scenarionet_data.arrays.dtypes import is_count
+from scenarionet_data.errors import BadParameter, WorkerLost
 from scenarionet_data.execution.worker import follow_parent, peak_memory, worker_name
 
 Work = TypeVar("Work")
@@ -67,9 +68,16 @@ def _replacement(job: Work, reason: str, on_lost: OnLost[Work, Done] | None) -> 
     return on_lost(job, reason)
 
 
-def executor_for(workers: int) -> Executor:
-    """:func:`run_serially` for one worker, else a :class:`ProcessExecutor`."""
-    return run_serially if workers <= 1 else ProcessExecutor(workers)
+def executor_for(workers: int, num_jobs: int | None = None) -> Executor:
+    """:func:`run_serially` for one worker or job, else a :class:`ProcessExecutor` of no more workers than jobs.
+
+    Raises:
+        BadParameter: ``workers`` is no number of processes.
+    """
+    if not is_count(workers, 1):
+        raise BadParameter(f"workers: wanted 1 or more, found {workers!r}")
+    needed = workers if num_jobs is None else min(workers, num_jobs)
+    return run_serially if needed <= 1 else ProcessExecutor(needed)
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,7 @@ def compact(
         bins = plan_compaction(lake, profile, where=where)
         if on_progress:
             on_progress(0, len(bins), 0)
-        workers_for = executor or executor_for(min(workers, len(bins)))
+        workers_for = executor or executor_for(workers, len(bins))
         done, late, failed = rewrite_bins(files, bins, workers_for, f"compact for {profile}", on_progress)
         for each in done:
             report.count(each)

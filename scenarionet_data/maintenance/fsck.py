@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scenarionet_data.arrays.dtypes import is_count
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.maintenance import content_checks, database_checks, run_checks
 from scenarionet_data.maintenance.findings import Findings
@@ -98,8 +100,11 @@ def fsck(
         on_progress: Called after each table file.
 
     Raises:
+        BadParameter: ``workers`` is no number of threads.
         NoSuchSnapshot: Not a lake.
     """
+    if not (workers is None or is_count(workers, 1)):
+        raise BadParameter(f"workers: wanted 1 or more, found {workers!r}")
     files = open_files(lake)
     snapshots.check_is_lake(files)
     found = Findings([Damage(name, f"{what}, expected a file") for name, what in files.strange().items()])

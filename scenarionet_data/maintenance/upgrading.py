@@ -80,7 +80,7 @@ def upgrade(lake: LakeFilesLike, *, workers: int = 1, on_progress: Progress | No
         files.sweep()
         for _ in range(ROUNDS):
             bins = list(_unsealed_bins(files))
-            executor = executor_for(min(workers, len(bins)))
+            executor = executor_for(workers, len(bins))
             done, late, failed = rewrite_bins(files, bins, executor, "upgrade", on_progress)
             report.shards += sum(len(each.old) for each in done)
             report.left = sum(len(each.old) for each in late)

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from operator import itemgetter
 
+from scenarionet_data.arrays.dtypes import is_count, is_number
 from scenarionet_data.databases import record as databases
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
@@ -84,8 +85,10 @@ def _plan(files: LakeFiles, keep_last: int | None, older_than: float | None) -> 
     """The plan, and the existing snapshots."""
     if keep_last is None and older_than is None:
         raise BadParameter("give keep_last or older_than: the number of newest snapshots to keep, or their maximum age")
-    if (keep_last is not None and keep_last < 1) or (older_than is not None and older_than < 0):
-        raise BadParameter("keep at least the newest snapshot, the current content of the lake")
+    if not (keep_last is None or is_count(keep_last, 1)):
+        raise BadParameter(f"keep_last={keep_last!r}; keep at least the newest snapshot, the content of the lake")
+    if not (older_than is None or (is_number(older_than) and older_than >= 0)):
+        raise BadParameter(f"older_than={older_than!r}; expected a time of 0 s or more")
     snapshots.newest(files)
     # List files before reading snapshots: a file committed in between is either referenced or not listed.
     listed, published = list_files(files), snapshots.published(files)

@@ -20,6 +20,7 @@ from scenarionet_data.errors import BadParameter, ScenarioNotFound, UserColumnEx
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.query.named_sql import EVENTS, Conditions
 from scenarionet_data.query.statements import check_expression
+from scenarionet_data.storage.files.places import path_of
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ class Tagging(LakeView):
             column: Name of the column in the file; needed if it has several besides scenario_id.
             replace: Add a version if the user column exists.
         """
-        path = Path(path)
+        path = path_of(path, "give a file of this machine")
         if path.suffix not in (".csv", ".parquet"):
             raise BadParameter(f"{path}: wanted a file name that ends in .csv or .parquet")
         if not path.is_file():
@@ -153,7 +154,12 @@ class Tagging(LakeView):
 def _as_column(name: str, rows: pa.Table | pl.DataFrame | Mapping[str, Any]) -> pa.Table:
     """Return a table of scenario_id and the values under the name of the column, in order of id."""
     if isinstance(rows, Mapping):
-        table = pa.table({"scenario_id": pa.array(list(rows), pa.string()), name: list(rows.values())})
+        try:
+            table = pa.table({"scenario_id": pa.array(list(rows), pa.string()), name: list(rows.values())})
+        except pa.ArrowException as error:
+            raise BadParameter(f"user column {name!r}: wanted values of one type by scenario id: {error}") from error
+    elif not isinstance(rows, pa.Table) and not hasattr(rows, "to_arrow"):
+        raise BadParameter(f"user column {name!r}: wanted a table, or a value by scenario id, found {rows!r}")
     else:
         table = rows if isinstance(rows, pa.Table) else rows.to_arrow()
     others = [column for column in table.column_names if column != "scenario_id"]

@@ -40,6 +40,8 @@ def draw_comparison(statistics: Sequence[DatabaseStatistics]) -> Figure:
     Raises:
         BadParameter: There are no scenarios.
     """
+    if not isinstance(statistics, Sequence):
+        raise BadParameter(f"statistics: expected the result of lake.compare, found {statistics!r}")
     shown = [each for each in statistics if each.measures]
     if not shown:
         raise BadParameter("no scenarios to draw; name a database that has some")

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 from matplotlib.figure import Figure
 
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Float64, is_count
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots.palette import SERIES
@@ -146,6 +146,10 @@ def draw_distributions(
         BadParameter: There are no scenarios or too many groups, or a column does not exist.
     """
     view = open_view(lake)
+    if isinstance(columns, str) or not isinstance(columns, Sequence) or not columns:
+        raise BadParameter(f"columns: expected several, such as ['ego_distance'], found {columns!r}")
+    if not (bins is None or is_count(bins, 1)):
+        raise BadParameter(f"bins: expected a whole number of 1 or more, found {bins!r}")
     if not len(view):
         raise BadParameter(f"{view.root}: no scenarios to draw; `scenarionet convert` puts some there")
     width, num_rows = min(3, len(columns)), -(-len(columns) // 3)

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import labels, object_layer
 from scenarionet_data.plots.files import PICTURES, VIDEOS, write_figure, write_video
@@ -22,6 +23,8 @@ from scenarionet_data.plots.scene import Moment, Scene, Window
 from scenarionet_data.plots.style import new_figure, plain, styled
 from scenarionet_data.plots.topdown import DPI, TRAIL, TopDown
 from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.settings import check_settings
+from scenarionet_data.storage.files.places import local_path
 
 _RATIOS = 0.75, 1.8
 """Minimum and maximum default aspect ratio (width / height) of a picture."""
@@ -170,6 +173,11 @@ class Drawing:
     speed: float = 1.0
     color_by: str | None = None
 
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if not min(self.width, self.size, self.speed) > 0:
+            raise BadParameter(f"{self}: expected a width, a size and a speed above 0")
+
     def save(
         self,
         path: Path | str,
@@ -194,7 +202,8 @@ class Drawing:
             BadParameter: The suffix is not supported.
             MissingDependency: The file is an mp4 and PyAV is not installed.
         """
-        kind, scene = Path(path).suffix, Scene.of(scenario)
+        path, scene = local_path(path, "a picture"), Scene.of(scenario)
+        kind = path.suffix
         if kind not in (*PICTURES, *VIDEOS):
             raise BadParameter(f"{path}: give a name that ends with one of {', '.join((*PICTURES, *VIDEOS))}")
         shown = scene.moments() if moments is None else moments
@@ -218,9 +227,7 @@ def until(moments: Sequence[Moment], last: int) -> Sequence[Moment]:
 
 
 def _past(scene: Scene, timestep: int | None) -> list[Moment]:
-    now = scene.current_timestep if timestep is None else timestep
-    if not 0 <= now < scene.num_steps:
-        raise BadParameter(f"{scene.scenario_id}: no timestep {now}; there are 0 to {scene.num_steps - 1}")
+    now = scene.timestep(timestep)
     return [scene.moment(k) for k in range(max(now - TRAIL, 0), now + 1)]
 
 
@@ -273,10 +280,14 @@ def small_multiples(
         has_legend: Draw a legend in each picture.
 
     Raises:
-        BadParameter: No scenarios are given.
+        BadParameter: No scenarios are given, or no number of columns.
     """
+    if not isinstance(scenarios, Sequence | None):
+        raise BadParameter(f"scenarios: expected several, such as [scenario], found {scenarios!r}")
     if not scenarios:
         raise BadParameter("no scenarios to draw; an empty selection has no pictures")
+    if not is_count(columns, 1):
+        raise BadParameter(f"columns: expected a whole number of 1 or more, found {columns!r}")
     columns = min(columns, len(scenarios))
     num_rows = -(-len(scenarios) // columns)
     with styled():

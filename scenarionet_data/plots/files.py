@@ -33,9 +33,10 @@ def write_figure(path: Path | str, figure: Figure) -> None:
     Raises:
         BadParameter: The suffix is not supported.
     """
-    if Path(path).suffix not in PICTURES:
+    path = local_path(path, "a picture")
+    if path.suffix not in PICTURES:
         raise BadParameter(f"{path}: a picture's name ends with one of {', '.join(PICTURES)}")
-    with _whole(local_path(path, "a picture")) as file:
+    with _whole(path) as file:
         figure.savefig(file)
 
 

@@ -12,7 +12,7 @@ from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots.palette import EGO, SERIES
 from scenarionet_data.plots.style import new_figure, plain, styled
-from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.description import ScenarioDescription, check_scenario
 
 _LEAST_SPEED = 1.0
 """Minimum speed for a meaningful curvature [m/s]."""
@@ -64,9 +64,11 @@ def draw_profiles(scenario: ScenarioDescription, track_ids: Sequence[str] | None
         track_ids: Ids of the tracks; the ego by default.
 
     Raises:
-        BadParameter: The track does not exist.
+        BadParameter: It is no scenario, or the track does not exist.
     """
-    chosen = list(track_ids or [scenario.ego_id])
+    if not isinstance(track_ids, Sequence | None):
+        raise BadParameter(f"track_ids: expected ids of tracks, found {track_ids!r}")
+    chosen = list(track_ids or [check_scenario(scenario).ego_id])
     found = {track_id: profile(scenario, track_id) for track_id in chosen}
     others = iter([color for color in SERIES if color != EGO] * len(chosen))
     colors = {track_id: EGO if track_id == scenario.ego_id else next(others) for track_id in chosen}

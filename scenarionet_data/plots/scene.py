@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Object, UInt8, is_number
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Object, UInt8, is_count, is_number
 from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.building import resample
 from scenarionet_data.errors import BadParameter
@@ -82,7 +82,7 @@ class Scene:
         """Return the scene of a scenario, with timesteps of ``scenario.dt``; a scene is returned unchanged."""
         if isinstance(scenario, Scene):
             return scenario
-        scenario = resample(scenario, scenario.dt)
+        scenario = resample(scenario)
         tracks, shapes = scenario.tracks, MapShapes.from_map(scenario.map)
         lane_ids = scenario.map.ids[is_lane(scenario.map.feature_type)] if scenario.map else np.zeros(0, object)
         return cls(
@@ -122,6 +122,18 @@ class Scene:
         """Return the recorded states at a timestep."""
         position, heading = self.position[timestep], self.heading[timestep]
         return Moment(timestep, position.astype(np.float64), heading.astype(np.float64), self.present[timestep])
+
+    def timestep(self, given: int | None) -> int:
+        """Return a timestep, the current one by default.
+
+        Raises:
+            BadParameter: There is no such timestep.
+        """
+        if given is None:
+            return self.current_timestep
+        if not (is_count(given) and given < self.num_steps):
+            raise BadParameter(f"{self.scenario_id}: no timestep {given!r}; there are 0 to {self.num_steps - 1}")
+        return given
 
     def moments(self) -> list[Moment]:
         """Return all recorded states, in order."""

@@ -7,6 +7,8 @@ import io
 import numpy as np
 from PIL import Image
 
+from scenarionet_data.arrays.dtypes import is_count
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import object_layer
 from scenarionet_data.plots.map_layer import map_artists
 from scenarionet_data.plots.scene import Scene, Window
@@ -30,16 +32,21 @@ def thumbnail(
     Returns:
         A PNG file.
 
+    Raises:
+        BadParameter: It is no scenario, size or timestep.
+
     Example:
         Path("thumbnail.png").write_bytes(thumbnail(scenario, (320, 200)))
     """
     scene = Scene.of(scenario)
+    if not (isinstance(size, tuple | list) and len(size) == 2 and all(is_count(side, 1) for side in size)):
+        raise BadParameter(f"size: expected width and height [pixel], such as (240, 180), found {size!r}")
     width, height = size
     shown = Window.on_route(scene).shaped(width / height)
     axes, canvas = blank_axes(width, height)
     left, right, bottom, top = shown.corners
     axes.set(xlim=(left, right), ylim=(bottom, top))
-    now = scene.moment(scene.current_timestep if timestep is None else timestep)
+    now = scene.moment(scene.timestep(timestep))
     boxes = object_layer.boxes(scene, now, least_ego=_LEAST_EGO * shown.width / width)
     for artist in (
         *map_artists(scene.map),

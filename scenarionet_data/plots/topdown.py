@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from scenarionet_data.arrays.dtypes import UInt8
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots import labels, object_layer
 from scenarionet_data.plots.map_layer import map_artists
 from scenarionet_data.plots.palette import GROUND
@@ -42,7 +43,9 @@ class TopDown:
     """
 
     def __init__(self, scene: Scene, window: Window | None = None, size: int = 800, *, follows: bool = True) -> None:
-        self.scene = scene
+        self.scene = Scene.of(scene)
+        if not isinstance(window, Window | None):
+            raise BadParameter(f"window={window!r}; expected a Window, or None")
         self.window = window or Window(0.0, 0.0, 100.0, 100.0)
         self.follows = follows
         self.scale = size / max(self.window.width, self.window.height)  # pixels per metre

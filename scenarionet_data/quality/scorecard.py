@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 
 from scenarionet_data import converters
 from scenarionet_data.converters.base import Budgets
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.quality import releases
 from scenarionet_data.quality.releases import Coverage
 from scenarionet_data.quality.report import CheckReport
@@ -102,7 +103,13 @@ class Scorecard:
 
 
 def make_scorecard(report: CheckReport) -> Scorecard:
-    """Return the scorecard of a check report."""
+    """Return the scorecard of a check report.
+
+    Raises:
+        BadParameter: It is something else.
+    """
+    if not isinstance(report, CheckReport):
+        raise BadParameter(f"expected the report of run_checks(lake), found {report!r}")
     shards = manifests.shards(report.view.files, report.view.snapshot)
     rejected: Counter[tuple[str, ...]] = Counter()
     for shard in shards:

@@ -216,8 +216,11 @@ class LakeView:
             scenario_id: The id, its last part, the id in the source, or another part that only one scenario has.
 
         Raises:
+            BadParameter: It is no text.
             ScenarioNotFound: No scenario matches, or several do; the message lists a few of them.
         """
+        if not isinstance(scenario_id, str):
+            raise BadParameter(f"scenario_id: wanted a text, found {scenario_id!r}")
         rows = f"SELECT * EXCLUDE ({', '.join(ADDRESS_COLUMNS)}) FROM metadata"
         is_last = "source_scenario_id = $id OR ends_with(scenario_id, '/' || $id)"
         for matches in ("scenario_id = $id", is_last, "contains(scenario_id, $id)"):

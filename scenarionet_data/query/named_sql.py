@@ -157,6 +157,8 @@ class Folder:
         if isinstance(given, Mapping):
             found = [(self.load(name), values) for name, values in given.items()]
             return [(file, file.bind(values)) for file, values in found]
+        if not isinstance(given, Iterable) or not all(isinstance(each, str) for each in given):
+            raise BadParameter(f"{self.name}: wanted names, or parameters by name, found {given!r}")
         return list(map(self.parse, given))
 
 

@@ -49,6 +49,10 @@ class SampleLayout:
     tracks: frozenset[str] | None = None
     maps: frozenset[str] | None = None
 
+    def __post_init__(self) -> None:
+        if not callable(self.make):
+            raise BadParameter(f"make={self.make!r}; expected a function of scenarios and choices")
+
     @property
     def columns(self) -> Mapping[str, frozenset[str]] | None:
         """Columns by table; None for all."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.cards import HasCard
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.scenario.parts import (
     ID_LISTS,
@@ -174,3 +175,14 @@ class ScenarioDescription(ScenarioPart, HasCard):
             is_in_map = np.array([lane in lanes for lane in self.lights.lane_ids], dtype=np.bool_)
             same = np.array_equal(is_in_map, self.lights.is_lane_in_map)
             validator.check(same, "lights.is_lane_in_map", "wanted True exactly where lane_id is a map feature")
+
+
+def check_scenario(given: object) -> ScenarioDescription:
+    """Return what is given if it is a scenario.
+
+    Raises:
+        BadParameter: It is not.
+    """
+    if not isinstance(given, ScenarioDescription):
+        raise BadParameter(f"expected a scenario, such as ScenarioLoader('lake')[0]; found {given!r}")
+    return given

@@ -145,8 +145,8 @@ def parse_parameters(given: Mapping[str, Any]) -> tuple[VariedParameter, ...]:
     Raises:
         BadParameter: One of them is wrong, or there are none.
     """
-    if not given:
-        raise BadParameter("no parameters: a variation changes something, for example ego.speed=0.8:1.2")
+    if not given or not isinstance(given, Mapping):
+        raise BadParameter(f"parameters {given!r}: a variation changes something, for example ego.speed=0.8:1.2")
     return tuple(VariedParameter(name, distribution_text(value)) for name, value in given.items())
 
 

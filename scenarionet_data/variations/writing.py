@@ -25,6 +25,7 @@ from scenarionet_data.ingest.shard import RawItem, Shard, bucket
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import ScenarioDescription, is_scenario_id, make_scenario_id
+from scenarionet_data.scenario.settings import check_settings
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.variations.changes import change, find_track
@@ -52,6 +53,10 @@ class VariationSpace:
     method: Method = "random"
     acceleration: float = ACCELERATION
     jerk: float = JERK
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        parse_parameters(self.parameters)
 
 
 @dataclass(frozen=True)
@@ -144,7 +149,9 @@ def vary(
         ScenarioNotFound: The lake does not have a scenario.
         DuplicateScenario: There are variations of that name with other values.
     """
-    if not re.fullmatch(r"[A-Za-z0-9._-]+", name):
+    if not isinstance(space, VariationSpace):
+        raise BadParameter(f"space: wanted VariationSpace({{'ego.speed': (0.8, 1.2)}}), found {space!r}")
+    if not re.fullmatch(r"[A-Za-z0-9._-]+", str(name)):
         raise BadParameter(f"name {name!r}: use letters, digits, '.', '_' and '-'")
     started, parameters = time.monotonic(), parse_parameters(space.parameters)
     view, rows = open_view(lake).find([parents] if isinstance(parents, str) and is_scenario_id(parents) else parents)
@@ -172,5 +179,5 @@ def vary(
     report = ConversionReport(skipped=plan.num_skipped, stale=plan.num_stale)
     committer = Committer(files, plan, f"vary {name}", report, started)
     jobs = [ShardJob(f"{__name__}:{Variations.__name__}", shard, str(files.root)) for shard in plan.shards]
-    run = executor or executor_for(min(workers, len(jobs)))
+    run = executor or executor_for(workers, len(jobs))
     return committer.add_all(run(jobs, convert_shard, lost_shard), len(jobs), on_progress)

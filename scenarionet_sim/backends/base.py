@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.settings import check_settings
 
 if TYPE_CHECKING:
     from scenarionet_sim.worlds.state import State
@@ -54,6 +55,9 @@ class Drive:
     drag: float = 0.0
     rolling: float = 0.0
     reverse: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 class Session(Protocol):

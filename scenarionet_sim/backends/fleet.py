@@ -19,6 +19,8 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float64, UInt8
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.settings import check_settings
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.backends.base import Drive
 
@@ -65,6 +67,11 @@ class Fleet:
     pedestrian: Drive = PEDESTRIAN
     spread: float = 0.0
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if not 0.0 <= self.spread < 1.0:
+            raise BadParameter(f"spread={self.spread}; expected a share in [0, 1)")
 
     def numbers(self, object_type: UInt8, size: Array) -> Float64:
         """Return the numbers of ``Drive`` and the grip of N objects (N, 10), grip last.

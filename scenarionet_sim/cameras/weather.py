@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.arrays.settings import check_numbers
+from scenarionet_data.scenario.settings import check_settings
 from scenarionet_sim.cameras.draw import columns as at
 from scenarionet_sim.cameras.draw.shading import OCTAVES
 from scenarionet_sim.cameras.draw.sky import GRAIN_SIZE
@@ -36,7 +36,7 @@ class Weather:
     wetness: float = 0.0
 
     def __post_init__(self) -> None:
-        check_numbers(self)
+        check_settings(self)
         if not abs(self.sun_elevation) <= np.pi / 2:
             raise BadParameter(f"sun_elevation={self.sun_elevation}; expected an angle in [-pi/2, pi/2] [rad]")
         if not (0 <= self.clouds <= 1 and 0 <= self.wetness <= 1 and self.haze >= 0):

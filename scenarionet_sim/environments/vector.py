@@ -89,12 +89,17 @@ class ScenarioNetVectorEnv(VectorEnv[Any, Array, Array]):
 
         Args:
             seed: Restarts the series; of several, the first is used, since all slots share one series.
-            options: Ignored.
+            options: None; Gymnasium's interface has it.
 
         Raises:
+            BadParameter: There are options: a batch plays its scenarios in order.
             LakeError: A scenario cannot be read.
         """
-        del options
+        if options:
+            raise BadParameter(
+                f"options={options!r}; a batch has no options, expected None: choose scenarios by "
+                "scenarios=Scenarios(lake, ids), or play one from a timestep in ScenarioNetEnv"
+            )
         first = next(iter(seed), None) if isinstance(seed, Sequence) else seed
         if self._episodes.restart(first):
             self._np_random, self._np_random_seed = self._episodes.rng, self._episodes.seed

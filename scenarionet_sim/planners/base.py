@@ -33,7 +33,10 @@ class Trajectory:
     times: Array
 
     def __post_init__(self) -> None:
-        poses, times = np.asarray(self.poses, np.float64), np.asarray(self.times, np.float64)
+        try:
+            poses, times = np.asarray(self.poses, np.float64), np.asarray(self.times, np.float64)
+        except (TypeError, ValueError) as error:
+            raise BadParameter(f"a trajectory of {self.poses!r} at {self.times!r}; expected numbers") from error
         if poses.ndim != 2 or poses.shape[1:] != (3,) or times.shape != (len(poses),) or not len(poses):
             raise BadParameter(
                 f"a trajectory of poses {poses.shape} at times {times.shape}; expected (K, 3) x, y, heading at (K,)"

@@ -52,6 +52,15 @@ class Planned(Policy):
     step_limit: float = 60.0
     episode_limit: float = 1800.0
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not callable(self.planner):
+            raise BadParameter(f"planner={self.planner!r}; expected a class of planners, such as IdmPlanner")
+        for name, kind, example in (("tracker", Tracker, "Lqr()"), ("backend", Backend, "Kinematic()")):
+            value = getattr(self, name)
+            if isinstance(value, type) or not isinstance(value, kind):
+                raise BadParameter(f"{name}={value!r}; expected, for example, {name}={example}")
+
     @property
     def history(self) -> int:
         """Moments that the simulation keeps: the current one and those that the planner asks for."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float64
 from scenarionet_data.arrays.geometry import wrap_angle
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.settings import check_settings
 from scenarionet_sim.planners.base import Trajectory
 
 
@@ -39,6 +41,7 @@ class TrackedVehicle:
     steering: float = 0.0
 
 
+@runtime_checkable
 class Tracker(Protocol):
     """Moves vehicles along trajectories; hashable and picklable."""
 
@@ -127,6 +130,11 @@ class Lqr:
     acceleration_delay: float = 0.2
     steering_delay: float = 0.05
     share: float = _WHEELBASE
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if not (self.step > 0.0 and self.horizon >= 1):
+            raise BadParameter(f"step={self.step}, horizon={self.horizon}; expected a time [s] and a count above 0")
 
     def wheelbase(self, length: float) -> float:
         """Return the distance between the axles of a vehicle [m]."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.arrays.settings import check_numbers
+from scenarionet_data.scenario.settings import check_settings
 from scenarionet_sim.policies.motion_kernels import UNCOMPILED
 from scenarionet_sim.policies.objects import ObjectMask, all_objects
 from scenarionet_sim.worlds.lane_routes import LaneRoute
@@ -39,7 +39,9 @@ class Policy:
     def __post_init__(self) -> None:
         if not callable(self.objects):
             raise BadParameter(f"objects={self.objects!r}; expected a function of a world, such as ego or vehicles")
-        check_numbers(self)
+        if not isinstance(self.route, LaneRoute | None):
+            raise BadParameter(f"route={self.route!r}; expected LaneRoute(goal), or None for the recorded path")
+        check_settings(self)
 
     def selects(self, world: World) -> Bool:
         """Return the mask (N,) of objects it drives, unless a later policy selects them too."""

@@ -62,7 +62,7 @@ def run_parts(
     if not is_count(workers, 1):
         raise BadParameter(f"workers={workers!r}; expected a whole number of 1 or more")
     scenarios = 0
-    executor = executor or executor_for(min(workers, len(jobs)))
+    executor = executor or executor_for(workers, len(jobs))
     for number, result in enumerate(executor(jobs, run_job, on_lost), start=1):
         scenarios += len(result)
         if on_progress:

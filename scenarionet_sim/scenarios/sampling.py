@@ -15,8 +15,8 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.settings import check_settings
 
 
 class Sampler(ABC):
@@ -156,6 +156,15 @@ class Curriculum:
     episodes: int | None = None
     by: str = "difficulty"
 
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if self.levels < 1:
+            raise BadParameter(f"curriculum: expected levels >= 1, found {self.levels}")
+        if not 0.0 < self.success <= 1.0:
+            raise BadParameter(f"curriculum: expected 0 < success <= 1, found {self.success}")
+        if self.episodes is not None and self.episodes < 1:
+            raise BadParameter(f"curriculum: expected episodes >= 1, found {self.episodes}")
+
 
 class CurriculumSampler(Shuffled):
     """Shuffled indices of the current level of a curriculum.
@@ -167,18 +176,14 @@ class CurriculumSampler(Shuffled):
         curriculum: Levels and promotion rule.
 
     Raises:
-        BadParameter: A level would be empty, or a parameter is out of range.
+        BadParameter: A level would be empty.
     """
 
     is_adaptive: ClassVar[bool] = True
 
     def __init__(self, count: int, curriculum: Curriculum) -> None:
-        if not (is_count(curriculum.levels, 1) and curriculum.levels <= count):
+        if curriculum.levels > count:
             raise BadParameter(f"curriculum: {curriculum.levels} levels of {count} scenarios; expected 1 to {count}")
-        if not 0.0 < curriculum.success <= 1.0:
-            raise BadParameter(f"curriculum: expected 0 < success <= 1, found {curriculum.success}")
-        if curriculum.episodes is not None and curriculum.episodes < 1:
-            raise BadParameter(f"curriculum: expected episodes >= 1, found {curriculum.episodes}")
         self._curriculum = curriculum
         self._starts = np.linspace(0, count, curriculum.levels + 1).astype(np.int64)
         self.restart(0)

@@ -76,9 +76,10 @@ class Scenarios:
                 raise BadParameter(f"{name}={getattr(self, name)!r}; expected SQL as text")
         if not isinstance(self.curriculum, Curriculum | None):
             raise BadParameter(f"curriculum={self.curriculum!r}; expected, for example, Curriculum(levels=8)")
-        for name, least in (("worker", None), ("num_workers", 1)):
-            if not is_count(getattr(self, name), least):
-                raise BadParameter(f"{name}={getattr(self, name)!r}; expected a whole number")
+        for name, least in (("worker", None), ("num_workers", 1), ("snapshot", None)):
+            value = getattr(self, name)
+            if not is_count(value, least) and (name, value) != ("snapshot", None):
+                raise BadParameter(f"{name}={value!r}; expected a whole number")
         if not 0 <= self.worker < self.num_workers:
             raise BadParameter(f"worker={self.worker} of num_workers={self.num_workers}; workers are numbered from 0")
 

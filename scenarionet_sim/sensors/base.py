@@ -16,6 +16,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int32
 from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_data.scenario.settings import check_settings
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
@@ -39,6 +40,9 @@ class Sensor(ABC):
     low: ClassVar[float] = 0.0
     high: ClassVar[float] = 1.0
     dtype: ClassVar[type[np.generic]] = np.float32
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
     @property
     @abstractmethod

@@ -102,6 +102,7 @@ class BirdView(Sensor):
     history: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require(is_count(self.size, 1), f"BirdView needs size >= 1, found size={self.size}")
         require(self.resolution > 0, f"BirdView needs a resolution above 0 m, found resolution={self.resolution}")
         require(self.history >= 0, f"BirdView needs history >= 0, found history={self.history}")

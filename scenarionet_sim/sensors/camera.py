@@ -123,32 +123,17 @@ class Camera(Sensor):
     device: str = "cpu"
 
     def __post_init__(self) -> None:
-        for name in [
-            "fov",
-            "intrinsics",
-            "distortion",
-            "range",
-            "exposure",
-            "vignette",
-            "noise",
-            "jitter",
-            "flow_time",
-        ]:
+        super().__post_init__()
+        for name in ("intrinsics", "distortion"):
             numbers = np.asarray(() if name == "intrinsics" and self.intrinsics is None else getattr(self, name))
-            is_right = numbers.dtype.kind in "biuf" and numbers.ndim == (name in ("intrinsics", "distortion"))
+            is_right = numbers.dtype.kind in "biuf" and numbers.ndim == 1
             require(
                 is_right and bool(np.isfinite(numbers).all()),
                 f"{name}={getattr(self, name)!r}; expected finite numbers",
             )
         require(is_count(self.seed), f"seed={self.seed!r}; expected a whole number of 0 or more")
         for name in ("width", "height", "supersampling", "threads"):
-            require(is_count(getattr(self, name), None), f"{name}={getattr(self, name)!r}; expected a whole number")
             object.__setattr__(self, name, int(getattr(self, name)))  # kernels are compiled for one type
-        require(isinstance(self.mount, Mount), f"mount={self.mount!r}; expected, for example, Mount(x=1.2, z=1.5)")
-        is_weather = self.weather is None or isinstance(self.weather, Weather)
-        require(
-            is_weather, f"weather={self.weather!r}; expected DAY, DUSK, OVERCAST or RAIN of cameras.weather, or None"
-        )
         require(min(self.width, self.height) > 0, f"a camera needs pixels, found {self.width} x {self.height}")
         require(max(self.width, self.height) <= 16384, "a camera has at most 16384 pixels along a side")
         require(self.own in OWN_VIEWS, f"own={self.own!r}; choose from {', '.join(OWN_VIEWS)}")
@@ -315,7 +300,14 @@ class Camera(Sensor):
         return out
 
     def split(self, observed: Array) -> dict[str, Array]:
-        """Return views of the channels of observations (..., height, width, values)."""
+        """Return views of the channels of observations (..., height, width, values).
+
+        Raises:
+            BadParameter: These are no observations of this camera.
+        """
+        found = observed.shape if isinstance(observed, np.ndarray) else observed
+        is_right = isinstance(observed, np.ndarray) and observed.shape[-3:] == self.shape
+        require(is_right, f"observed: expected an array (..., {', '.join(map(str, self.shape))}), found {found!r}")
         ends = np.cumsum([CHANNELS[name][0] for name in self.channels]).tolist()
         return {
             name: observed[..., end - CHANNELS[name][0] : end] for name, end in zip(self.channels, ends, strict=True)

@@ -88,6 +88,7 @@ class RaySensor(CompiledSensor):
     dropout: float = 0.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         name = type(self).__name__
         require(is_count(self.rays, 1), f"{name} needs at least one ray, found rays={self.rays}")
         require(0 < self.range < np.inf, f"{name} needs a range above 0 m, found range={self.range}")

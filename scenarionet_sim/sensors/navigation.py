@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32, is_count, is_number
+from scenarionet_data.arrays.dtypes import Array, Int32, is_count
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.sensors.base import Sensor, require, require_located
 from scenarionet_sim.sensors.compiled import CompiledSensor
@@ -37,6 +37,7 @@ class Navigation(CompiledSensor):
     range: float = 25.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require(is_count(self.points, 1), f"navigation needs at least one point, found points={self.points}")
         scales = self.spacing, self.range
         require(min(scales) > 0, f"spacing and range of navigation must be above 0 m, found {scales}")
@@ -67,7 +68,7 @@ class LightAhead(Sensor):
     range: float = 50.0
 
     def __post_init__(self) -> None:
-        require(is_number(self.range), f"range={self.range!r}; expected a number [m]")
+        super().__post_init__()
         require(self.range > 0, f"the range of LightAhead must be above 0 m, found range={self.range}")
 
     @property

@@ -45,6 +45,7 @@ class PointCloud(Sensor):
     dropout: float = 0.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require(
             is_count(self.rings, 1) and is_count(self.azimuths, 1),
             "a point cloud needs at least one ring and one azimuth",

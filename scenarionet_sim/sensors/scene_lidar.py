@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32, is_count, is_number
+from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32
 from scenarionet_sim.cameras.classes import SemanticClass
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
@@ -68,12 +68,9 @@ class SceneLidar(Sensor):
     threads: int = 1
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         numbers = np.asarray(self.elevations)
         require(numbers.dtype.kind in "if", f"elevations={self.elevations!r}; expected angles [rad]")
-        for name in ("range", "noise", "dropout"):
-            require(is_number(getattr(self, name)), f"{name}={getattr(self, name)!r}; expected a number")
-        for name in ("azimuths", "threads"):
-            require(is_count(getattr(self, name), None), f"{name}={getattr(self, name)!r}; expected a whole number")
         require(bool(self.elevations) and self.azimuths > 0, "a lidar needs at least one ring and one azimuth")
         require(max(len(self.elevations), self.azimuths) <= 16384, "a lidar has at most 16384 rings and azimuths")
         is_descending = all(a > b for a, b in pairwise(self.elevations))

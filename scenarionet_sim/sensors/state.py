@@ -42,6 +42,7 @@ class EgoState(CompiledSensor):
     max_offset: float = 10.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         scales = self.max_speed, self.max_yaw_rate, self.max_offset
         require(min(scales) > 0, f"max_speed, max_yaw_rate and max_offset must be above 0, found {scales}")
 

@@ -45,6 +45,7 @@ class Surrounding(Sensor):
     max_size: float = 20.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require(is_count(self.objects, 1), f"Surrounding needs objects >= 1, found objects={self.objects}")
         scales = self.range, self.max_speed, self.max_size
         require(min(scales) > 0, f"range, max_speed and max_size must be above 0, found {scales}")

@@ -98,6 +98,8 @@ class Simulation:
         policies = tuple(policies) if isinstance(policies, Iterable) else (policies,)
         if not all(isinstance(policy, Policy) for policy in policies):
             raise BadParameter(f"policies={policies!r}; expected policies, such as (Replay(), Idm(), External())")
+        if not isinstance(backend, Backend | None) or isinstance(backend, type):
+            raise BadParameter(f"backend={backend!r}; expected, for example, Kinematic()")
         self.observer = observer or Observer.nothing(len(worlds))
         self._dt = worlds[0].dt
         self._threads = Threads(threads)

@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_sim.arrays.settings import check_numbers
+from scenarionet_data.scenario.settings import check_settings
 
 
 class Status(IntEnum):
@@ -49,7 +49,7 @@ class Reward:
     slow: float = 0.1
 
     def __post_init__(self) -> None:
-        check_numbers(self)
+        check_settings(self)
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Termination:
     extra_steps: int = 50
 
     def __post_init__(self) -> None:
-        check_numbers(self)
+        check_settings(self)
 
 
 SINGLE_AGENT = (Reward(), Termination())

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.arrays.dtypes import Bool, Float64, is_number
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.arrays.log import HEADING, Z
 from scenarionet_sim.roads.roads import Roads
@@ -39,6 +39,12 @@ class LaneRoute:
     """
 
     goal: tuple[float, float] | Goal | None = None
+
+    def __post_init__(self) -> None:
+        if self.goal is None or callable(self.goal):
+            return
+        if np.shape(self.goal) != (2,) or not all(map(is_number, self.goal)):
+            raise BadParameter(f"goal={self.goal!r}; expected a point (x, y) [m], a function, or None")
 
     def applied(self, world: World, rows: Bool) -> World:
         """Return the world in which some objects have the route as their path.

@@ -17,7 +17,6 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float32, Int32, Object, UInt8
 from scenarionet_data.arrays.geometry import median_sizes
 from scenarionet_data.building import resample
-from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.stop_points import light_places
 from scenarionet_sim.arrays.log import HEADING, VALID, VX, Z, write_log
@@ -140,9 +139,10 @@ class World:
         Args:
             scenario: The scenario.
             dt: Timestep of the simulation [s]; recordings at other times are resampled to it.
+
+        Raises:
+            BadParameter: These are no scenario and timestep.
         """
-        if not isinstance(scenario, ScenarioDescription):
-            raise BadParameter(f"expected a scenario, such as ScenarioLoader('lake')[0]; found {scenario!r}")
         scenario = resample(scenario, dt)
         tracks = scenario.tracks
         log = np.empty((len(scenario.timestamps), len(tracks), 8), np.float32)

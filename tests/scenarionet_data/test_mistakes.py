@@ -9,9 +9,28 @@ import sys
 import numpy as np
 import pytest
 
-from scenarionet_data import Agents, Augmentation, Lake, Polylines, Samples, ScenarioLoader, Shuffling, Targets
-
-from scenarionet_data import TimeWindow, convert, fsck, verify_pack  # isort: skip
+from scenarionet_data import (
+    Agents,
+    Augmentation,
+    Lake,
+    Polylines,
+    SampleLayout,
+    Samples,
+    ScenarioLoader,
+    Shuffling,
+    Targets,
+    TimeWindow,
+    VariationSpace,
+    convert,
+    fsck,
+    make_scorecard,
+    plots,
+    resample,
+    upgrade,
+    vacuum,
+    vary,
+    verify_pack,
+)  # isort: skip
 from scenarionet_data.errors import BadParameter, QueryError, ScenarioNotFound
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario, renamed
@@ -120,6 +139,46 @@ def test_obvious_meanings(lake):
         (lambda lake, samples: convert("pg", "0:1", lake, workers=-1), "workers: wanted 1 or more, found -1"),
         (lambda lake, samples: convert("pg", "0:1", lake, limit=0), "limit: wanted 1 or more, found 0"),
         (lambda lake, samples: convert("pg", "0:1", lake, options="x"), r"options: wanted \w+ or values by name"),
+        (
+            lambda lake, samples: ScenarioLoader(lake)[True],
+            "expected the index of a scenario, 0 ... 2, or its id; True",
+        ),
+        (lambda lake, samples: make_scorecard(None), r"expected the report of run_checks\(lake\), found None"),
+        (lambda lake, samples: lake.describe(3), "scenario_id: wanted a text, found 3"),
+        (lambda lake, samples: lake.tag("fast", 3), "wanted a table, or a value by scenario id, found 3"),
+        (lambda lake, samples: lake.tag("fast", {"a": object()}), "wanted values of one type by scenario id"),
+        (lambda lake, samples: lake.tag(3, {}), "3 is not a valid name of a user column"),
+        (lambda lake, samples: lake.tag_event("fast", 3), "events: wanted names, or parameters by name, found 3"),
+        (lambda lake, samples: lake.tag_from_file("fast", None), "expected a path, found None"),
+        (lambda lake, samples: lake.filter(filters=3, name="x"), "filters: wanted names, or parameters by name"),
+        (lambda lake, samples: vacuum(lake, keep_last="x"), "keep_last='x'; keep at least the newest snapshot"),
+        (lambda lake, samples: vacuum(lake, older_than="x"), "older_than='x'; expected a time of 0 s or more"),
+        (lambda lake, samples: fsck(lake, workers="x"), "workers: wanted 1 or more, found 'x'"),
+        (lambda lake, samples: upgrade(lake, workers="x"), "workers: wanted 1 or more, found 'x'"),
+        (lambda lake, samples: SampleLayout(None), "make=None; expected a function of scenarios and choices"),
+        (lambda lake, samples: VariationSpace(None), "parameters None: a variation changes something"),
+        (lambda lake, samples: VariationSpace({"ego.speed": 1.1}, number="x"), "number='x'; expected a whole number"),
+        (lambda lake, samples: VariationSpace({"ego.speed": 1.1}, jerk="x"), "jerk='x'; expected a finite number"),
+        (lambda lake, samples: vary(lake, "made/v1/s000001", 3, name="v"), "space: wanted VariationSpace"),
+        (lambda lake, samples: resample(None), "expected a scenario, such as .*; found None"),
+        (lambda lake, samples: resample(lake.loader()[0], "x"), "dt: expected a timestep above 0 s, found 'x'"),
+        (lambda lake, samples: plots.scenario_figure(None), "expected a scenario, such as .*; found"),
+        (lambda lake, samples: plots.scenario_figure(lake.loader()[0], "x"), "no timestep 'x'; there are 0 to 30"),
+        (lambda lake, samples: plots.thumbnail(lake.loader()[0], timestep=99), "no timestep 99; there are 0 to 30"),
+        (lambda lake, samples: plots.thumbnail(lake.loader()[0], 0), "size: expected width and height .*, found 0"),
+        (lambda lake, samples: plots.animate(None), "expected a scenario, such as .*; found None"),
+        (lambda lake, samples: plots.small_multiples(3), "scenarios: expected several, such as .*, found 3"),
+        (lambda lake, samples: plots.small_multiples([3], columns=0), "columns: expected a whole number of 1 or more"),
+        (lambda lake, samples: plots.draw_profiles(None), "expected a scenario, such as .*; found None"),
+        (lambda lake, samples: plots.draw_profiles(lake.loader()[0], 3), "track_ids: expected ids of tracks, found 3"),
+        (lambda lake, samples: plots.draw_comparison(3), "statistics: expected the result of lake.compare, found 3"),
+        (lambda lake, samples: plots.draw_distributions(lake, 3), "columns: expected several.*, found 3"),
+        (lambda lake, samples: plots.draw_distributions(lake, bins="x"), "bins: expected a whole number of 1 or more"),
+        (lambda lake, samples: plots.Drawing(size="x"), "size='x'; expected a whole number"),
+        (lambda lake, samples: plots.Drawing(speed=0), "expected a width, a size and a speed above 0"),
+        (lambda lake, samples: plots.Drawing().save(None, None), "expected a path, found None"),
+        (lambda lake, samples: plots.write_figure(None, None), "expected a path, found None"),
+        (lambda lake, samples: plots.TopDown(plots.Scene.of(lake.loader()[0]), "x"), "window='x'; expected a Window"),
     ],
 )
 def test_a_mistake_is_a_sentence(wrong, message, lake):

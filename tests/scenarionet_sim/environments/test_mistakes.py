@@ -12,13 +12,26 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim import (
+    BirdView,
+    Bullet,
     Camera,
+    Curriculum,
+    Drive,
     EgoState,
+    Fleet,
     Idm,
+    IdmPlanner,
+    Kinematic,
+    LaneLineDetector,
+    LaneRoute,
     Lidar,
     LightAhead,
     Live,
+    Lqr,
     Mount,
+    Navigation,
+    Planned,
+    PointCloud,
     Replay,
     Reward,
     ScenarioNetEnv,
@@ -27,7 +40,9 @@ from scenarionet_sim import (
     Scenarios,
     SceneLidar,
     Simulation,
+    Surrounding,
     Termination,
+    Trajectory,
     Weather,
     World,
     camera_ring,
@@ -70,6 +85,15 @@ def env(only):
 def test_settings(only, setting, value):
     with pytest.raises(BadParameter, match=rf"{setting}.*(expected|needs)|expected.*{setting}"):
         ScenarioNetEnv(scenarios=only("crowd"), **{setting: value})
+
+
+@pytest.mark.parametrize("options", [3, "x", {"timestep": 3}, {"scenario_id": "made/v1/0"}])
+def test_a_batch_has_no_reset_options(only, options):
+    """They were ignored, and other scenarios played."""
+    envs = ScenarioNetVectorEnv(num_envs=1, scenarios=only("crowd"))
+    with pytest.raises(BadParameter, match=r"options=.*; a batch has no options.*choose scenarios by scenarios="):
+        envs.reset(options=options)
+    envs.reset(options={})
 
 
 def test_one_sensor_needs_no_tuple(only):
@@ -141,6 +165,9 @@ def test_counts_of_a_batch(only, counts):
         {"range": math.inf},
         {"threads": 0},
         {"device": "gpu"},
+        {"has_scenery": "x"},
+        {"are_boxes": 1},
+        {"lens": 3},
     ],
 )
 def test_cameras(options):
@@ -189,7 +216,7 @@ def test_frames_of_something_else(only):
         (lambda lake, world: Weather("x"), "sun_elevation='x'; expected a finite number"),
         (lambda lake, world: camera_ring(6), "camera=6; expected a Camera"),
         (lambda lake, world: SceneLidar("x"), "elevations='x'; expected angles"),
-        (lambda lake, world: LightAhead("x"), "range='x'; expected a number"),
+        (lambda lake, world: LightAhead("x"), "range='x'; expected a finite number"),
         (lambda lake, world: Live("x"), "width and height of a window must be positive, found 'x'"),
         (lambda lake, world: Live().picture(world, None), r"expected picture\(world, simulation.state\), found World"),
         (lambda lake, world: Simulation([world], "idm"), r"policies=.*expected policies, such as \(Replay"),
@@ -207,6 +234,45 @@ def test_frames_of_something_else(only):
         (lambda lake, world: record(lake, name="x", cameras=Camera(8, 6)), "expected a tuple of cameras"),
         (lambda lake, world: compare_runs(lake, "a", "b"), "the lake has no run 'a'; it has none"),
         (lambda lake, world: rollout_moments(lake, "a", None), r"scene=None; expected what scene_of"),
+        (lambda lake, world: World.from_scenario(Lake(lake).loader()[0], "x"), "dt: expected a timestep above 0 s"),
+        (lambda lake, world: Simulation([world], backend="x"), r"backend='x'; expected, for example, Kinematic\(\)"),
+        (lambda lake, world: Simulation([world], backend=Kinematic), "backend=.*; expected, for example, Kinematic"),
+        (lambda lake, world: Scenarios(lake, snapshot="x"), "snapshot='x'; expected a whole number"),
+        (lambda lake, world: Curriculum("x"), "levels='x'; expected a whole number"),
+        (lambda lake, world: Curriculum(0), "expected levels >= 1, found 0"),
+        (lambda lake, world: Curriculum(success=None), "success=None; expected a finite number"),
+        (lambda lake, world: Curriculum(episodes="x"), "episodes='x'; expected a whole number, or None"),
+        (lambda lake, world: Curriculum(by=3), "by=3; expected a text"),
+        (lambda lake, world: Kinematic("x"), r"drive='x'; expected a Drive, or Fleet\(\)"),
+        (lambda lake, world: Kinematic(substeps=0), "substeps=0; expected numbers above 0"),
+        (lambda lake, world: Bullet("x"), r"drive='x'; expected for example Drive\(\)"),
+        (lambda lake, world: Bullet(substeps=0), "substeps=0; expected at least 1"),
+        (lambda lake, world: Drive("x"), "max_steer='x'; expected a finite number"),
+        (lambda lake, world: Fleet(lorry=3), r"lorry=3; expected for example Drive\(\)"),
+        (lambda lake, world: Fleet(spread=3), r"spread=3; expected a share in \[0, 1\)"),
+        (lambda lake, world: Lqr("x"), "speed_weight='x'; expected a finite number"),
+        (lambda lake, world: Lqr(horizon=1.5), "horizon=1.5; expected a whole number"),
+        (lambda lake, world: Lqr(step=0), r"step=0, horizon=10; expected a time \[s\] and a count above 0"),
+        (lambda lake, world: Planned(planner=3), "planner=3; expected a class of planners, such as IdmPlanner"),
+        (
+            lambda lake, world: Planned(planner=IdmPlanner, tracker="x"),
+            r"tracker='x'; expected, for .* tracker=Lqr\(\)",
+        ),
+        (lambda lake, world: Planned(planner=IdmPlanner, tracker=Lqr), r"tracker=.*; expected, .* tracker=Lqr\(\)"),
+        (lambda lake, world: Planned(planner=IdmPlanner, backend="x"), "backend='x'; expected, for example, backend=K"),
+        (lambda lake, world: Trajectory("x", "y"), "a trajectory of 'x' at 'y'; expected numbers"),
+        (lambda lake, world: Idm(route="x"), r"route='x'; expected LaneRoute\(goal\), or None"),
+        (lambda lake, world: LaneRoute("xy"), r"goal='xy'; expected a point \(x, y\) \[m\], a function, or None"),
+        (lambda lake, world: LaneRoute((1, "x")), r"goal=\(1, 'x'\); expected a point"),
+        (lambda lake, world: Lidar(types="VEHICLE"), "types='VEHICLE'; expected ObjectTypes, such as .*, or None"),
+        (lambda lake, world: Surrounding(types=("VEHICLE",)), r"types=\('VEHICLE',\); expected ObjectTypes"),
+        (lambda lake, world: LaneLineDetector(types=3), "types=3; expected MapFeatureTypes"),
+        (lambda lake, world: Navigation(spacing="x"), "spacing='x'; expected a finite number"),
+        (lambda lake, world: BirdView(resolution="x"), "resolution='x'; expected a finite number"),
+        (lambda lake, world: PointCloud(mount="x"), "mount='x'; expected a finite number"),
+        (lambda lake, world: SceneLidar((0.1,), has_scenery="x"), "has_scenery='x'; expected True or False"),
+        (lambda lake, world: Camera(8, 6).split(None), r"observed: expected an array \(\.\.\., 6, 8, 3\), found None"),
+        (lambda lake, world: Camera(8, 6).split(np.zeros((5, 5))), r"observed: .* found \(5, 5\)"),
     ],
 )
 def test_simulations_and_runs(wrong, message, lake, world):

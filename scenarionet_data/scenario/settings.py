@@ -1,0 +1,54 @@
+"""What settings that are dataclasses have in common."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import is_count, is_number
+from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
+
+
+def _all(kind: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, tuple | list) and all(isinstance(each, kind) for each in value)
+
+
+_KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "float": (lambda value: is_number(value) and math.isfinite(value), "a finite number"),
+    "int": (lambda value: is_count(value, None), "a whole number"),
+    "bool": (lambda value: isinstance(value, bool | np.bool_), "True or False"),
+    "str": (lambda value: isinstance(value, str), "a text"),
+    "tuple[ObjectType, ...]": (_all(ObjectType), "ObjectTypes, such as (ObjectType.VEHICLE,)"),
+    "tuple[MapFeatureType, ...]": (_all(MapFeatureType), "MapFeatureTypes, such as (MapFeatureType.BOUNDARY_LINE,)"),
+}
+"""By annotation: whether a value is one, and what is expected."""
+
+
+def check_settings(settings: Any) -> None:
+    """Raise unless all settings that are numbers, truth values, texts or settings are what their annotations say.
+
+    Args:
+        settings: A dataclass; settings in it are checked if they have a default.
+
+    Raises:
+        BadParameter: One is not.
+    """
+    for each in fields(settings):
+        value = getattr(settings, each.name)
+        name = getattr(each.type, "__name__", each.type)
+        kind = name.removesuffix(" | None")
+        default = each.default if each.default_factory is MISSING else each.default_factory()
+        if kind in _KINDS:
+            is_kind, expected = _KINDS[kind]
+            is_right = is_kind(value)
+        elif type(default).__name__ == kind and is_dataclass(default):
+            is_right, expected = isinstance(value, type(default)), f"for example {kind}()"
+        else:
+            continue
+        if not is_right and (value is not None or kind == name):
+            raise BadParameter(f"{each.name}={value!r}; expected {expected}{'' if kind == name else ', or None'}")
