@@ -146,7 +146,7 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
         if isinstance(indices, str) or not isinstance(indices, Iterable):
             raise BadParameter(f"expected indices or ids of scenarios, such as [0, 1], found {indices!r}")
         for index in indices:
-            if not is_count(index, None):
+            if not isinstance(index, int | np.integer) or isinstance(index, bool):
                 index = self._position(index)
             if not -size <= index < size:
                 raise IndexError(f"scenario {index} of {size}" + ("" if size else ": the selection is empty"))
