@@ -12,9 +12,8 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from itertools import islice
 from multiprocessing import get_context
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol, SupportsIndex, TypeVar
 
-from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter, WorkerLost
 from scenarionet_data.execution.worker import follow_parent, peak_memory, worker_name
 
@@ -74,7 +73,7 @@ def executor_for(workers: int, num_jobs: int | None = None) -> Executor:
     Raises:
         BadParameter: ``workers`` is no number of processes.
     """
-    if not is_count(workers, 1):
+    if not isinstance(workers, SupportsIndex) or workers < 1:
         raise BadParameter(f"workers: wanted 1 or more, found {workers!r}")
     needed = workers if num_jobs is None else min(workers, num_jobs)
     return run_serially if needed <= 1 else ProcessExecutor(needed)
