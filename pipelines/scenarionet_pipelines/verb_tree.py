@@ -28,7 +28,10 @@ GROUPS = {
             "drop", "checkout", "tag",
         ),
     ),
-    "runs": Group("Runs of drivers: compare, record observations, experiment.", ("compare", "record", "experiment")),
+    "runs": Group(
+        "Runs of drivers: compare, verify, record observations, experiment.",
+        ("compare", "verify", "record", "experiment"),
+    ),
     "forecast": Group("Predicted trajectories: score them, submit them to challenges.", ("score", "submit")),
     "tables": Group("The Parquet files of a lake for other engines and catalogs.", ("files", "publish")),
     "maintain": Group(

@@ -148,6 +148,13 @@ def begun_at(files: LakeFiles, name: str) -> int | None:
     return describe(files, name).get("snapshot") if name in names(files) else None
 
 
+def rows(files: LakeFiles, name: str, table: str) -> pa.Table:
+    """Return all rows of one of RUN_TABLES of a run, part by part; none if it does not fill the table."""
+    declared = tables.load(table)
+    parts = files.read_all(files.names(f"{_FOLDER}/{name}/{table}", ".parquet"))
+    return pa.concat_tables([declared.schema.empty_table(), *(declared.conform(part) for part in parts)])
+
+
 def part_files(files: LakeFiles, table: str) -> list[str]:
     """Files of one of RUN_TABLES in all runs, relative to the lake.
 

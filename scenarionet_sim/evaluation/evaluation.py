@@ -136,7 +136,9 @@ class EvaluationReport:
 
 
 @dataclass(frozen=True)
-class _EvaluationJob:
+class EvaluationJob:
+    """A part of an evaluation, and the run that it belongs to; None to store nothing."""
+
     evaluation: Evaluation
     part: Part
     run: evaluation_runs.EvaluationRun | None
@@ -256,9 +258,9 @@ def run_evaluation(
         evaluation = evaluation if begun is None else replace(evaluation, snapshot=begun)
     tables = ("rollouts", "results") if rollouts else ("results",)
     run = evaluation_runs.claim(open_files(evaluation.lake), name, tables, evaluation.description)
-    total, done = len(_loader(evaluation)), run.done() - run.failed()
+    total, done = len(scenarios_of(evaluation)), run.done() - run.failed()
     parts = parts_of(total * evaluation.rollouts, PART_SIZE)
-    jobs = [_EvaluationJob(evaluation, part, run) for part in parts if part.number not in done]
+    jobs = [EvaluationJob(evaluation, part, run) for part in parts if part.number not in done]
     left = {item // evaluation.rollouts for job in jobs for item in range(job.part.first, job.part.end)}
     report = EvaluationReport(name, total, total - len(left))
     broken: dict[str, str] = {}
@@ -279,7 +281,7 @@ def find_broken(
 ) -> list[tuple[str, str]]:
     """Return the scenarios whose replay does not reach the destination, with the reason; writes nothing."""
     evaluation = plan_evaluation(lake, database, "replay")
-    jobs = [_EvaluationJob(evaluation, part, None) for part in parts_of(len(_loader(evaluation)), PART_SIZE)]
+    jobs = [EvaluationJob(evaluation, part, None) for part in parts_of(len(scenarios_of(evaluation)), PART_SIZE)]
     broken = []
     for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, _ends_of_lost_part):
         for scenario_id, end, error in ends:
@@ -296,24 +298,32 @@ def describe_database(database: str | tuple[str, ...] | None) -> str | None:
     return f"{len(database)}-scenarios-{digest}"
 
 
-def _ends_of_lost_part(job: _EvaluationJob, reason: str) -> list[ScenarioEnd]:
+def _ends_of_lost_part(job: EvaluationJob, reason: str) -> list[ScenarioEnd]:
     """Ends of a part that killed its worker; it has no rows, so the next run tries it again."""
-    ids = _loader(job.evaluation).scenario_ids
+    ids = scenarios_of(job.evaluation).scenario_ids
     numbers = (item // job.evaluation.rollouts for item in range(job.part.first, job.part.end))
     return [(ids[number], None, reason) for number in numbers]
 
 
 @cache
-def _loader(evaluation: Evaluation) -> ScenarioLoader:
-    """Scenarios of an evaluation, resolved once per process."""
+def scenarios_of(evaluation: Evaluation) -> ScenarioLoader:
+    """Return the scenarios of an evaluation, resolved once per process."""
     return ScenarioLoader(Lake(evaluation.lake, evaluation.snapshot), evaluation.database)
 
 
 # --- on a worker --------------------------------------------------------------------------------------
 
 
-def simulate_part(job: _EvaluationJob) -> list[ScenarioEnd]:
+def simulate_part(job: EvaluationJob) -> list[ScenarioEnd]:
     """Simulate the rollouts of a part, and publish the rows if it belongs to a run."""
+    rows, rollouts = simulate(job)
+    if job.run is not None:
+        job.run.publish(job.part.number, {"results": rows, "rollouts": rollouts})
+    return [(row["scenario_id"], row.get("status"), row.get("error")) for row in rows]
+
+
+def simulate(job: EvaluationJob) -> tuple[list[dict[str, Any]], pa.Table]:
+    """Return the rows of ``results`` and ``rollouts`` of a part, without the column run."""
     evaluation = job.evaluation
     drivers = evaluation.drivers()
     # Bullet's worlds differ in their last digits by what else is in its memory; a person drives one world.
@@ -339,23 +349,20 @@ def simulate_part(job: _EvaluationJob) -> list[ScenarioEnd]:
             raise
         except Exception as error:  # one scenario must not end the run
             fail(item, error)
-    rows = [results[item] for item in sorted(results)]
-    if job.run is not None:
-        rollouts = concat_rollouts([trajectories[item] for item in sorted(trajectories)])
-        job.run.publish(job.part.number, {"results": rows, "rollouts": rollouts})
-    return [(row["scenario_id"], row.get("status"), row.get("error")) for row in rows]
+    rollouts = concat_rollouts([trajectories[item] for item in sorted(trajectories)])
+    return [results[item] for item in sorted(results)], rollouts
 
 
-def _key(job: _EvaluationJob, item: int) -> dict[str, Any]:
+def _key(job: EvaluationJob, item: int) -> dict[str, Any]:
     index, number = divmod(item, job.evaluation.rollouts)
-    return {"scenario_id": _loader(job.evaluation).scenario_ids[index], "rollout": number}
+    return {"scenario_id": scenarios_of(job.evaluation).scenario_ids[index], "rollout": number}
 
 
-def _rollout_jobs(job: _EvaluationJob, fail: Callable[[int, Exception], None]) -> Iterator[RolloutJob]:
+def _rollout_jobs(job: EvaluationJob, fail: Callable[[int, Exception], None]) -> Iterator[RolloutJob]:
     """Yield the rollouts of a part; report those whose scenario cannot be loaded."""
     evaluation, span = job.evaluation, EPISODES[job.evaluation.episode]
     first, last = job.part.first // evaluation.rollouts, (job.part.end - 1) // evaluation.rollouts
-    for index, loaded in loaded_ahead(_loader(evaluation), range(first, last + 1), span):
+    for index, loaded in loaded_ahead(scenarios_of(evaluation), range(first, last + 1), span):
         begin = index * evaluation.rollouts
         items = range(max(begin, job.part.first), min(begin + evaluation.rollouts, job.part.end))
         if isinstance(loaded, Exception):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,24 @@ def test_run_with_other_parameters_is_refused(lake, ok):
     assert result.exit_code == 2
     assert "a run 'mine' exists with policy 'replay', not 'constant'; choose another name" in result.stderr
     assert "--name NAME" in result.stderr
+
+
+def test_verify_a_run_and_its_receipt(lake, ok, as_json, tmp_path):
+    ok("sim", lake, "--policy", "idm", "--name", "mine", "--workers", "1", "--no-references")
+    assert ok("runs", "verify", lake, "mine", "--workers", "1") == "mine: all values of 3 rows are equal, bit by bit\n"
+    receipt = tmp_path / "mine.json"
+    assert "with 3 rows" in ok("runs", "verify", lake, "mine", "--write", receipt)
+    found = as_json("runs", "verify", lake, receipt, "--workers", "1")
+    assert (found["rows"], found["differing"], found["first"]) == (3, 0, None)
+    told = json.loads(receipt.read_text())
+    told["rows"][1]["mean_speed"] += 0.5
+    receipt.write_text(json.dumps(told))
+    result = run("runs", "verify", lake, receipt, "--workers", "1")
+    assert result.exit_code == 1
+    assert "mine: 1 of 3 rows differ\nthe first: " in result.stdout
+    assert "largest difference of mean_speed: 0.5" in result.stdout
+    missing = run("runs", "verify", lake, tmp_path / "none.json")
+    assert missing.exit_code == 2 and "cannot be read" in missing.stderr
 
 
 def test_record(lake, as_json, ok):
