@@ -15,13 +15,11 @@ import shapely
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.curves import Curve, distinct, fit, joining, trimmed
+from scenarionet_data.interchange.lane_graph import Sides, is_beside, read_lanes
 from scenarionet_data.scenario.description import MapFeatures
-from scenarionet_data.scenario.vocabulary import is_lane
 
-ASSUMED_WIDTH = 3.5  # [m] of lanes whose width is not known
 _TRIM = 0.05  # [m] that roads end before a junction, to leave room for its connections
-_AHEAD = 0.6  # [m] by which the ends of parallel lanes may lie ahead of each other
-_BESIDE = (1.5, 6.0)  # [m] between the centres of parallel lanes
+_AHEAD = 0.6  # [m] by which a lane may begin behind the road or end before it
 _STEP = 1.0  # [m] between the places at which lanes are measured
 _FINE = 0.2  # [m] between the points at which deviations are measured
 _DEVIATION = 0.03  # [m] of the centre of a parallel lane from the recorded one
@@ -111,24 +109,15 @@ def make_roads(features: MapFeatures, losses: Losses) -> RoadNetwork:
         features: The map.
         losses: Collects lanes that are no lines, and links that lead out of the map.
     """
-    lines: dict[int, Float64] = {}
-    for row in np.flatnonzero(is_lane(features.feature_type)).tolist():
-        points = (
-            distinct(features.polyline[row].astype(np.float64)) if len(features.polyline[row]) else np.zeros((0, 3))
-        )
-        if len(points) >= 2 and np.isfinite(points).all():
-            lines[row] = points
-        else:
-            losses.leave_out("lanes without two points")
-    row_of = {features.ids[row]: row for row in lines}
-    widths = {row: _width(features, row, losses) for row in lines}
+    graph = read_lanes(features, losses)
+    lines, widths = graph.lines, graph.sides
     groups = [
         part
-        for group in _parallel(features, lines, row_of)
+        for group in _parallel(features, lines, graph.row_of)
         for part in ([group] if _is_measurable(group, lines, widths) else [(row,) for row in group])
     ]
     place_of = {row: (number, place) for number, group in enumerate(groups) for place, row in enumerate(group)}
-    joints = [Joint(*place_of[row], *place_of[other]) for row, other in _links(features, row_of, losses)]
+    joints = [Joint(*place_of[row], *place_of[other]) for row, other in graph.links]
     nodes = _nodes(joints)
     roads = [_fit_road(number, group, lines, widths, (0.0, 0.0)) for number, group in enumerate(groups)]
     going_on = {node for node, found in nodes.items() if _goes_on(found, roads)}
@@ -166,37 +155,12 @@ class Joint(NamedTuple):
     other_lane: int
 
 
-def _links(features: MapFeatures, row_of: dict[str, int], losses: Losses) -> list[tuple[int, int]]:
-    """Links between lanes, as pairs of rows; from the successors of one lane or the predecessors of the other."""
-    found: dict[tuple[int, int], None] = {}
-    for lane_id, row in row_of.items():
-        for other in features.exit_lanes[row]:
-            if other in row_of:
-                found[row, row_of[other]] = None
-            else:
-                losses.leave_out("links to lanes outside of the map")
-        for other in features.entry_lanes[row]:
-            if other in row_of:
-                found[row_of[other], row_of[lane_id]] = None
-    return list(found)
-
-
-def _width(features: MapFeatures, row: int, losses: Losses) -> tuple[Float64, Float64]:
-    """The distance of the left and right side of a lane from its centre: (W,) each, W evenly spaced places."""
-    widths = features.width[row].astype(np.float64)
-    if len(widths) and np.isfinite(widths).all() and (widths.sum(axis=1) > 1.0).all():
-        return widths[:, 0], widths[:, 1]
-    losses.leave_out("widths of lanes that the map does not have; 3.5 m are assumed")
-    half = np.array([0.5 * ASSUMED_WIDTH])
-    return half, half
-
-
 def _parallel(features: MapFeatures, lines: dict[int, Float64], row_of: dict[str, int]) -> list[tuple[int, ...]]:
     """Groups of lanes that begin and end beside each other, from left to right."""
     right_of: dict[int, int] = {}
     for row, line in lines.items():
         beside = [row_of[other] for other in features.right_neighbors[row] if other in row_of]
-        fitting = [other for other in beside if other != row and _begins_and_ends_beside(line, lines[other])]
+        fitting = [other for other in beside if other != row and is_beside(line, lines[other])]
         if len(fitting) == 1:
             right_of[row] = fitting[0]
     left_of: dict[int, int] = {}
@@ -216,19 +180,6 @@ def _parallel(features: MapFeatures, lines: dict[int, Float64], row_of: dict[str
         groups.append(tuple(group))
     groups += [(row,) for row in lines if row not in seen]
     return groups
-
-
-def _begins_and_ends_beside(line: Float64, other: Float64) -> bool:
-    """Whether another line begins and ends to the right of a line, and runs in its direction."""
-    for end, step in ((0, 1), (-1, -2)):
-        along = line[1, :2] - line[0, :2] if end == 0 else line[-1, :2] - line[step, :2]
-        towards = other[1, :2] - other[0, :2] if end == 0 else other[-1, :2] - other[step, :2]
-        along, towards = along / np.hypot(*along), towards / np.hypot(*towards)
-        offset = other[end, :2] - line[end, :2]
-        right = offset[0] * along[1] - offset[1] * along[0]
-        if abs(offset @ along) > _AHEAD or not _BESIDE[0] < right < _BESIDE[1] or along @ towards < 0.95:
-            return False
-    return True
 
 
 def _nodes(joints: list[Joint]) -> dict[int, list[Joint]]:
@@ -268,9 +219,7 @@ def _borders_at(road: LaneRoad, place: int) -> Float64:
     return points
 
 
-def _is_measurable(
-    group: tuple[int, ...], lines: dict[int, Float64], widths: dict[int, tuple[Float64, Float64]]
-) -> bool:
+def _is_measurable(group: tuple[int, ...], lines: dict[int, Float64], widths: dict[int, Sides]) -> bool:
     """Whether all lanes of a group can be measured across the first, and none is narrower than 0.1 m."""
     if len(group) == 1:
         return True
@@ -296,7 +245,7 @@ def _fit_road(
     number: int,
     group: tuple[int, ...],
     lines: dict[int, Float64],
-    widths: dict[int, tuple[Float64, Float64]],
+    widths: dict[int, Sides],
     trims: tuple[float, ...],
 ) -> LaneRoad:
     """Measure the lanes of a group across a curve along the first one."""
@@ -315,9 +264,9 @@ def _fit_road(
     return LaneRoad(number, group, curve, stations, centres, borders)
 
 
-def _whole_width(sides: tuple[Float64, Float64]) -> tuple[Float64, Float64]:
+def _whole_width(sides: Sides) -> tuple[Float64, Float64]:
     """Shares of a lane's length, and its width there."""
-    return np.linspace(0.0, 1.0, len(sides[0])), sides[0] + sides[1]
+    return sides.shares, sides.left + sides.right
 
 
 def _offsets(curve: Curve, line: Float64) -> Float64 | None:
@@ -346,19 +295,16 @@ def _offsets(curve: Curve, line: Float64) -> Float64 | None:
     return found if (found < 0.0).all() else None
 
 
-def _report(
-    roads: list[LaneRoad], lines: dict[int, Float64], widths: dict[int, tuple[Float64, Float64]], losses: Losses
-) -> None:
+def _report(roads: list[LaneRoad], lines: dict[int, Float64], widths: dict[int, Sides], losses: Losses) -> None:
     """Measure how far the lanes of roads are from those of the map."""
     for road in roads:
         for place, row in enumerate(road.lanes):
             deviation = _deviation(road, place, lines[row])
             losses.approximate("lane centres", int(deviation > _NOTICED), deviation, "m")
-            left, right = widths[row]
+            off_centre = float(np.abs(widths[row].left - widths[row].right).max())
             losses.approximate(
-                "lanes whose centre is not in the middle", int(np.abs(left - right).max() > _NOTICED),
-                0.5 * float(np.abs(left - right).max()), "m",
-            )  # fmt: skip
+                "lanes whose centre is not in the middle", int(off_centre > _NOTICED), 0.5 * off_centre, "m"
+            )
             drawn_width = road.borders[place] - road.borders[place + 1]
             wanted = np.interp(road.stations / road.stations[-1], *_whole_width(widths[row]))
             off = float(np.abs(drawn_width - wanted).max())

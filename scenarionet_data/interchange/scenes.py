@@ -16,10 +16,10 @@ from scenarionet_data.arrays.dtypes import Bool, Float64, IntP
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.gpudrive.layout import HISTORY, NUM_STEPS, OBJECT_NAMES, ROADS
+from scenarionet_data.interchange.numbering import number_ids
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType, is_lane, is_road_edge
 
-_MAX_ID = 2**31
 _EXPERT_CROSSING = 0.1  # [m] Waymo's edges are drawn this roughly
 
 
@@ -112,16 +112,8 @@ def make_scene(
     return TrainingScene(
         rows, steps, position, tracks.heading[rows, steps].astype(np.float64),
         tracks.velocity[rows, steps].astype(np.float64), valid, tracks.size[rows, steps].astype(np.float64), goal,
-        _numbers([tracks.ids[row] for row in rows], "objects", losses), int(ego[0]), _roads(scenario, losses),
+        number_ids({"objects": tracks.ids[rows]}, losses)[0]["objects"], int(ego[0]), _roads(scenario, losses),
     )  # fmt: skip
-
-
-def _numbers(ids: list[str], what: str, losses: Losses) -> list[int]:
-    """Ids as numbers: their own, or for other texts the first that are free."""
-    own = {name for name in ids if name.isascii() and name.isdigit() and str(int(name)) == name and int(name) < _MAX_ID}
-    free = (number for number in range(_MAX_ID) if str(number) not in own)
-    losses.leave_out(f"ids of {what} that are no numbers", len(ids) - len(own))
-    return [int(name) if name in own else next(free) for name in ids]
 
 
 def _roads(scenario: ScenarioDescription, losses: Losses) -> list[tuple[int, int, Float64]]:
@@ -150,7 +142,8 @@ def _roads(scenario: ScenarioDescription, losses: Losses) -> list[tuple[int, int
     is_double = (features.polyline.lengths > 0) & (features.polygon.lengths > 0)
     losses.leave_out("outlines of map features that have a line", int(is_double[held].sum()))
     losses.leave_out("lanes that signs and crosswalks control", int(features.controlled_lanes.lengths[held].sum()))
-    numbers = _numbers([features.ids[row] for row, _ in roads], "map features", losses)
+    named = {"map features": [features.ids[row] for row, _ in roads]}
+    numbers = number_ids(named, losses)[0]["map features"]
     return [(row, number, points) for number, (row, points) in zip(numbers, roads, strict=True)]
 
 

@@ -14,7 +14,7 @@ from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.interchange.gpudrive.layout import FEATURE_OF_TYPE, FEATURES, OBJECT_NAMES
-from scenarionet_data.interchange.training_files import FileScene, SceneLight, SceneObject, SceneRoad, TrainingFiles
+from scenarionet_data.interchange.scene_files import FileScene, SceneFiles, SceneLight, SceneObject, SceneRoad
 from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType
 
 _TYPES = {name: kind for kind, name in OBJECT_NAMES.items()}
@@ -25,7 +25,7 @@ _STATES = {
 }
 
 
-class GpuDrive(TrainingFiles):
+class GpuDrive(SceneFiles):
     """GPUDrive's and Nocturne's scenarios."""
 
     name: ClassVar[str] = "gpudrive"

@@ -13,6 +13,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.interchange.base import Losses
+from scenarionet_data.interchange.lane_graph import boundary_type
 from scenarionet_data.interchange.roads import LaneRoad, RoadNetwork, make_roads
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -141,7 +142,8 @@ def _lanes(road: LaneRoad, features: MapFeatures) -> Xml.Element:
         Xml.SubElement(lanes, "laneOffset", s=start, a=offset, b=slope, c="0", d="0")
     section = Xml.SubElement(lanes, "laneSection", s="0")
     center = Xml.SubElement(Xml.SubElement(section, "center"), "lane", id="0", type="none", level="false")
-    _mark(center, _boundary(features, road.lanes[0], is_left=True))
+    first = road.lanes[0]
+    _mark(center, boundary_type(features, first, is_left=True) if first >= 0 else None)
     right = Xml.SubElement(section, "right")
     for place, row in enumerate(road.lanes):
         kind = "driving" if row < 0 else _LANE_TYPES.get(MapFeatureType(features.feature_type[row]), "driving")
@@ -156,19 +158,10 @@ def _lanes(road: LaneRoad, features: MapFeatures) -> Xml.Element:
         width = road.borders[place] - road.borders[place + 1]
         for start, wide, slope in _lines(road.stations, width, _FINEST_WIDTH):
             Xml.SubElement(lane, "width", sOffset=start, a=wide, b=slope, c="0", d="0")
-        _mark(lane, _boundary(features, row, is_left=False))
+        _mark(lane, boundary_type(features, row, is_left=False) if row >= 0 else None)
         if row >= 0 and np.isfinite(features.speed_limit[row]):
             Xml.SubElement(lane, "speed", sOffset="0", max=_number(float(features.speed_limit[row])), unit="m/s")
     return lanes
-
-
-def _boundary(features: MapFeatures, row: int, *, is_left: bool) -> MapFeatureType | None:
-    """Type of the first line or edge on a side of a lane."""
-    if row < 0:
-        return None
-    ids = features.left_boundaries[row] if is_left else features.right_boundaries[row]
-    rows = np.flatnonzero(features.ids == ids[0]).tolist() if len(ids) else []
-    return MapFeatureType(features.feature_type[rows[0]]) if rows else None
 
 
 def _mark(lane: Xml.Element, boundary: MapFeatureType | None) -> None:

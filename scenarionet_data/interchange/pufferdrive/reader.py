@@ -14,7 +14,7 @@ from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.interchange.gpudrive.layout import FEATURE_OF_TYPE, OBJECT_NAMES
 from scenarionet_data.interchange.pufferdrive.layout import OBJECT_TYPES, ROAD_TYPES, Entity, decode
-from scenarionet_data.interchange.training_files import FileScene, SceneObject, SceneRoad, TrainingFiles
+from scenarionet_data.interchange.scene_files import FileScene, SceneFiles, SceneObject, SceneRoad
 
 _OBJECTS = {OBJECT_TYPES[name]: kind for kind, name in OBJECT_NAMES.items()}
 _ROADS = {ROAD_TYPES[name]: kind for name, kind in FEATURE_OF_TYPE.items()}
@@ -33,7 +33,7 @@ class PufferDriveOptions(Options):
             raise BadParameter(f"layout={self.layout}: PufferDrive has the layouts 1 and 2; 0 takes the one that fits")
 
 
-class PufferDrive(TrainingFiles):
+class PufferDrive(SceneFiles):
     """PufferDrive's maps; in layout 1, objects and roads have no ids, and the ego is not known."""
 
     name: ClassVar[str] = "pufferdrive"

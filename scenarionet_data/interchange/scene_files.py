@@ -1,6 +1,6 @@
-"""From files of the training simulators to scenarios: the step that GPUDrive's and PufferDrive's readers share.
+"""From files of one scenario each to scenarios: the step that the readers of such formats share.
 
-The opposite way is ``scenes``.
+For the training simulators, the opposite way is ``scenes``.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ class SceneObject:
         kind: Its type.
         position: (T, 3) [m]. velocity: (T, 2) [m/s]. heading: (T,) [rad]. valid: (T,).
         size: Length, width, height [m].
-        extras: ``mark_as_expert`` and ``goal_position``, which the writers write again.
+        extras: What only the format has, as ``mark_as_expert`` and ``goal_position``, which the writers write again.
+        is_size_assumed, is_velocity_estimated: Whether the file does not have these.
     """
 
     id: str
@@ -47,7 +48,9 @@ class SceneObject:
     heading: Float64
     valid: Bool
     size: tuple[float, float, float]
-    extras: Mapping[str, object]
+    extras: Mapping[str, object] = field(default_factory=dict)
+    is_size_assumed: bool = False
+    is_velocity_estimated: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +64,12 @@ class SceneRoad:
 
 @dataclass(frozen=True, eq=False)
 class SceneLight:
-    """A light of a lane: states (T,) and stop point (3,) [m]."""
+    """A light of a lane: states (T,) and stop point (3,) [m]; without an id, that of its lane."""
 
     lane: str
     state: UInt8
     stop_point: Float64
+    id: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +80,9 @@ class FileScene:
         ego: Row of the ego; None if the file does not say.
         predicted: Rows of the tracks to predict, with their difficulties.
         interesting: Ids of objects of interest.
+        dt: Timestep [s].
+        current: Current timestep.
+        features: A map that was built already, in place of ``roads``.
     """
 
     objects: Sequence[SceneObject]
@@ -84,6 +91,9 @@ class FileScene:
     ego: int | None = None
     predicted: Sequence[tuple[int, int]] = ()
     interesting: Sequence[str] = field(default_factory=tuple)
+    dt: float = DT
+    current: int = HISTORY
+    features: MapBuilder | None = None
 
     def usable_objects(self, file: str, defects: Defects, scenario_id: str) -> list[SceneObject]:
         """Return objects with an id of their own, a size, and as many states as most."""
@@ -127,6 +137,8 @@ class FileScene:
 
     def build_map(self, file: str, defects: Defects) -> MapBuilder:
         """Return the roads that can be used."""
+        if self.features is not None:
+            return self.features
         builder, seen = MapBuilder(), set[str]()
         points = np.concatenate([np.zeros((0, 3)), *(road.points for road in self.roads)])
         points = points[np.isfinite(points).all(axis=1)]
@@ -154,26 +166,32 @@ class FileScene:
         found = [light for light in self.lights if len(light.state) == num_steps]
         if not found:
             return Lights.empty(num_steps)
-        ids = strings(light.lane for light in found)
+        lane_ids = strings(light.lane for light in found)
         stops = np.stack([light.stop_point for light in found]) - origin
         stops[:, 2] *= has_z
         return Lights(
-            ids=ids,
-            lane_ids=ids,
+            ids=strings(light.id or light.lane for light in found),
+            lane_ids=lane_ids,
             stop_point=stops.astype(np.float32),
             state=np.stack([light.state for light in found]),
-            is_lane_in_map=np.array([lane in lanes for lane in ids], np.bool_),
+            is_lane_in_map=np.array([lane in lanes for lane in lane_ids], np.bool_),
             provenance=np.full(len(found), Provenance.OBSERVED, np.uint8),
         )
 
 
-class TrainingFiles(Converter[RawItem]):
-    """One scenario a file, 64 files a shard; subclasses read a file."""
+class SceneFiles(Converter[RawItem]):
+    """One scenario a file, 64 files a shard; subclasses read a file.
+
+    Class attributes:
+        pattern: Glob of the files.
+        sidecars: Endings of files that match it and hold no scenario.
+    """
 
     version: ClassVar[str] = "1"
     release: ClassVar[str] = "v1"
     budgets: ClassVar[Budgets] = Budgets()
     pattern: ClassVar[str]
+    sidecars: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def scene(self, path: Path, shard: Shard, defects: Defects) -> FileScene:
@@ -183,11 +201,15 @@ class TrainingFiles(Converter[RawItem]):
             CorruptSource: It cannot be read.
         """
 
+    def inputs(self, path: Path) -> list[Path]:
+        """Return a file with those beside it that belong to its scenario."""
+        return [path]
+
     def shards(self, raw: str, split: str, version: str, options: object) -> Iterator[Shard]:
         """List buckets of files."""
         root = Path(raw) if Path(raw).is_dir() else Path(raw).parent
-        files = find_files(raw, self.pattern, self.raw, split)
-        items = [RawItem(path.relative_to(root).as_posix(), fingerprint([path])) for path in files]
+        files = find_files(raw, self.pattern, self.raw, split, self.sidecars)
+        items = [RawItem(path.relative_to(root).as_posix(), fingerprint(self.inputs(path))) for path in files]
         for name, members in bucket(items).items():
             yield Shard(self.name, version, split, name, str(root), members, options)  # type: ignore[arg-type]
 
@@ -209,7 +231,7 @@ class TrainingFiles(Converter[RawItem]):
         if not valid[ego].any():
             raise InvalidScenario(scenario_id, "ego_id", "expected an ego with a usable state, found none")
         steps = np.flatnonzero(valid[ego])
-        later = steps[steps >= min(HISTORY, valid.shape[1] - 1)]
+        later = steps[steps >= min(scene.current, valid.shape[1] - 1)]
         has_z = bool(position[valid][:, 2].any())
         origin = make_origin(position[ego], valid[ego], has_z=has_z)
         roads = scene.build_map(record.name, defects).build(origin, has_z)
@@ -221,8 +243,8 @@ class TrainingFiles(Converter[RawItem]):
             dataset=shard.dataset,
             version=shard.version,
             split=shard.split,
-            timestamps=np.arange(valid.shape[1], dtype=np.float64) * DT,
-            dt=DT,
+            timestamps=np.arange(valid.shape[1], dtype=np.float64) * scene.dt,
+            dt=scene.dt,
             current_timestep=int(later[0] if len(later) else steps[-1]),
             ego_id=ids[ego],
             origin=origin,
@@ -238,6 +260,8 @@ class TrainingFiles(Converter[RawItem]):
                 valid,
                 origin=origin,
                 extras=[each.extras for each in objects],
+                is_size_assumed=[each.is_size_assumed for each in objects],
+                is_velocity_estimated=[each.is_velocity_estimated for each in objects],
             ),
             lights=scene.build_lights(valid.shape[1], origin, has_z, set(roads.ids)),
             map=roads if len(roads) else None,
