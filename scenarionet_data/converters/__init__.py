@@ -18,6 +18,7 @@ from scenarionet_data.errors import SourceNotFound
 _BUILTIN = {
     "argoverse1": "scenarionet_data.converters.argoverse1:Argoverse1",
     "argoverse2": "scenarionet_data.converters.argoverse2:Argoverse2",
+    "commonroad": "scenarionet_data.interchange.commonroad.reader:CommonRoad",
     "gpudrive": "scenarionet_data.interchange.gpudrive.reader:GpuDrive",
     "interaction": "scenarionet_data.converters.interaction:Interaction",
     "logical": "scenarionet_data.logical.converter:Logical",

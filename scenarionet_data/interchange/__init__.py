@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from scenarionet_data.interchange.base import FormatWriter
 
 WRITERS = {
+    "commonroad": "scenarionet_data.interchange.commonroad.writer:CommonRoadWriter",
     "gpudrive": "scenarionet_data.interchange.gpudrive.writer:GpuDriveWriter",
     "mcap": "scenarionet_data.interchange.mcap.writer:McapWriter",
     "opendrive": "scenarionet_data.interchange.opendrive.writer:OpenDriveWriter",

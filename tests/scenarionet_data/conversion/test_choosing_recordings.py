@@ -79,6 +79,7 @@ def _pg(_raw: Path) -> str:
 WRITE: dict[str, Callable[[Path], Path | str]] = {
     "argoverse1": _argoverse1,
     "argoverse2": _argoverse2,
+    "commonroad": lambda raw: _training(raw, "commonroad"),
     "gpudrive": lambda raw: _training(raw, "gpudrive"),
     "interaction": _interaction,
     "logical": lambda _raw: "cut_in",
