@@ -152,6 +152,8 @@ def test_invalid_column_names_are_refused(lake, name, reason):
 def test_mismatched_rows_are_refused(lake):
     with pytest.raises(ScenarioNotFound, match=r"1 of 2 ids .* made/v1/s00000x; ids look like made/v1/s00000"):
         lake.tag("score", {IDS[0]: 1, "made/v1/s00000x": 2})
+    with pytest.raises(ScenarioNotFound, match=rf"2 of 2 ids .* {IDS[3]}x; ids look like {IDS[3]}$"):
+        lake.tag("score", {"zzz": 1, f"{IDS[3]}x": 2})
     with pytest.raises(BadParameter, match="each scenario_id once"):
         lake.tag("score", pa.table({"scenario_id": [IDS[0], IDS[0]], "v": [1, 2]}))
     with pytest.raises(BadParameter, match="each scenario_id once"):
