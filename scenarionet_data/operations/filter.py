@@ -10,6 +10,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.databases.record import DatabaseRecord, Lineage
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
 from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, as_recorded
@@ -18,6 +19,10 @@ from scenarionet_data.query.statements import check_expression, explaining
 
 BoundSql = tuple[NamedSql, dict[str, Any]]
 """A condition and the values of its parameters."""
+
+
+_IN_ORDER = "place"
+_DIRECTION = re.compile(r"\s+(asc|desc)\s*$", re.IGNORECASE)
 
 
 class Filtering(Pool[AnyDatabase]):
@@ -32,11 +37,14 @@ class Filtering(Pool[AnyDatabase]):
         events: Conditions = (),
         ids: Sequence[str] | None = None,
         parameters: Mapping[str, Any] | None = None,
+        order_by: str | None = None,
+        limit: int | None = None,
     ) -> AnyDatabase:
         """Select the scenarios that satisfy all conditions, without saving them; see :meth:`filter`."""
         query = self._query(database)
+        ranking = _IN_ORDER if order_by is None and limit is None else _ranked(order_by, limit)
         with explaining(where, query.view.user_columns):
-            lineage, batches = find_scenarios(query, where, filters, events, ids, parameters)
+            lineage, batches = find_scenarios(query, where, filters, events, ids, parameters, ranking)
             with closing(batches):
                 return self._handle(query.selection(lineage, batches))
 
@@ -50,6 +58,8 @@ class Filtering(Pool[AnyDatabase]):
         events: Conditions = (),
         ids: Sequence[str] | None = None,
         parameters: Mapping[str, Any] | None = None,
+        order_by: str | None = None,
+        limit: int | None = None,
         replace: bool = False,
         allow_empty: bool = False,
     ) -> AnyDatabase:
@@ -64,6 +74,9 @@ class Filtering(Pool[AnyDatabase]):
             events: Events of ``sql/events`` that must occur, in the same forms.
             ids: Ids or source ids that scenarios must have.
             parameters: Values for ``$name`` in ``where``: numbers, texts, truth values, lists of them.
+            order_by: SQL expression over ``metadata`` that orders the members, such as ``difficulty DESC``; unknown
+                values come last. By default they keep the order of what is searched.
+            limit: Keep the first so many only.
             replace: Add a version if the database exists.
             allow_empty: Save a database without members, too.
 
@@ -76,8 +89,9 @@ class Filtering(Pool[AnyDatabase]):
             EmptyResult: No scenario satisfies the conditions and ``allow_empty`` is False.
         """
         query = self._query(database)
+        ranking = _IN_ORDER if order_by is None and limit is None else _ranked(order_by, limit)
         with explaining(where, query.view.user_columns):
-            lineage, batches = find_scenarios(query, where, filters, events, ids, parameters)
+            lineage, batches = find_scenarios(query, where, filters, events, ids, parameters, ranking)
             return self._handle(query.save(lineage, name, batches, replace=replace, allow_empty=allow_empty))
 
 
@@ -88,6 +102,7 @@ def find_scenarios(
     events: Conditions = (),
     ids: Sequence[str] | None = None,
     parameters: Mapping[str, Any] | None = None,
+    ranking: str = _IN_ORDER,
 ) -> tuple[Lineage, Generator[pa.RecordBatch, None, None]]:
     """Return the lineage of a filter, and its rows in order; see :meth:`Filtering.filter`."""
     check_expression(where)
@@ -104,19 +119,32 @@ def find_scenarios(
         occurs = f"scenario_id IN (SELECT scenario_id FROM (\n{event.text}\n))"
         happening.append((replace(event, text=occurs), values))
     conditions, bound = _combined(where, [*named, *happening], parameters or {})
-    sql = query.query("operations/filter", {"conditions": conditions})
+    sql = query.query("operations/filter", {"conditions": conditions, "ranking": ranking})
     lineage = query.lineage("filter", sql, as_recorded(bound))
     if not happening:
         return lineage, query.batches(sql, as_recorded(bound))
     # Events are searched only in scenarios that satisfy the other conditions, which are evaluated once: a condition
     # that compares with the whole lake would give another result over fewer scenarios.
     conditions, bound = _combined(where, named, parameters or {})
-    sql = query.query("operations/filter", {"conditions": conditions})
+    sql = query.query("operations/filter", {"conditions": conditions, "ranking": _IN_ORDER})
     left = query.run(sql, as_recorded(bound))["scenario_id"].to_pylist()
     narrowed = replace(query, view=query.view.restrict_to(left))
     conditions, bound = _combined("true", happening, {})
-    sql = narrowed.query("operations/filter", {"conditions": conditions})
+    sql = narrowed.query("operations/filter", {"conditions": conditions, "ranking": ranking})
     return lineage, narrowed.batches(sql, as_recorded(bound))
+
+
+def _ranked(order_by: str | None, limit: int | None) -> str:
+    """Return the SQL behind ORDER BY for an expression, which may end with ASC or DESC, and a number of rows."""
+    if limit is not None and not is_count(limit, 1):
+        raise BadParameter(f"limit={limit!r}; expected a whole number of 1 or more")
+    ranking = _IN_ORDER
+    if order_by is not None:
+        direction = _DIRECTION.search(order_by) if isinstance(order_by, str) else None
+        expression = order_by[: direction.start()] if direction else order_by
+        check_expression(expression)
+        ranking = f"({expression}\n) {direction.group(1) if direction else 'ASC'} NULLS LAST, {_IN_ORDER}"
+    return ranking if limit is None else f"{ranking} LIMIT {limit}"
 
 
 def _combined(where: str, named: Sequence[BoundSql], parameters: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:

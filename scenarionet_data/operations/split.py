@@ -167,7 +167,9 @@ def _by_share(
         if column is not None:
             check_column(query.view, column, purpose)
     if along is not None:
-        unknown = query.run(query.query("operations/filter", {"conditions": f'"{along}" IS NULL'}), {}).num_rows
+        unknown = query.run(
+            query.query("operations/filter", {"conditions": f'"{along}" IS NULL', "ranking": "place"}), {}
+        ).num_rows
         if unknown:
             raise BadParameter(
                 f'{unknown:,} of {len(query):,} scenarios have no {along}: filter by "{along} IS NOT NULL" first'

@@ -1,5 +1,5 @@
--- Scenarios that satisfy every condition, in the order of the database.
+-- Scenarios that satisfy every condition, in the order of the database unless another is asked for.
 SELECT scenario_id, weight, content_hash
 FROM {pool} AS metadata
 WHERE {conditions}
-ORDER BY place
+ORDER BY {ranking}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from scenarionet_data.errors import BadParameter, EmptyResult, QueryError, ScenarioNotFound, UnsafeSql
@@ -117,3 +119,52 @@ def test_selections_may_be_empty(logs):
     none, some = logs.select("false"), logs.select("scenario_id < 'made/v1/s002'")
     assert len(none) == 0 and none.members.schema == some.members.schema
     assert none.scenario_ids == [] and some.scenario_ids == ids(0, 1)
+
+
+def test_the_hardest_come_first(logs):
+    rows = logs.sql("SELECT scenario_id, num_objects FROM metadata").rows()
+    expected = sorted(rows, key=lambda row: (-row[1], row[0]))
+    hardest = logs.filter(name="hardest", order_by="num_objects DESC", limit=5)
+    assert hardest.scenario_ids == [scenario_id for scenario_id, _ in expected[:5]]
+    assert logs.rebuild(hardest).is_same
+    assert (
+        logs.select(order_by="num_objects", limit=len(rows)).scenario_ids[0] == min(rows, key=lambda r: (r[1], r[0]))[0]
+    )
+    within = logs.select("scenario_id <= 'made/v1/s003'", order_by="scenario_id DESC", limit=2, database="hardest")
+    assert within.scenario_ids == sorted((s for s in hardest.scenario_ids if s <= ids(3)[0]), reverse=True)[:2]
+    assert logs.select(limit=3).scenario_ids == ids(0, 1, 2)
+
+
+def test_unknown_values_come_last(logs):
+    order = "CASE WHEN scenario_id <> 'made/v1/s000' THEN num_objects END"
+    for direction in ("", " desc", " ASC"):
+        found = logs.select(ids=ids(0, 1, 2), order_by=order + direction)
+        assert found.scenario_ids[-1] == ids(0)[0]
+
+
+def test_events_are_ranked_last(logs):
+    found = logs.select(events=["closest_approach"], order_by="scenario_id DESC")
+    every = logs.select(events=["closest_approach"])
+    assert len(every) > 1
+    assert found.scenario_ids == sorted(every.scenario_ids, reverse=True)
+    assert (
+        logs.select(events=["closest_approach"], order_by="scenario_id DESC", limit=1).scenario_ids
+        == found.scenario_ids[:1]
+    )
+
+
+@pytest.mark.parametrize(
+    ("order", "limit", "says"),
+    [
+        ("num_objects; DROP TABLE x", None, "wanted one condition"),
+        ("num_objects) LIMIT (1", None, "wanted one condition"),
+        (" desc", None, "wanted one condition"),
+        (7, None, "wanted SQL as text, found 7"),
+        (None, 0, "limit=0; expected a whole number of 1 or more"),
+        (None, "20", "limit='20'; expected"),
+        (None, True, "limit=True; expected"),
+    ],
+)
+def test_orders_that_are_none_are_refused(logs, order, limit, says):
+    with pytest.raises((UnsafeSql, QueryError, BadParameter), match=re.escape(says)):
+        logs.select(order_by=order, limit=limit)

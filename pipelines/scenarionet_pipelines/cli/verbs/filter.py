@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import click
+
 from scenarionet_pipelines.cli.databases import described
 from scenarionet_pipelines.cli.verb import ALLOW_EMPTY, DATABASE, LakeVerb, Saving, option
 
@@ -22,6 +24,7 @@ class FilterVerb(LakeVerb, Saving):
         "scenarionet filter lake --filter no_overpass --filter object_type:type=cyclist,min=3 --name cyclists",
         "scenarionet filter lake --database busy --where has_intersection --name crossings --replace",
         "scenarionet filter lake --where has_intersection --event cut_in:max_gap=20 --name cut_ins",
+        "scenarionet filter lake --order-by 'difficulty DESC' --limit 20 --name hardest",
         "scenarionet filter lake --ids chosen.txt --name chosen",
     )
     where: str = option("SQL condition over the columns of metadata.", default="true", metavar="EXPR")
@@ -30,6 +33,10 @@ class FilterVerb(LakeVerb, Saving):
     ids: tuple[str, ...] = option("Select a scenario by its id; repeatable.", "--id", metavar="ID")
     file: str | None = option("Select the scenarios listed in a file, one id per line.", "--ids")
     database: str | None = DATABASE
+    order_by: str | None = option(
+        "Order the scenarios by this, as 'difficulty DESC'; unknown values come last.", metavar="EXPR"
+    )
+    limit: int | None = option("Keep the first N scenarios.", type=click.IntRange(1), metavar="N")
     allow_empty: bool = ALLOW_EMPTY
 
     def run(self) -> None:
