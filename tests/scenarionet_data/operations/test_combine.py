@@ -144,6 +144,15 @@ def test_dropping_a_database_with_dependants_is_refused(logs):
     assert list((logs.root / ".tmp").iterdir()) == []
 
 
+def test_five_dependants_are_named(logs):
+    make(logs, "a", [1])
+    for number in range(6):
+        logs.filter("true", name=f"child{number}", database="a")
+    named = ", ".join(f"child{number}@1" for number in range(5))
+    with pytest.raises(DatabaseInUse, match=f"^{named} were made from a; "):
+        logs.drop("a")
+
+
 def test_dropping_the_last_version_frees_the_name(logs):
     make(logs, "a", [1])
     logs.drop("a@1")
