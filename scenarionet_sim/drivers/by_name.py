@@ -31,7 +31,7 @@ from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.constant_velocity import ConstantVelocity
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.idm import Idm
-from scenarionet_sim.policies.objects import ego
+from scenarionet_sim.policies.objects import ego, vehicles_behind_ego
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.policies.sampled import NoisyVelocity, SampledIdm
 from scenarionet_sim.policies.social_force import SocialForce
@@ -72,12 +72,13 @@ RANDOM = "random"
 TRAFFIC: dict[str, tuple[Policy, ...]] = {
     "replay": (Replay(),),
     "idm": (Replay(), Idm()),
+    "idm-behind": (Replay(), Idm(objects=vehicles_behind_ego)),
     "idm-sampled": (Replay(), SampledIdm()),
     "idm-walking": (Replay(), Idm(), SocialForce()),
     "constant": (ConstantVelocity(),),
     "constant-noisy": (NoisyVelocity(),),
 }
-REACTIVE = ("idm", "idm-sampled", "idm-walking")
+REACTIVE = ("idm", "idm-behind", "idm-sampled", "idm-walking")
 """Traffic that reacts to the ego."""
 
 

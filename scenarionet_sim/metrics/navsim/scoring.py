@@ -82,8 +82,12 @@ def epdms(parts: PlanParts, human: PlanParts | None = None) -> float:
 
 
 def filter_by_human(parts: PlanParts, human: PlanParts) -> PlanParts:
-    """Set the parts to 1 in which the recorded drive has 0: then the scene demands the violation."""
-    return replace(parts, **{field.name: 1.0 for field in fields(parts) if getattr(human, field.name) == 0.0})
+    """Set the parts to 1 in which the recorded drive has 0: then the scene demands the violation.
+
+    Comfort over the history is never set: NAVSIM scores the recorded drive without its history, so that it has 1.
+    """
+    failed = {field.name for field in fields(parts) if getattr(human, field.name) == 0.0} - {"history_comfort"}
+    return replace(parts, **dict.fromkeys(failed, 1.0))
 
 
 def normalised_progress(progress: Float64, multipliers: Float64) -> Float64:

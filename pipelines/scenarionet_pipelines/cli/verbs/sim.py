@@ -49,8 +49,8 @@ class SimVerb(LakeVerb, Distributed):
         metavar="NAME",
     )
     traffic: str = option(
-        "Policy of the others: replay, idm, idm-sampled, idm-walking (where pedestrians and cyclists react, too), "
-        "constant or constant-noisy.",
+        "Policy of the others: replay, idm, idm-behind (only vehicles behind the ego react), idm-sampled, idm-walking "
+        "(where pedestrians and cyclists react, too), constant or constant-noisy.",
         default="replay",
         metavar="NAME",
     )
