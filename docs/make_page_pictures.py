@@ -25,9 +25,9 @@ SIZE = {"width": 1280, "height": 1010}
 
 PAGES = {
     "browse": {"where": "num_objects > 5", "sort": "difficulty", "order": "falling", "charts": "ego_distance,duration"},
-    "player": {"scenario": "pg/v1/9", "at": "9.00", "follow": "1", "camera": "chase"},
-    "runs": {"scenario": "pg/v1/9", "at": "12.00", "runs": "idm,constant"},
-    "space": {"scenario": "pg/v1/9", "at": "9.00", "follow": "1", "look": "3d"},
+    "player": {"scenario": "pg/v2/9", "at": "9.00", "follow": "1", "camera": "chase"},
+    "runs": {"scenario": "pg/v2/9", "at": "12.00", "runs": "idm,constant"},
+    "space": {"scenario": "pg/v2/9", "at": "9.00", "follow": "1", "look": "3d"},
 }
 """Name of each picture and the state in the address of its page."""
 

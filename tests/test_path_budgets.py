@@ -18,7 +18,7 @@ def filters(root):
 
 
 def converts(root):
-    return lambda: convert("pg", "0:2", root.with_name("entered"))
+    return lambda: convert("pg", "0:2", root.with_name("entered"), version="v1")
 
 
 def loads(root):
@@ -30,8 +30,8 @@ def loads(root):
 def root(tmp_path_factory):
     """A generated lake; everything that a process does only once is done."""
     root = tmp_path_factory.mktemp("paths") / "lake"
-    convert("pg", "0:2", root)
-    convert("pg", "0:2", root.with_name("warm"))
+    convert("pg", "0:2", root, version="v1")
+    convert("pg", "0:2", root.with_name("warm"), version="v1")
     ScenarioLoader(Lake(root).filter("true", name="warm").view, "warm")[0]
     return root
 

@@ -45,7 +45,7 @@ def run(folder: str, num_scenarios: int = 200) -> None:
         ("Filter the busy scenarios", _command("filter", lake, "--where", busy, "--name", "busy")),
         ("Split them", _command("split", lake, "busy", "--fractions", "train=0.9", "val=0.1")),
         ("Load one in Python", lambda: _load(lake)),
-        ("Draw it", _command("render", lake, "pg/v1/0", "-o", picture)),
+        ("Draw it", _command("render", lake, "pg/v2/0", "-o", picture)),
         ("Export pickles for MetaDrive", _command("export", lake, "busy_val", pickles)),
     ]
     started = time.monotonic()

@@ -20,12 +20,12 @@ from scenarionet_data.building import MapBuilder, make_origin, make_tracks
 from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.formats.map_files import read_map
-from scenarionet_data.errors import SourceNotFound
+from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.procedural.drawn_map import DrawnMap
 from scenarionet_data.procedural.generate import Episode, generate
-from scenarionet_data.procedural.options import GeneratorOptions
+from scenarionet_data.procedural.options import VERSIONS, GeneratorOptions
 from scenarionet_data.procedural.population import boxes
 from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
 from scenarionet_data.procedural.roadmap import RoadMap
@@ -70,15 +70,28 @@ class Procedural(Converter[int]):
 
     name: ClassVar[str] = "pg"
     version: ClassVar[str] = "1"
-    release: ClassVar[str] = "v1"
+    release: ClassVar[str] = "v2"
     licence: ClassVar[str] = "Apache-2.0 (generated)"
     raw: ClassVar[str] = "a range of seeds FIRST:END (END excluded), or their number"
     Options = ProceduralOptions
     budgets: ClassVar[Budgets] = Budgets(velocity_median=0.02, velocity_p99=0.2, heading_p99=0.02)
 
     def shards(self, raw: str, split: str, version: str, options: ProceduralOptions) -> Iterator[Shard]:
-        """List aligned blocks of 64 seeds, so that a longer range only changes the last shard and adds new ones."""
+        """List aligned blocks of 64 seeds, so that a longer range only changes the last shard and adds new ones.
+
+        Shards of version v1 do not name the generator's version, which they had before it was an option.
+
+        Raises:
+            BadParameter: Scenarios of version v1 with other traffic, or options out of range.
+        """
         options.check()
+        if version == self.release and options.version:
+            version = options.version
+        if version == VERSIONS[0] and options.version not in ("", version):
+            raise BadParameter(
+                f"version: {options.version} for scenarios of version {version}; give them another --version"
+            )
+        options = replace(options, version="" if version == VERSIONS[0] else options.version or VERSIONS[-1])
         seeds, place, mark = parse_seeds(raw), "", "seed"
         if options.map:
             path = Path(options.map)
@@ -109,9 +122,9 @@ class Procedural(Converter[int]):
     def maps(self, raw: str, version: str, options: ProceduralOptions) -> Iterator[Shard]:  # noqa: ARG002
         """The map, if traffic drives on a given one."""
         if options.map:
-            path = Path(options.map)
+            path, drive = Path(options.map), next(self.shards("1", "", version, options))
             item = RawItem(path.name, fingerprint([path]))
-            yield Shard(self.name, version, "", path.stem, str(path.parent), (item,), options)
+            yield Shard(self.name, drive.version, "", path.stem, str(path.parent), (item,), drive.options)
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read the map."""
@@ -120,6 +133,7 @@ class Procedural(Converter[int]):
     def scenario(self, shard: Shard, record: int) -> ScenarioDescription:
         """Generate the scenario of a seed."""
         options = shard.options_as(ProceduralOptions)
+        options = replace(options, version=options.version or shard.version)
         if not options.map:
             return describe(generate(record, options), record, shard, options.dt)
         city, drawn = _read_place(options.map, fingerprint([Path(options.map)]))

@@ -1,4 +1,4 @@
-"""The time loop of the traffic: from a lane graph and vehicles to their motion, the same bits on every run."""
+"""The time loop of traffic that only leaves (version 1): from vehicles to their motion, the same bits on every run."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from scenarionet_data.procedural.following import acceleration, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.lane_change import consider
 from scenarionet_data.procedural.right_of_way import update_grant
-from scenarionet_data.procedural.vehicles import PLACE, PLACES, curvature_at, lateral_offset, occupy, record
+from scenarionet_data.procedural.vehicles import PLACE, PLACES, STANDING, curvature_at, lateral_offset, occupy, record
 
 EGO = 0
 _LAST_CHANCE = 10.0  # [m] before a vehicle would have to stop and wait to change lanes
-_CONSIDER_EVERY = 5  # timesteps between considerations of a lane change
-_GENTLE = 2.0  # [m/s2] hardest braking in the first timestep
+CONSIDER_EVERY = 5  # timesteps between considerations of a lane change
+GENTLE = 2.0  # [m/s2] hardest braking in the first timestep
 
 
 def drive(graph: LaneGraph, vehicles: RecordArray, lights: Int32, dt: float) -> tuple[Float64, Bool]:
@@ -63,7 +63,7 @@ def _drive(
         update_grant(graph, vehicles, places, lights, 0, i)
     for _ in range(3):  # lower the random initial speeds until no vehicle has to brake hard
         for i in range(count):
-            while vehicles[i].speed > 0.5 and acceleration(graph, vehicles, places, i) < -_GENTLE:
+            while vehicles[i].speed > 0.5 and acceleration(graph, vehicles, places, i) < -GENTLE:
                 vehicles[i].speed *= 0.9
     for t in range(steps):
         for i in range(count):
@@ -74,9 +74,9 @@ def _drive(
             return t
         for i in range(count):
             if vehicles[i].active:
-                if (t + i) % _CONSIDER_EVERY == 0:
+                if (t + i) % CONSIDER_EVERY == 0:
                     consider(graph, vehicles, places, i)
-                _reroute(graph, vehicles, i)
+                reroute(graph, vehicles, i)
                 occupy(graph, vehicles, places, i)
                 update_grant(graph, vehicles, places, lights, t, i)
         for i in range(count):
@@ -84,13 +84,13 @@ def _drive(
                 wanted[i] = acceleration(graph, vehicles, places, i)
         for i in range(count):
             if vehicles[i].active:
-                _move(graph, vehicles[i], wanted[i], dt)
+                move(graph, vehicles[i], wanted[i], dt)
             occupy(graph, vehicles, places, i)
     return int(steps)
 
 
 @device_function
-def _reroute(graph: LaneGraph, vehicles: RecordArray, i: int) -> None:
+def reroute(graph: LaneGraph, vehicles: RecordArray, i: int) -> None:
     """Give a vehicle that is too late to change lanes a destination that its lane leads to, except the ego."""
     vehicle, lane = vehicles[i], vehicles[i].lane
     if i == EGO or graph.lanes[lane].is_last or graph.routes[vehicle.destination, lane].next_lane != NONE:
@@ -103,7 +103,7 @@ def _reroute(graph: LaneGraph, vehicles: RecordArray, i: int) -> None:
 
 
 @device_function
-def _move(graph: LaneGraph, vehicle: ArrayRecord, acceleration_now: float, dt: float) -> None:
+def move(graph: LaneGraph, vehicle: ArrayRecord, acceleration_now: float, dt: float) -> None:
     """Move one vehicle by a step of constant acceleration, along its curve and over lane ends."""
     speed = max(0.0, vehicle.speed + acceleration_now * dt)
     left, slope = lateral_offset(vehicle)
@@ -111,6 +111,7 @@ def _move(graph: LaneGraph, vehicle: ArrayRecord, acceleration_now: float, dt: f
     travelled = 0.5 * (vehicle.speed + speed) * dt / stretch
     vehicle.speed = speed
     vehicle.s += travelled
+    vehicle.waited = vehicle.waited + dt if speed < STANDING else 0.0
     vehicle.patience = max(0.0, vehicle.patience - dt)
     if vehicle.lateral != 0.0:
         vehicle.progress += travelled / vehicle.span

@@ -14,11 +14,12 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.procedural import sections
 from scenarionet_data.procedural.drawn_map import DrawnMap
 from scenarionet_data.procedural.drive import drive
+from scenarionet_data.procedural.flow import LATEST, flow
 from scenarionet_data.procedural.graph import LaneGraph, make_graph, signal_rows
 from scenarionet_data.procedural.intersection import intersection, t_intersection
 from scenarionet_data.procedural.options import BLOCK_NAMES, GeneratorOptions
 from scenarionet_data.procedural.path import Pose
-from scenarionet_data.procedural.population import Obstacle, Population, place_construction, populate
+from scenarionet_data.procedural.population import WARM_UP, Obstacle, Population, boxes, place_construction, populate
 from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
 from scenarionet_data.procedural.roadmap import Block, Road, RoadMap, Socket
 from scenarionet_data.procedural.roundabout import roundabout
@@ -52,13 +53,23 @@ def generate(seed: int, options: GeneratorOptions, drawn: DrawnMap | None = None
     """Generate the episode of a seed, on a map of its own or a given one; deterministic to the bit."""
     rng = np.random.Generator(np.random.PCG64(seed))
     road_map = make_map(options, rng) if drawn is None else drawn.with_ends(rng)
-    graph = make_graph(road_map)
+    graph = make_graph(road_map)._replace(flows=options.version != "v1")
     graph, obstacles = place_construction(road_map, graph, options.construction, rng)
-    population = populate(road_map, graph, options, rng)
     _, rows = signal_rows(road_map.lanes)
-    lights = make_lights(rows, options.max_steps, options.dt, rng)
-    motion, valid = drive(graph, population.vehicles, lights, options.dt)
-    return Episode(road_map, graph, population, motion, valid, lights[:, : valid.shape[1]], obstacles)
+    if options.version == "v1":
+        population = populate(road_map, graph, options, rng)
+        lights = make_lights(rows, options.max_steps, options.dt, rng)
+        motion, valid = drive(graph, population.vehicles, lights, options.dt)
+        return Episode(road_map, graph, population, motion, valid, lights[:, : valid.shape[1]], obstacles)
+    steps = options.max_steps + round((WARM_UP + LATEST) / options.dt)
+    population = populate(road_map, graph, options, rng, steps * options.dt)
+    lights = make_lights(rows, steps, options.dt, rng)
+    poses, sizes = boxes(obstacles)
+    standing = np.concatenate([poses, sizes[:, :2]], axis=1)
+    motion, valid, begin = flow(graph, population, lights, standing, options.dt)
+    lights = lights[:, begin : begin + valid.shape[1]]
+    seen = np.asarray(valid.any(axis=1), np.bool_)
+    return Episode(road_map, graph, population.select(seen), motion[seen], valid[seen], lights, obstacles)
 
 
 YELLOW = 3.0  # [s]

@@ -56,6 +56,7 @@ class LaneGraph(NamedTuple):
         conflicts: (C,) ``CONFLICT`` records.
         routes: (D, L) ``ROUTE`` records.
         lane_width: [m].
+        flows: Whether the rules of version 2 hold, with which dense traffic does not lock itself.
     """
 
     lanes: RecordArray
@@ -64,6 +65,7 @@ class LaneGraph(NamedTuple):
     conflicts: RecordArray
     routes: RecordArray
     lane_width: float
+    flows: bool = True
 
 
 def make_graph(road_map: RoadMap) -> LaneGraph:

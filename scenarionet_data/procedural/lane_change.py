@@ -9,7 +9,7 @@ from scenarionet_data.arrays.idm import free_acceleration, interaction, is_worth
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.procedural.following import braking_along, nearest_on, room_needed
 from scenarionet_data.procedural.graph import LANE_CHANGE_COST, NONE, LaneGraph
-from scenarionet_data.procedural.vehicles import PLACES
+from scenarionet_data.procedural.vehicles import PLACES, abreast
 
 SHORTEST = 12.0  # [m] least length of a lane change
 DURATION = 3.2  # [s] usual duration of a lane change
@@ -31,12 +31,13 @@ def consider(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: in
         return
     lane = vehicle.lane
     own = graph.lanes[lane]
+    vehicle.wish = NONE
     for side in (1.0, -1.0):
         target = own.left if side > 0.0 else own.right
         if target == NONE:
             continue
         beside = graph.lanes[target]
-        s = vehicle.s * beside.length / own.length
+        s = abreast(graph, lane, vehicle.s, target)
         works = own.closed_from - vehicle.s
         own_cost = graph.routes[vehicle.destination, lane].cost
         cost = graph.routes[vehicle.destination, target].cost
@@ -45,16 +46,18 @@ def consider(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: in
             must = True
         if not must and (vehicle.patience > 0.0 or cost > own_cost + LANE_CHANGE_COST / 2.0):
             continue
+        if must:
+            vehicle.wish = target
         span = _span(graph, vehicle, target, s, side)
         if span == 0.0 or beside.closed_from - 60.0 < s < beside.closed_until + 8.0:
             continue
         if not _is_way_clear(graph, vehicles, places, i, target, s, span):
             continue
-        if _is_accepted(graph, vehicles, places, i, target, s, must):
+        if is_accepted(graph, vehicles, places, i, target, s, must):
             vehicle.origin, vehicle.previous, vehicle.granted = lane, NONE, NONE
             vehicle.lane, vehicle.s = target, s
             vehicle.lateral, vehicle.progress, vehicle.span = -side * graph.lane_width, 0.0, span
-            vehicle.patience = PATIENCE
+            vehicle.patience, vehicle.wish = PATIENCE, NONE
             return
 
 
@@ -88,7 +91,7 @@ def _is_way_clear(
 
 
 @device_function
-def _is_accepted(
+def is_accepted(
     graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int, target: int, s: float, must: bool
 ) -> bool:
     """Whether the gap in ``target`` is safe and, for an optional change, worth it."""

@@ -20,6 +20,8 @@ BLOCK_NAMES = (
     "merge",
 )
 
+VERSIONS = "v1", "v2"
+
 
 def _option(default: Any, doc: str) -> Any:
     return field(default=default, metadata={"doc": doc})
@@ -29,6 +31,13 @@ def _option(default: Any, doc: str) -> Any:
 class GeneratorOptions:
     """Parameters of maps and traffic; with a seed, they determine a scenario."""
 
+    version: str = field(
+        default="",
+        metadata={
+            "doc": "Traffic that enters and leaves (v2) or only leaves (v1); empty: as --version, else v2.",
+            "is_added": True,
+        },
+    )
     num_blocks: int = _option(2, "Road blocks after the straight road the ego starts on.")
     blocks: str = _option(
         "straight=2 curve=4 intersection=1.2 t_intersection=1.2 roundabout=1.2 on_ramp=2 off_ramp=2 fork=2 merge=2",
@@ -66,6 +75,8 @@ class GeneratorOptions:
     def check(self) -> None:
         """Raise BadParameter at the first value outside its range."""
         _ = self.weights
+        if self.version not in ("", *VERSIONS):
+            raise BadParameter(f"version: {self.version!r}; wanted {' or '.join(VERSIONS)}")
         ranges = {
             "num_blocks": (0, 20),
             "density": (0.0, 20.0),

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, RecordArray
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, RecordArray
 from scenarionet_data.procedural.graph import LANE_CHANGE_COST, NONE, LaneGraph, close_lane
 from scenarionet_data.procedural.options import GeneratorOptions
 from scenarionet_data.procedural.roadmap import NO_JUNCTION, RoadMap
@@ -29,6 +29,11 @@ _RANGES = np.array(
 ROOM = 3.0  # [m] bumper to bumper between vehicles at the start, at least
 END_ROOM = 6.0  # [m] free of vehicles' centres at both ends of a lane, at the start
 _TRIES = 20
+WARM_UP = 20.0
+"""Time before the ego enters [s], in which queues at lights form; it is not recorded."""
+_LEAST_HEADWAY = 1.0  # [s] between arrivals on a lane
+_PACE = 0.4  # mean over desired speed, with stops and turns
+_AT_THE_END = 0.2  # [m] of lane behind a vehicle that enters
 
 TAPER = 12.0  # [m] over which cones close the lane
 WORKS = 12.0  # [m] behind the taper
@@ -48,11 +53,18 @@ class Population:
         kinds: Names of their kinds.
         size: (N, 3) length, width, height [m].
         vehicles: (N,) ``VEHICLE`` records.
+        arrivals: (N,) timestep from which each wants to enter; 0 for those that are there at the start.
     """
 
     kinds: list[str]
     size: Float64
     vehicles: RecordArray
+    arrivals: Int64
+
+    def select(self, chosen: Bool) -> Population:
+        """Return some of the vehicles (N,)."""
+        kinds = np.array(self.kinds)[chosen].tolist()
+        return Population(kinds, self.size[chosen], self.vehicles[chosen], self.arrivals[chosen])
 
 
 class Obstacle(NamedTuple):
@@ -66,10 +78,18 @@ class Obstacle(NamedTuple):
     size: tuple[float, float, float]
 
 
-def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng: np.random.Generator) -> Population:
+def populate(
+    road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng: np.random.Generator, flow_for: float = 0.0
+) -> Population:
     """Draw the vehicles: the ego on the first road, the others on all roads by density.
 
-    They start at speeds that ``drive`` lowers where necessary, with destinations that they can reach.
+    They start at speeds that the time loop lowers where necessary, with destinations that they can reach. Vehicles that
+    arrive do so at lanes without predecessors, at the flow of the density at the desired speed, with headways of a
+    shifted exponential distribution (a Poisson process whose vehicles keep a distance; Cowan 1975, M1 to M2).
+
+    Args:
+        road_map, graph, options, rng: The map, its lanes, the parameters, and where the numbers are drawn from.
+        flow_for: Time in which vehicles arrive [s]; the ego does after ``WARM_UP``.
     """
     lanes, cost = graph.lanes, graph.routes.cost
     # No vehicles start in junctions, tapers and on very short lanes.
@@ -78,12 +98,21 @@ def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng
     density = options.density / 100.0 * np.where(np.isfinite(cost[0]), 1.0, options.oncoming)
     expected = density * lanes.length * is_open
     count = 1 + int(expected.sum() + rng.random())
-    kind = rng.choice(len(_KINDS), size=count, p=_SHARES / _SHARES.sum())
+    entering, times = np.empty(0, np.int64), np.empty(0)
+    if flow_for:
+        is_entry = is_open & ~np.isin(np.arange(len(lanes)), graph.successors)
+        entering, times = arrival_times(_PACE * density * lanes.speed * is_entry, flow_for, rng)
+    kind = rng.choice(len(_KINDS), size=count + len(entering), p=_SHARES / _SHARES.sum())
     kind[0] = 0  # the ego is a car
     low, high = _RANGES[kind, :3].transpose(2, 0, 1)
-    size = low + rng.random((count, 1)) * (high - low)
-    kept, lane, s = _place(road_map, graph, expected, size[:, 0], rng)
+    size = low + rng.random((len(kind), 1)) * (high - low)
+    kept, lane, s = _place(road_map, graph, expected, size[:count, 0], rng)
+    kept += range(count, len(kind))
+    lane, s = [*lane, *entering.tolist()], [*s, *(size[count:, 0] / 2.0 + _AT_THE_END).tolist()]
     kind, size, count = kind[kept], size[kept], len(kept)
+    arrivals = np.append(np.zeros(count - len(times), np.int64), 1 + (times / options.dt).astype(np.int64))
+    if flow_for:
+        arrivals[0] = round(WARM_UP / options.dt)
 
     vehicles: RecordArray = np.recarray(count, VEHICLE)
     vehicles.length, vehicles.width = size[:, 0], size[:, 1]
@@ -93,15 +122,29 @@ def populate(road_map: RoadMap, graph: LaneGraph, options: GeneratorOptions, rng
     vehicles.decel = rng.uniform(1.6, 2.6, count)
     vehicles.standstill = rng.uniform(1.8, 2.8, count)
     vehicles.politeness = rng.uniform(0.1, 0.5, count)
-    vehicles.active, vehicles.lane, vehicles.s = True, lane, s
+    vehicles.active, vehicles.lane, vehicles.s = not flow_for, lane, s
     vehicles.destination = 0
     for i in range(1, count):
         vehicles.destination[i] = rng.choice(np.flatnonzero(np.isfinite(cost[:, lane[i]])))
     vehicles.speed = lanes.speed[lane] * vehicles.eagerness * rng.uniform(0.5, 1.0, count)
     vehicles.previous = vehicles.granted = vehicles.origin = NONE
     vehicles.lateral, vehicles.progress, vehicles.span = 0.0, 0.0, 1.0
+    vehicles.waited, vehicles.wish = 0.0, NONE
     vehicles.patience = rng.uniform(0.0, 4.0, count)
-    return Population(_KINDS[kind].tolist(), size, vehicles)
+    return Population(_KINDS[kind].tolist(), size, vehicles, arrivals)
+
+
+def arrival_times(rates: Float64, duration: float, rng: np.random.Generator) -> tuple[Int64, Float64]:
+    """Lanes (K,) and times (K,) [s] of arrivals in a time [s], in order, for rates (L,) [1/s]."""
+    entering, times = [np.empty(0, np.int64)], [np.empty(0)]
+    for lane in np.flatnonzero(rates > 0.0).tolist():
+        free = max(1.0 / rates[lane], 2.0 * _LEAST_HEADWAY) - _LEAST_HEADWAY
+        headways = _LEAST_HEADWAY + rng.exponential(free, int(duration / _LEAST_HEADWAY))
+        times.append(np.cumsum(headways) - rng.uniform(0.0, _LEAST_HEADWAY))
+        times[-1] = times[-1][times[-1] < duration]
+        entering.append(np.full(len(times[-1]), lane))
+    order = np.argsort(np.concatenate(times), kind="stable")
+    return np.concatenate(entering)[order], np.concatenate(times)[order]
 
 
 def _place(

@@ -11,16 +11,20 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import ArrayRecord, Int32, RecordArray
 from scenarionet_data.compiled.decorators import device_function
-from scenarionet_data.procedural.graph import NONE, SPLIT, LaneGraph
-from scenarionet_data.procedural.vehicles import PLACES
+from scenarionet_data.procedural.following import nearest_on
+from scenarionet_data.procedural.graph import MERGE, NONE, SPLIT, LaneGraph
+from scenarionet_data.procedural.vehicles import PLACES, STANDING
 
 GO, CAUTION, STOP = 1, 2, 3
 _FIRM_BRAKING = 3.0  # [m/s2] with which drivers still stop for a light
+_BETWEEN = 0.5  # [s] from when one has left the place where lanes cross, until the next is there
 _GAP = 1.5  # [s] left to vehicles with priority
 _CRAWL = 4.0  # [m/s] least speed assumed of a vehicle about to cross
-_STANDING = 0.3  # [m/s]
 _AT_THE_LINE = 8.0  # [m]
 _HOPS = 4
+_FORESIGHT = 2.0  # [s] for which the vehicle ahead is expected to drive on
+_ROLLING = 2.0  # [m/s] from which it is expected to leave a junction with lights
+PATIENCE = 3.0, 6.0  # [s] after which one that waits relies on others to brake, and others let it go first
 
 
 @device_function
@@ -48,6 +52,10 @@ def update_grant(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, l
     signal = graph.lanes[following].signal
     can_stop = ahead > vehicle.speed**2 / (2.0 * _FIRM_BRAKING)
     closed = signal != NONE and can_stop and lights[signal, t] != GO
+    if graph.flows and closed and lights[signal, t] == CAUTION:  # who waited to turn left does when others stop
+        closed = vehicle.waited < PATIENCE[0] and (vehicle.granted != following or ahead > _AT_THE_LINE / 2.0)
+    if closed:
+        vehicle.waited = 0.0
     if vehicle.granted == following:
         if closed:
             vehicle.granted = NONE
@@ -56,7 +64,10 @@ def update_grant(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, l
         return  # still blocks, and may be blocked by, the lane it leaves
     reach = vehicle.speed**2 / (2.0 * vehicle.decel) + 12.0
     if ahead < reach and not closed and _is_free(graph, vehicles, places, lights, t, i, following, ahead):
-        vehicle.granted = following
+        own = graph.lanes[following]
+        is_entering = own.junction != graph.lanes[vehicle.lane].junction and own.detour == 0.0
+        if not graph.flows or not is_entering or _is_way_out_clear(graph, vehicles, places, i, following, ahead):
+            vehicle.granted = following
 
 
 @device_function
@@ -77,10 +88,89 @@ def _is_free(
             if j == i or not vehicles[j].active:
                 continue
             if _is_in(vehicles, places, j, conflict.lane, conflict.other_end):
-                return False
+                if not graph.flows or not _is_gone(graph, vehicles, places, i, j, lane, conflict, ahead):
+                    return False
+                continue
             has_priority = other.rank > own.rank and not is_red
+            if has_priority and graph.flows and vehicle.waited > PATIENCE[0]:
+                has_priority = not _lets_pass(graph, vehicles[j], conflict.lane, own.junction)
             if has_priority and _arrival(graph, vehicles[j], conflict.lane, conflict.other_begin) < leave + _GAP:
                 return False
+            is_outside = graph.lanes[vehicle.lane].junction != own.junction
+            if graph.flows and is_outside and own.rank > other.rank and vehicles[j].waited > PATIENCE[1]:
+                following = graph.routes[vehicles[j].destination, vehicles[j].lane].next_lane
+                if following == conflict.lane and vehicles[j].waited > vehicle.waited:
+                    return False
+    return True
+
+
+@device_function
+def _is_gone(
+    graph: LaneGraph,
+    vehicles: RecordArray,
+    places: RecordArray,
+    i: int,
+    j: int,
+    lane: int,
+    conflict: ArrayRecord,
+    ahead: float,
+) -> bool:
+    """Whether vehicle ``j``, which has a grant for the other lane, is out of the way when ``i`` arrives, or before it.
+
+    Where lanes merge, ``i`` follows it; where they cross, it has left the zone when ``i`` can be there at the earliest.
+    """
+    own, vehicle, other = graph.lanes[lane], vehicles[i], vehicles[j]
+    s = -np.inf
+    for place in range(PLACES):
+        if places[j, place].lane == conflict.lane:
+            s = max(s, places[j, place].s)
+    if s == -np.inf:
+        if graph.routes[other.destination, other.lane].next_lane != conflict.lane:
+            return False
+        s = other.s - graph.lanes[other.lane].length
+    if conflict.kind == MERGE:
+        way = ahead + own.length - vehicle.standstill - other.length / 2.0
+        return bool(graph.lanes[conflict.lane].length - s < way)
+    if other.speed < STANDING:
+        return False
+    leaves = (conflict.other_end - s + other.length / 2.0) / max(other.speed, _CRAWL / 2.0)
+    way, most = ahead + conflict.own_begin, max(own.speed * vehicle.eagerness, vehicle.speed)
+    rise = (most - vehicle.speed) / vehicle.accel
+    arrives = (np.sqrt(vehicle.speed**2 + 2.0 * vehicle.accel * max(way, 0.0)) - vehicle.speed) / vehicle.accel
+    if arrives > rise:
+        arrives = rise + (way - 0.5 * (vehicle.speed + most) * rise) / most
+    return bool(leaves + _BETWEEN < arrives)
+
+
+@device_function
+def _lets_pass(graph: LaneGraph, vehicle: ArrayRecord, lane: int, junction: int) -> bool:
+    """Whether a vehicle with priority, outside of the junction, can stop gently before ``lane`` in it."""
+    if graph.lanes[vehicle.lane].junction == junction:
+        return False
+    ahead, where = -vehicle.s - vehicle.length / 2.0, vehicle.lane
+    for _ in range(_HOPS):
+        if where in (lane, NONE):
+            break
+        ahead += graph.lanes[where].length
+        where = graph.routes[vehicle.destination, where].next_lane
+    return bool(ahead > vehicle.speed**2 / (2.0 * vehicle.decel))
+
+
+@device_function
+def _is_way_out_clear(
+    graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i: int, lane: int, ahead: float
+) -> bool:
+    """Whether there is room for vehicle ``i`` behind ``lane``, so that it does not have to stop where others cross."""
+    vehicle, where, is_unlit = vehicles[i], vehicles[i].lane, graph.lanes[lane].signal == NONE
+    before, needed = -vehicle.s, ahead + graph.lanes[lane].length + vehicle.length + vehicle.standstill
+    for _ in range(_HOPS):
+        gap, speed = nearest_on(graph, vehicles, places, i, where, before)
+        before += graph.lanes[where].length
+        if gap < needed and (speed < _ROLLING or (is_unlit and gap + _FORESIGHT * speed < needed)):
+            return False
+        where = graph.routes[vehicle.destination, where].next_lane
+        if where == NONE or before > needed:
+            break
     return True
 
 
@@ -101,7 +191,7 @@ def _arrival(graph: LaneGraph, vehicle: ArrayRecord, lane: int, zone_begin: floa
 
     A vehicle at standstill without a red light may itself be yielding: it has no priority until it moves.
     """
-    if vehicle.speed < _STANDING and graph.lanes[lane].signal == NONE:
+    if vehicle.speed < STANDING and graph.lanes[lane].signal == NONE:
         return np.inf
     ahead, where = -vehicle.s, vehicle.lane
     for _ in range(_HOPS):

@@ -188,7 +188,7 @@ def nearest_box(boxes: Array, valid: Array, ego: int) -> float:
                 continue
             apart = _length(boxes[row, step, 0] - boxes[ego, step, 0], boxes[row, step, 1] - boxes[ego, step, 1])
             if apart - reach - _length(boxes[row, step, 3], boxes[row, step, 4]) / 2 < nearest:
-                nearest = min(nearest, _gap(boxes[ego, step], boxes[row, step]))
+                nearest = min(nearest, box_gap(boxes[ego, step], boxes[row, step]))
     return nearest
 
 
@@ -199,7 +199,7 @@ def _length(x: float, y: float) -> float:
 
 
 @device_function
-def _gap(first: Array, second: Array) -> float:
+def box_gap(first: Array, second: Array) -> float:
     """Distance between two boxes. Disjoint rectangles are nearest at a corner of one of them.
 
     Whether they are disjoint is the separating-axis test on their four axes.

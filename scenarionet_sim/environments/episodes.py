@@ -130,7 +130,7 @@ class Episodes:
         options = {} if options is None else options
         if not isinstance(options, Mapping) or not options.keys() <= {"scenario_id", "timestep"}:
             raise BadParameter(
-                f"options={options!r}; expected {{'scenario_id': 'pg/v1/3', 'timestep': 0}} or one of them"
+                f"options={options!r}; expected {{'scenario_id': 'pg/v2/3', 'timestep': 0}} or one of them"
             )
         timestep = options.get("timestep")
         if timestep is not None and not is_count(timestep, None):

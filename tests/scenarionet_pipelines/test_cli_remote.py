@@ -31,7 +31,7 @@ def test_databases_from_end_to_end(lake, tmp_path):
     assert "snapshot 1, 8 scenarios" in run("maintain", "doctor", lake)
     run("split", lake, "busy", "--fractions", "train=0.5", "val=0.5")
     run("db", "tag", lake, "crowded", "--where", "num_objects > 3")
-    assert "crowded" in run("show", lake, "pg/v1/3")
+    assert "crowded" in run("show", lake, "pg/v2/3")
     run("db", "rename", lake, "busy_val", "held_out")
     assert {d["name"] for d in json.loads(run("list", lake, "--json"))["databases"]} == {
         "busy",

@@ -25,7 +25,7 @@ def generated(tmp_path_factory):
 @pytest.mark.parametrize(
     ("program", "arguments", "printed"),
     [
-        (random_agent.main, ["--episodes", "2"], "pg/v1/0"),
+        (random_agent.main, ["--episodes", "2"], "pg/v2/0"),
         (idm_ego.main, [], "of 12"),
     ],
 )

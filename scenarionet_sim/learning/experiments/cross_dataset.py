@@ -15,8 +15,12 @@ from scenarionet_data.conversion import convert
 from scenarionet_sim.learning.config import make_learner_config
 from scenarionet_sim.learning.experiments.comparison import Claim, Comparison, PublishedFigure, TrainingArm
 
+TRAFFIC = {"version": "v1"}
+"""Options of the generator: the traffic with which the results on the page were made."""
+
 STAND_IN = {
-    "num_blocks": 2, "max_steps": 180, "density": 4.0, "oncoming": 0.8, "min_speed_limit": 6.0, "max_speed_limit": 24.0,
+    **TRAFFIC, "num_blocks": 2, "max_steps": 180, "density": 4.0, "oncoming": 0.8,
+    "min_speed_limit": 6.0, "max_speed_limit": 24.0,
     "blocks": "straight=2 curve=4 intersection=2 t_intersection=2",
 }  # fmt: skip
 """Options of the generator for scenarios like the recorded ones: slower and of more varied speed, short, crowded."""
@@ -65,7 +69,7 @@ def prepare(lake: str | Path, workers: int = 1) -> Lake:
         workers: Number of processes.
     """
     count = SMALL_TRAIN + 2 * SMALL_TEST
-    convert("pg", f"0:{count}", lake, version="generated", workers=workers)
+    convert("pg", f"0:{count}", lake, version="generated", options=TRAFFIC, workers=workers)
     convert("pg", f"0:{count}", lake, version="standin", options=STAND_IN, workers=workers)
     opened = Lake(lake)
     known = set(opened.databases)

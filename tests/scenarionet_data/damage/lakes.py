@@ -82,7 +82,7 @@ def write_newer(root: Path) -> Path:
     short = ["-O", "max_steps=60", "-O", "num_blocks=1", "-O", "density=0.8", "--workers", "1", "--quiet"]
     run("convert", "pg", "0:3", str(root), *short)
     run("filter", str(root), "--where", "num_objects > 0", "--name", "all")
-    Lake(root).tag("score", {"pg/v1/0": 1.0, "pg/v1/1": 2.5})
+    Lake(root).tag("score", {"pg/v2/0": 1.0, "pg/v2/1": 2.5})
     run("sim", str(root), "all", "--policy", "replay", "--name", "replayed", "--workers", "1", "--quiet")
     return root
 

@@ -167,9 +167,9 @@ def test_seeds_of_maps_and_of_generated_roads_share_a_lake(tmp_path):
     again = convert("pg", "0:2", tmp_path / "lake", options={"map": str(path)})
     assert (first.converted, second.converted, again.converted, again.failed) == (2, 2, 0, [])
     loaded = {scenario.id: scenario for scenario in Lake(tmp_path / "lake").loader()}
-    assert set(loaded) == {"pg/v1/0", "pg/v1/1", "pg/v1/crossing-0", "pg/v1/crossing-1"}
-    assert differences(loaded["pg/v1/0"], scenarios(get("pg"), "0:1")[0]) == []
-    assert loaded["pg/v1/crossing-0"].map_id == "crossing"
+    assert set(loaded) == {"pg/v2/0", "pg/v2/1", "pg/v2/crossing-0", "pg/v2/crossing-1"}
+    assert differences(loaded["pg/v2/0"], scenarios(get("pg"), "0:1")[0]) == []
+    assert loaded["pg/v2/crossing-0"].map_id == "crossing"
 
 
 def test_maps_without_traffic_are_refused(tmp_path):

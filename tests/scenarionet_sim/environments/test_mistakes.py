@@ -109,7 +109,7 @@ def test_scenarios_in_the_place_of_the_configuration(only):
 
 @pytest.mark.parametrize(
     "options",
-    [{"scenario": "pg/v1/3"}, "pg/v1/3", {"timestep": "a"}, {"timestep": 1.5}, {"timestep": -1}, ["timestep"]],
+    [{"scenario": "pg/v2/3"}, "pg/v2/3", {"timestep": "a"}, {"timestep": 1.5}, {"timestep": -1}, ["timestep"]],
 )
 def test_reset_options(only, env, options):
     with pytest.raises(BadParameter, match=r"(expected|choose)"):
@@ -302,8 +302,8 @@ def test_simulations(only):
     for worlds in (world, [], [loader[0]], None):
         with pytest.raises(BadParameter, match=r"worlds=.* expected one or more"):
             Simulation(worlds)
-    with pytest.raises(BadParameter, match=r"expected a scenario.*pg/v1/3"):
-        World.from_scenario("pg/v1/3")
+    with pytest.raises(BadParameter, match=r"expected a scenario.*pg/v2/3"):
+        World.from_scenario("pg/v2/3")
 
 
 @pytest.mark.parametrize(

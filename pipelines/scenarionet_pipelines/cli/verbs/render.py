@@ -31,12 +31,12 @@ class RenderVerb(LakeVerb, Progressing):
     """
 
     examples = (
-        "scenarionet render lake pg/v1/3 -o scenario.png",
-        "scenarionet render lake pg/v1/3 -o scenario.pdf --at 5 --view all",
-        "scenarionet render lake pg/v1/3 -o speeds.png --color-by speed",
-        "scenarionet render lake pg/v1/3 -o scenario.mp4 --width 80",
-        "scenarionet render lake pg/v1/3 -o driven.mp4 --run straight_on",
-        "scenarionet render lake pg/v1/3 -o street.png --view chase --at 4 --weather dusk",
+        "scenarionet render lake pg/v2/3 -o scenario.png",
+        "scenarionet render lake pg/v2/3 -o scenario.pdf --at 5 --view all",
+        "scenarionet render lake pg/v2/3 -o speeds.png --color-by speed",
+        "scenarionet render lake pg/v2/3 -o scenario.mp4 --width 80",
+        "scenarionet render lake pg/v2/3 -o driven.mp4 --run straight_on",
+        "scenarionet render lake pg/v2/3 -o street.png --view chase --at 4 --weather dusk",
     )
     scenario_id: str = argument("ID")
     file: str = option("Output: .png, .pdf or .svg; .gif or .mp4 for a video.", "-o", "--output", metavar="FILE")
