@@ -14,12 +14,20 @@ from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, IntP
 from scenarionet_data.arrays.geometry import estimate_velocity, rotate, wrap_angle
 from scenarionet_data.building.tracks import METRES, RADIANS, rounded
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.scenario.description import Lights, ScenarioDescription, Tracks, strings
+from scenarionet_data.scenario.description import ScenarioDescription, Tracks, strings
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.variations.parameters import CHANGES, LIGHTS
 
 DRIFT_TIME = 3.0
-"""Time in which a drift grows from 0, at the current timestep, to its value [s]."""
+"""Time in which a drift or a delay grows from 0, at the current timestep, to its value [s]."""
+
+KINDS = (
+    (ObjectType.VEHICLE, (4.6, 1.9, 1.6), 70.0),
+    (ObjectType.VEHICLE, (12.0, 2.55, 3.8), 36.0),
+    (ObjectType.CYCLIST, (1.8, 0.6, 1.7), 20.0),
+    (ObjectType.PEDESTRIAN, (0.6, 0.6, 1.75), 7.0),
+)
+"""What replaces a road user, by number from 1 on: car, lorry, cyclist, pedestrian; type, size [m], top speed [m/s]."""
 
 MAX_EXTENSION = 30.0
 """Distance that a road user may be moved beyond the ends of its recorded path, straight on [m]."""
@@ -51,13 +59,16 @@ class VariedMotion:
     now: int
 
 
-def find_track(scenario: ScenarioDescription, target: str) -> int:
-    """Return the row of ``ego``, of ``nearest`` (the road user closest to the ego now), or of a track id.
+_NO_ROLES: Mapping[str, str] = {}
+
+
+def find_track(scenario: ScenarioDescription, target: str, roles: Mapping[str, str] = _NO_ROLES) -> int:
+    """Return the row of ``ego``, of ``nearest`` (the road user closest to the ego now), of a role, or of a track id.
 
     Raises:
         InvalidScenario: The scenario has no such track.
     """
-    tracks, now = scenario.tracks, scenario.current_timestep
+    tracks, now, target = scenario.tracks, scenario.current_timestep, roles.get(target, target)
     if target == "ego":
         return scenario.ego_index
     if target == "nearest":
@@ -75,8 +86,15 @@ def find_track(scenario: ScenarioDescription, target: str) -> int:
     return tracks.index(target)
 
 
-def change(scenario: ScenarioDescription, values: Mapping[str, float]) -> tuple[ScenarioDescription, IntP]:
-    """Apply parameters, by name, to a scenario.
+def change(
+    scenario: ScenarioDescription, values: Mapping[str, float], roles: Mapping[str, str] = _NO_ROLES
+) -> tuple[ScenarioDescription, IntP]:
+    """Apply parameters to a scenario.
+
+    Args:
+        scenario: The scenario.
+        values: By name.
+        roles: Tracks by other names that targets may have.
 
     Returns:
         The scenario, of the same id, and for each of its rows of tracks the row of the parent that it comes from
@@ -97,16 +115,25 @@ def change(scenario: ScenarioDescription, values: Mapping[str, float]) -> tuple[
                 ],
             )
         else:
-            by_target.setdefault(find_track(scenario, target), {})[word] = value
+            by_target.setdefault(find_track(scenario, target, roles), {})[word] = value
     tracks = scenario.tracks
     rows, origins = list(range(len(tracks))), list(range(len(tracks)))
     motions: dict[int, VariedMotion] = {}
+    types = tracks.object_type.copy()
     for row, changes in by_target.items():
         motion = _motion(scenario, row)
         for word in CHANGES:
             if word in changes and word in _OF_MOTION:
                 motion = _OF_MOTION[word](motion, changes[word])
-        if any(word in _OF_MOTION for word in changes):
+        kind = round(changes.get("replace", 0.0))
+        if kind:
+            types[row], size, top = KINDS[kind - 1]
+            fastest = float(np.hypot(*motion.velocity[motion.valid].T).max(initial=0.0))
+            if fastest > top:
+                reason = f"wanted at most {top:g} m/s of what replaces track {tracks.ids[row]}, found {fastest:.4g}"
+                raise InvalidScenario(scenario.id, "speed", reason)
+            motion = replace(motion, size=np.full_like(motion.size, size) * np.float32(changes.get("size", 1.0)))
+        if kind or any(word in _OF_MOTION for word in changes):
             motions[row], origins[row] = motion, -1 - row
         if "copy" in changes:
             motions[len(rows)] = _started(motion, changes["copy"])
@@ -117,7 +144,8 @@ def change(scenario: ScenarioDescription, values: Mapping[str, float]) -> tuple[
             raise InvalidScenario(scenario.id, "valid", f"track {tracks.ids[rows[row]]} is at no timestep any more")
         _check_extension(scenario, rows[row], motion)
     kept = [row for row, k in enumerate(rows) if row >= len(tracks) or by_target.get(k, {}).get("remove", 0.0) < 0.5]
-    return _with_tracks(scenario, rows, kept, motions, lights), np.array(origins, np.intp)[kept]
+    parent = replace(scenario, tracks=replace(tracks, object_type=types), lights=lights)
+    return _with_tracks(parent, rows, kept, motions), np.array(origins, np.intp)[kept]
 
 
 def _motion(scenario: ScenarioDescription, row: int) -> VariedMotion:
@@ -130,7 +158,7 @@ def _motion(scenario: ScenarioDescription, row: int) -> VariedMotion:
     )
 
 
-def _at_times(motion: VariedMotion, times: Float64, rate: float) -> VariedMotion:
+def _at_times(motion: VariedMotion, times: Float64, rate: Float64 | float) -> VariedMotion:
     """The motion as it was at other times (T,), which pass ``rate`` times as fast; only between recorded states."""
     time, valid = motion.time, motion.valid
     if len(time) < 2:
@@ -152,7 +180,7 @@ def _at_times(motion: VariedMotion, times: Float64, rate: float) -> VariedMotion
         motion,
         position=between(motion.position),
         heading=between(motion.heading),
-        velocity=between(motion.velocity) * rate,
+        velocity=between(motion.velocity) * np.reshape(rate, (-1, 1)),
         size=motion.size[nearest],
         valid=is_recorded & valid[nearest],
     )
@@ -167,6 +195,21 @@ def _paced(motion: VariedMotion, factor: float) -> VariedMotion:
 def _started(motion: VariedMotion, delay: float) -> VariedMotion:
     """Everything happens ``delay`` seconds later."""
     return _at_times(motion, motion.time - delay, 1.0)
+
+
+def _delayed(motion: VariedMotion, delay: float) -> VariedMotion:
+    """Falls behind its recording by a time that grows by the polynomial of least jerk."""
+    behind, rate = _growth(motion)
+    if abs(delay) * rate.max() > 1.0:
+        most = DRIFT_TIME / 1.875
+        raise InvalidScenario("", "delay", f"a delay of {delay:.4g} s in {DRIFT_TIME:g} s; wanted at most {most:g} s")
+    return _at_times(motion, motion.time - delay * behind, 1.0 - delay * rate)
+
+
+def _growth(motion: VariedMotion) -> tuple[Float64, Float64]:
+    """The polynomial of least jerk, from 0 at the current timestep to 1 (T,), and its rate [1/s]."""
+    part = ((motion.time - motion.time[motion.now]) / DRIFT_TIME).clip(0, 1)
+    return part**3 * (10 - 15 * part + 6 * part**2), 30.0 * part**2 * (1.0 - part) ** 2 / DRIFT_TIME
 
 
 def _along_path(motion: VariedMotion, factor: float, ahead: float) -> VariedMotion:
@@ -210,13 +253,13 @@ def _aside(motion: VariedMotion, left: Float64) -> VariedMotion:
 
 def _drifted(motion: VariedMotion, left: float) -> VariedMotion:
     """Moved to the left by an amount that grows by the polynomial of least jerk."""
-    part = ((motion.time - motion.time[motion.now]) / DRIFT_TIME).clip(0, 1)
-    return _aside(motion, left * part**3 * (10 - 15 * part + 6 * part**2))
+    return _aside(motion, left * _growth(motion)[0])
 
 
 _OF_MOTION: Mapping[str, Callable[[VariedMotion, float], VariedMotion]] = {
     "pace": _paced,
     "start": _started,
+    "delay": _delayed,
     "speed": lambda motion, factor: _along_path(motion, factor, 0.0),
     "gap": lambda motion, metres: _along_path(motion, 1.0, metres),
     "offset": lambda motion, left: _aside(motion, np.full(len(motion.time), left)),
@@ -237,7 +280,7 @@ def _check_extension(scenario: ScenarioDescription, row: int, motion: VariedMoti
 
 
 def _with_tracks(
-    scenario: ScenarioDescription, rows: list[int], kept: list[int], motions: Mapping[int, VariedMotion], lights: Lights
+    scenario: ScenarioDescription, rows: list[int], kept: list[int], motions: Mapping[int, VariedMotion]
 ) -> ScenarioDescription:
     """The scenario with the tracks ``rows``, some of them with other motions, of which those ``kept`` remain."""
     old = scenario.tracks
@@ -258,7 +301,6 @@ def _with_tracks(
     return replace(
         scenario,
         tracks=tracks,
-        lights=lights,
         objects_of_interest=tuple(each for each in scenario.objects_of_interest if each in ids),
         tracks_to_predict=tuple(each for each in scenario.tracks_to_predict if each[0] in ids),
     )

@@ -22,7 +22,7 @@ from scenarionet_data.errors import BadParameter, MissingDependency
 Method = Literal["random", "sobol", "latin"]
 """Points of the unit cube: independent, Sobol's sequence (scrambled), or a Latin hypercube."""
 
-CHANGES = ("pace", "start", "speed", "gap", "offset", "drift", "size", "remove", "copy")
+CHANGES = ("pace", "start", "delay", "speed", "gap", "offset", "drift", "size", "replace", "remove", "copy")
 """What can be changed of a road user, in the order in which changes are applied."""
 
 LIGHTS = "lights"
@@ -92,7 +92,10 @@ class DistributedParameter:
 
 @dataclass(frozen=True)
 class VariedParameter(DistributedParameter):
-    """A parameter of a variation: ``TARGET.CHANGE``; the target is ``ego``, ``nearest``, ``lights`` or a track's id."""
+    """A parameter of a variation: ``TARGET.CHANGE``.
+
+    The target is ``ego``, ``nearest``, ``lights``, a track's id, or of a moment ``actor`` or ``other``.
+    """
 
     def __post_init__(self) -> None:
         if not self.target or self.change not in (("start",) if self.target == LIGHTS else CHANGES):
@@ -120,6 +123,11 @@ class VariedParameter(DistributedParameter):
         if self.change in ("speed", "pace", "size") and values.min() <= 0:
             text = self.distribution
             raise BadParameter(f"{self.name}={text} gives {values.min():.4g}; {self.change} is a factor above 0")
+        if self.change == "replace" and (self.choices is None or not np.isin(values, range(5)).all()):
+            text = self.distribution
+            raise BadParameter(
+                f"{self.name}={text}: wanted 0 (as it is), 1 (car), 2 (lorry), 3 (cyclist), 4 (pedestrian)"
+            )
         return values
 
 

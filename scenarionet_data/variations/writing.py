@@ -30,10 +30,13 @@ from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.variations.changes import change, find_track
 from scenarionet_data.variations.limits import ACCELERATION, JERK, check_limits
+from scenarionet_data.variations.moment_windows import ALL, MOMENTS, MomentWindow, cut_out, read_windows
 from scenarionet_data.variations.parameters import LIGHTS, Method, draw, parse_parameters
 
 DATASET = "variation"
 """The dataset of all variations in a lake; its versions are their names."""
+
+_MOMENT = "moment"  # in the fingerprint of an item, and in the extras of its scenario
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class VariationSpace:
         number: Variations of each scenario.
         seed, method: See :func:`~scenarionet_data.variations.parameters.draw`.
         acceleration, jerk: Limits of changed road users [m/s^2], [m/s^3].
+        margin: Of moments, time that is kept before and after [s]; all by default.
     """
 
     parameters: Mapping[str, Any]
@@ -53,9 +57,12 @@ class VariationSpace:
     method: Method = "random"
     acceleration: float = ACCELERATION
     jerk: float = JERK
+    margin: float = ALL
 
     def __post_init__(self) -> None:
         check_settings(self)
+        if not self.margin >= 0:
+            raise BadParameter(f"margin={self.margin}: wanted seconds, 0 or more")
         parse_parameters(self.parameters)
 
 
@@ -66,11 +73,13 @@ class VariationOptions(Options):
     Attributes:
         lake: The lake of their parents.
         acceleration, jerk: Limits of changed road users.
+        margin: Time kept around moments.
     """
 
     lake: str = field(default="", metadata={"doc": "lake of the parents", "is_path": True})
     acceleration: float = field(default=ACCELERATION, metadata={"doc": "largest acceleration [m/s^2]"})
     jerk: float = field(default=JERK, metadata={"doc": "largest jerk [m/s^3]"})
+    margin: float = field(default=ALL, metadata={"doc": "time kept around moments [s]"})
 
 
 class Variations(Converter[tuple[ScenarioDescription, RawItem]]):
@@ -104,8 +113,14 @@ class Variations(Converter[tuple[ScenarioDescription, RawItem]]):
     def scenario(self, shard: Shard, record: tuple[ScenarioDescription, RawItem]) -> ScenarioDescription:
         """Change the parent and check the result."""
         (parent, item), options = record, shard.options_as(VariationOptions)
-        values: dict[str, float] = json.loads(item.fingerprint)
-        changed, origins = change(parent, values)
+        values: dict[str, Any] = json.loads(item.fingerprint)
+        extras: dict[str, Any] = {**parent.extras, "parent": parent.id}
+        roles: Mapping[str, str] = {}
+        if _MOMENT in values:
+            extras[_MOMENT] = values.pop(_MOMENT)
+            moment = MomentWindow(**extras[_MOMENT])
+            parent, roles = cut_out(parent, moment, options.margin), moment.roles
+        changed, origins = change(parent, values, roles)
         check_limits(parent, changed, origins, options.acceleration, options.jerk)
         return dataclasses.replace(
             changed.with_own_map(),
@@ -113,7 +128,7 @@ class Variations(Converter[tuple[ScenarioDescription, RawItem]]):
             dataset=DATASET,
             version=shard.version,
             split=shard.split,
-            extras={**parent.extras, "parent": parent.id, "parameters": values},
+            extras={**extras, "parameters": values},
         )
 
 
@@ -135,7 +150,8 @@ def vary(
 
     Args:
         lake: The lake.
-        parents: Scenarios to vary: an id, several, or the name of a database.
+        parents: Scenarios to vary: an id, several, the name of a database, or ``moments:NAME`` for each of the moments
+            kept under a name, whose objects are the targets ``actor`` and ``other``.
         space: What is varied, how often, and within which limits.
         name: Name of the variations.
         replace: Replace variations of that name with other values.
@@ -154,22 +170,34 @@ def vary(
     if not re.fullmatch(r"[A-Za-z0-9._-]+", str(name)):
         raise BadParameter(f"name {name!r}: use letters, digits, '.', '_' and '-'")
     started, parameters = time.monotonic(), parse_parameters(space.parameters)
-    view, rows = open_view(lake).find([parents] if isinstance(parents, str) and is_scenario_id(parents) else parents)
+    windows: dict[str, list[MomentWindow]] = {}
+    view = open_view(lake)
+    if isinstance(parents, str) and parents.startswith(MOMENTS):
+        windows = read_windows(view, parents.removeprefix(MOMENTS))
+        parents = list(windows)
+    elif isinstance(parents, str) and is_scenario_id(parents):
+        parents = [parents]
+    view, rows = view.find(parents)
     files = view.files
-    if len(rows) == 1:
+    if len(rows) == 1 and not windows:
         (parent,) = ScenarioLoader.of_rows(view, rows)
         for each in parameters:
             if each.target != LIGHTS:
                 find_track(parent, each.target)
-    options = VariationOptions(lake=str(files.root), acceleration=space.acceleration, jerk=space.jerk)
+    limits = {name: getattr(space, name) for name in ("acceleration", "jerk", "margin")}
+    options = VariationOptions(lake=str(files.root), **limits)
     items: dict[str, list[RawItem]] = {}
     names = [each.name for each in parameters]
     for row in rows.columns(["scenario_id", "split"]).to_pylist():
-        values = draw(parameters, space.number, space.seed, space.method, row["scenario_id"])
-        items.setdefault(row["split"], []).extend(
-            RawItem(f"{row['scenario_id']}@{k:06d}", json.dumps(dict(zip(names, each, strict=True))))
-            for k, each in enumerate(values.tolist())
-        )
+        parent_id = row["scenario_id"]
+        for moment in windows.get(parent_id, [None] * (not windows)):
+            key = "" if moment is None else f"{moment.key}-"
+            roles = {} if moment is None else {_MOMENT: dataclasses.asdict(moment)}
+            values = draw(parameters, space.number, space.seed, space.method, f"{parent_id}{key}")
+            items.setdefault(row["split"], []).extend(
+                RawItem(f"{parent_id}@{key}{k:06d}", json.dumps(dict(zip(names, each, strict=True)) | roles))
+                for k, each in enumerate(values.tolist())
+            )
     shards = [
         Shard(DATASET, name, split, f"vary-{part}", "", of_part, options)
         for split, of_split in items.items()

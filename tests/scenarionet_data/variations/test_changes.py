@@ -68,6 +68,27 @@ def test_offset_and_drift(drive):
     assert changed.tracks.heading[1, 25] == pytest.approx(np.arctan2(-1.25, 8.0), abs=0.01)
 
 
+def test_delay_grows_smoothly(drive):
+    """At t = 2.5 s half of it: t1, at 20 + 8 t, is where it was 0.4 s before; its clock runs at 1 - 0.8 * 1.875 / 3."""
+    changed, _ = change(drive, {"t1.delay": 0.8})
+    x, y, velocity, valid = row(changed, "t1")
+    assert valid.all() and not y.any()
+    assert x[: NOW + 1] == pytest.approx(20 + 8 * drive.timestamps[: NOW + 1], abs=1e-3)
+    assert x[25] == pytest.approx(20 + 8 * 2.1, abs=1e-3) and x[40] == pytest.approx(20 + 8 * 3.2, abs=1e-3)
+    assert velocity[25, 0] == pytest.approx(8 * 0.5, abs=1e-3) and velocity[40, 0] == pytest.approx(8, abs=1e-3)
+    with pytest.raises(InvalidScenario, match=r"a delay of 1\.7 s in 3 s; wanted at most 1\.6 s"):
+        change(drive, {"t1.delay": 1.7})
+
+
+def test_replaced_by_a_lorry_and_by_a_cyclist_that_is_too_fast(drive):
+    changed, origins = change(drive, {"t1.replace": 2.0, "t3.replace": 3.0})
+    changed.validate()
+    assert changed.tracks.object_type.tolist() == [1, 1, 1, 3] and origins.tolist() == [0, -2, 2, -4]
+    assert changed.tracks.size[1, 0] == pytest.approx([12.0, 2.55, 3.8])
+    with pytest.raises(InvalidScenario, match="wanted at most 7 m/s of what replaces track t1, found 8"):
+        change(drive, {"t1.replace": 4.0})
+
+
 def test_size_remove_and_copy(drive):
     changed, origins = change(drive, {"t1.size": 1.5, "t2.remove": 1.0, "t1.copy": 1.0})
     changed.validate()

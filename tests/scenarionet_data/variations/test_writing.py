@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, DuplicateScenario, InvalidScenario
+from scenarionet_data.operations.moments import event
 from scenarionet_data.variations import VariationSpace, vary
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import content, write_lake
@@ -25,8 +27,8 @@ def test_variations_are_scenarios_with_lineage(lake):
     report = vary(lake, PARENTS[0].id, VariationSpace(PARAMETERS, 30), name="v")
     assert report.converted + report.quarantined == 30 and 0 < report.quarantined < 20
     rows = Lake(lake.root).sql(
-        "SELECT scenario_id, extras ->> '$.parent' AS parent, (extras -> '$.parameters' ->> 't1.gap')::DOUBLE AS gap, "
-        "split FROM metadata WHERE dataset = 'variation'"
+        "SELECT scenario_id, parent, parameter(extras, 't1.gap') AS gap, split "
+        "FROM metadata WHERE dataset = 'variation'"
     )
     assert len(rows) == report.converted and set(rows["parent"]) == {PARENTS[0].id}
     assert set(rows["split"]) == {PARENTS[0].split}
@@ -50,6 +52,29 @@ def test_the_same_seed_makes_the_same_files_and_more_are_added(lake, tmp_path):
     assert more.converted + more.quarantined == 4
     with pytest.raises(DuplicateScenario, match="has changed since"):
         vary(lake, ids, VariationSpace(PARAMETERS, 3, seed=2), name="v")
+
+
+def test_moments_say_who_acts_and_when(tmp_path):
+    """t1 begins at 25 m and is 8 m/s slower than 10: less than 16 m from box to box until 4 s, from 4.6/8 s on."""
+    lake = write_lake(tmp_path / "lake", [make_drive("m", others=(Other(20.6, vx=2.0), Other(80.0, y=3.5)))])
+    lake.keep_moments("near", {"closing": event("time_to_collision", {"max": 1.5})})
+    (moment,) = lake.sql("SELECT * FROM moments WHERE name = 'near'").rows(named=True)
+    assert {moment["track_id"], moment["other_id"]} == {"t0", "t1"}
+    follower, leader = moment["track_id"], moment["other_id"]
+    space = VariationSpace({"actor.size": 0.9, "other.size": "0.8,0.9"}, 4, margin=0.3)
+    report = vary(lake, "moments:near", space, name="v")
+    assert report.converted == 4 and vary(lake, "moments:near", space, name="v").converted == 0
+    made = lake.refresh().loader(
+        lake.refresh().sql("SELECT scenario_id FROM metadata WHERE parent IS NOT NULL").to_series()
+    )
+    for each in made:
+        assert each.current_timestep == 3 and each.timestamps[0] == 0
+        assert each.num_timesteps == min(moment["last_timestep"] + 3, 40) - moment["first_timestep"] + 4
+        sizes = {track: each.tracks.size[each.tracks.index(track), 3, 0] / np.float32(4.6) for track in ("t0", "t1")}
+        assert sizes[follower] == pytest.approx(0.9, abs=1e-3) and sizes[leader] < 0.91
+        assert each.tracks.position[0, 3, 0] == pytest.approx(moment["begins"] * 10, abs=1e-3)
+    with pytest.raises(BadParameter, match=r"no moments are kept under this name.*there are: near"):
+        vary(lake, "moments:far", space, name="w")
 
 
 def test_bad_input_is_a_sentence(lake):
