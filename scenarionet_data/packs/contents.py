@@ -15,7 +15,6 @@ import pyarrow as pa
 
 from scenarionet_data.databases import pack_origins, user_columns
 from scenarionet_data.databases.record import DatabaseRecord
-from scenarionet_data.errors import LakeError
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.operations.lineage import lineage_tree
 from scenarionet_data.packs import tiles
@@ -111,7 +110,7 @@ class PackWriter:
 
     def _by_shard(self, rows: pa.Table) -> Iterator[pa.Table]:
         """Yield the rows of each new shard, in the order of their files in the lake."""
-        options = [self._shards_of(name)[0]["options"] for name in rows["tracks_file"].to_pylist()]
+        options = [self._shards[name][0]["options"] for name in rows["tracks_file"].to_pylist()]
         listed = rows.append_column("options", pa.array(options, pa.string()))
         listed = listed.sort_by([(name, "ascending") for name in (*_SHARD, "tracks_file", "tracks_row_group")])
         groups = list(zip(*(listed[name].to_pylist() for name in _SHARD), strict=True))
@@ -119,25 +118,10 @@ class PackWriter:
         for start, end in zip(starts, [*starts[1:], len(groups)], strict=True):
             yield listed.slice(start, end - start)
 
-    def _shards_of(self, file: str) -> list[dict[str, Any]]:
-        """Return the rows of ``shards`` that list a file.
-
-        Raises:
-            LakeError: None does: a manifest belongs to another snapshot.
-        """
-        if not (shards := self._shards.get(file, [])):
-            files = self._view.files
-            raise LakeError(
-                f"{files.url('snapshots')}: metadata name {file}, which no shard of snapshot "
-                f"{self._view.snapshot.number} lists; `scenarionet maintain fsck` lists damaged files: restore the "
-                "manifest from a copy of the lake"
-            )
-        return shards
-
     def _write_shard(self, name: str, rows: pa.Table) -> ShardRecord:
         """Write one shard, of rows that were converted by the same version with the same options."""
         first = {column: rows[column][0].as_py() for column in _SHARD}
-        sources = {str(row["key"]): row for file in rows["tracks_file"].to_pylist() for row in self._shards_of(file)}
+        sources = {str(row["key"]): row for file in rows["tracks_file"].to_pylist() for row in self._shards[file]}
         inputs = {i: f for s in sources.values() for i, f in zip(s["items"], s["fingerprints"], strict=True)}
         folder = (first["dataset"], first["version"], first["split"])
         footer = provenance(self._view.files, [str(source["metadata_file"]) for source in sources.values()]) | {
@@ -193,7 +177,7 @@ class PackWriter:
         names = self._view.shared_maps()
         for (dataset, version, map_id), listed in sorted(tiles.windows(rows).items()):
             source = names[dataset, version, map_id]
-            record = self._shards_of(source)[0]
+            record = self._shards[source][0]
             temporary = self._target.temporary()
             numbers = tiles.tiles_in(self._view.files, source, listed)
             copy_groups(self._view.files, "maps", source, numbers, temporary, MAP_FOOTER)

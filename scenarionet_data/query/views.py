@@ -18,6 +18,7 @@ from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
 from scenarionet_data.storage import evaluation_runs, kept_moments
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.read.older_lakes import count_rows
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
@@ -162,6 +163,9 @@ class Views:
             wanted = set(pc.unique(self.chosen[f"{table}_file"]).to_pylist())
             listed = [name for name in listed if name in wanted]
         names = list(filterfalse(self.without.__contains__, listed))
+        is_current = tables.load(table).tag in self.schemas
+        if table == "metadata" and not (is_current or self.without):
+            count_rows(self.files, self.snapshot)
         if not names:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]
             folders = ["NULL::VARCHAR AS " + name for name in _HIVE_COLUMNS.get(table, ())]
@@ -169,7 +173,6 @@ class Views:
         self.scanned |= dict.fromkeys(names)
         paths = self.files.scans(names)
         self.connection.execute(f"SET VARIABLE {table}_files = $paths", {"paths": paths})
-        is_current = tables.load(table).tag in self.schemas
         scan = scan_files(table, f"getvariable('{table}_files')", is_current=is_current)
         if self.chosen is None or table not in _KEYS:
             return scan

@@ -65,6 +65,23 @@ def test_exchanged_metadata_of_an_older_lake_is_found(tmp_path):
         Lake(root).sql("SELECT scenario_id FROM metadata")
 
 
+@pytest.mark.parametrize(
+    "read", [lambda lake: lake.sql("SELECT scenario_id FROM metadata"), lambda lake: lake.loader()]
+)
+def test_exchanged_metadata_of_one_folder_is_found(read, tmp_path):
+    """The file of a snapshot, and that of a shard which was merged into another: scenarios were missing or twice."""
+    root = copy_older(tmp_path)[1]
+    folder = root / "metadata/dataset=nuscenes/version=v1.0/split=mini"
+    merged = next(folder.glob("merged-0fad*"))
+    (other,) = (path for path in folder.glob("v1.0-mini*") if "singapore" in path.name)
+    contents = merged.read_bytes(), other.read_bytes()
+    assert read(Lake(root)) is not None
+    merged.write_bytes(contents[1])
+    other.write_bytes(contents[0])
+    with pytest.raises(LakeError, match=r"expected [0-9]+: files were exchanged"):
+        read(Lake(root))
+
+
 def test_exchanged_manifests_of_an_older_lake_are_found(tmp_path):
     root = copy_older(tmp_path)[0]
     first, *_, last = sorted((root / "snapshots").glob("manifest-*"))
@@ -72,5 +89,5 @@ def test_exchanged_manifests_of_an_older_lake_are_found(tmp_path):
     first.write_bytes(contents[1])
     last.write_bytes(contents[0])
     lake = Lake(root)
-    with pytest.raises(LakeError, match="which no shard of snapshot"):
+    with pytest.raises(LakeError, match="which no shard of the snapshot lists"):
         lake.pack(lake.databases[0], tmp_path / "pack")
