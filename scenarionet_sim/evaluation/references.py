@@ -13,11 +13,37 @@ from dataclasses import replace
 
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
+from scenarionet_data.storage import evaluation_runs
+from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.drivers.by_name import RANDOM
 from scenarionet_sim.evaluation.evaluation import Evaluation, run_evaluation
 
 POLICIES: Mapping[str, str] = {"recording": "replay", "constant velocity": "constant", "random actions": RANDOM}
 """Policy of each reference: a ceiling and two floors."""
+
+
+def references(evaluation: Evaluation) -> dict[str, tuple[str, Evaluation]]:
+    """Return the runs that an evaluation is compared with, and what they evaluate, by the names of POLICIES."""
+    found = {}
+    for title, policy in POLICIES.items():
+        is_random = policy == RANDOM
+        reference = replace(
+            evaluation,
+            policy=policy,
+            backend="kinematic",
+            tracker="lqr",
+            seed=evaluation.seed if is_random else 0,
+            rollouts=evaluation.rollouts if is_random else 1,
+        )
+        digest = hashlib.sha256(json.dumps(reference.description, sort_keys=True).encode()).hexdigest()[:12]
+        found[title] = f"reference-{policy}-{digest}", reference
+    return found
+
+
+def missing_references(evaluation: Evaluation) -> list[str]:
+    """Return the runs that the lake does not have yet, in the order in which they are simulated."""
+    there = evaluation_runs.names(open_files(evaluation.lake))
+    return [name for name, _ in references(evaluation).values() if name not in there]
 
 
 def run_references(
@@ -32,28 +58,17 @@ def run_references(
     Args:
         evaluation: The evaluation that they are compared with: same scenarios, traffic and episode.
         workers, executor: As for :func:`run_evaluation`.
-        on_progress: As there, but counts the parts of all references.
+        on_progress: As there, but counts the parts of all missing references.
 
     Returns:
         Name of each run, by the names of POLICIES.
     """
-    names = {}
-    for number, (title, policy) in enumerate(POLICIES.items()):
+    missing, runs = missing_references(evaluation), references(evaluation)
+    for name, reference in runs.values():
 
-        def count(done: int, parts: int, scenarios: int, number: int = number) -> None:
-            if on_progress is not None:
-                on_progress(number * parts + done, len(POLICIES) * parts, scenarios)
+        def count(done: int, parts: int, scenarios: int, name: str = name) -> None:
+            if on_progress is not None and name in missing:
+                on_progress(missing.index(name) * parts + done, len(missing) * parts, scenarios)
 
-        is_random = policy == RANDOM
-        reference = replace(
-            evaluation,
-            policy=policy,
-            backend="kinematic",
-            tracker="lqr",
-            seed=evaluation.seed if is_random else 0,
-            rollouts=evaluation.rollouts if is_random else 1,
-        )
-        digest = hashlib.sha256(json.dumps(reference.description, sort_keys=True).encode()).hexdigest()[:12]
-        names[title] = f"reference-{policy}-{digest}"
-        run_evaluation(reference, names[title], workers=workers, executor=executor, rollouts=False, on_progress=count)
-    return names
+        run_evaluation(reference, name, workers=workers, executor=executor, rollouts=False, on_progress=count)
+    return {title: name for title, (name, _) in runs.items()}

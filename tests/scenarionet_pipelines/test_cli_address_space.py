@@ -12,8 +12,11 @@ import sys
 import urllib.request
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from scenarionet_data import Samples, Targets, TimeWindow
+from scenarionet_data.forecasts import make_predictions, write_predictions
 from scenarionet_pipelines.cli.address_space import NEEDED
 from tests.fixtures.waiting import HANGS_AFTER
 from tests.scenarionet_pipelines.test_cli import ALL_VERBS
@@ -70,8 +73,15 @@ maintain doctor
 info converters pg
 info filters
 """
-ELSEWHERE = {"browse", "train", "runs experiment", "forecast score", "forecast submit"}
-"""Verbs that run until they are stopped, need torch, or need predictions."""
+OF_PREDICTIONS = """
+forecast score lake predictions.parquet
+forecast submit lake predictions.parquet submission.parquet --format argoverse2
+"""
+OF_TORCH = (
+    "train ppo lake few --size small -p steps=64 --name tiny",
+    pytest.param("runs experiment cross-dataset lake -o experiment", marks=pytest.mark.long),
+)
+TRIED = [*COMMANDS.strip().splitlines(), *OF_PREDICTIONS.strip().splitlines(), "browse", "train", "runs experiment"]
 
 
 def start(folder: Path, words: str, limit: int = NEEDED) -> subprocess.Popen[str]:
@@ -91,8 +101,10 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("small")
 
 
-@pytest.mark.parametrize("words", COMMANDS.strip().splitlines())
+@pytest.mark.parametrize("words", [*COMMANDS.strip().splitlines(), *OF_PREDICTIONS.strip().splitlines()])
 def test_a_verb_works_in_little_address_space(folder, words):
+    if words.startswith("forecast"):
+        predict(folder)
     process = start(folder, words)
     out, err = process.communicate(timeout=HANGS_AFTER)
     if "pip install" in err:
@@ -101,9 +113,27 @@ def test_a_verb_works_in_little_address_space(folder, words):
     assert "memory may not suffice" not in err
 
 
+def predict(folder):
+    """Write constant velocity of the ego as its own prediction."""
+    samples = Samples(folder / "lake", window=TimeWindow(history=1.0, future=6.0), targets=Targets("ego"))
+    batch = samples.batch([0])
+    rows = make_predictions([samples.key(0)], batch["future"][:, :1, :, :2], np.ones((1, 1)), batch["pose"], 0.1)
+    write_predictions(folder / "predictions.parquet", [rows])
+
+
 def test_every_verb_is_tried():
-    tried = {name for name in ALL_VERBS if any(f"{line} ".startswith(f"{name} ") for line in COMMANDS.splitlines())}
-    assert tried == set(ALL_VERBS) - ELSEWHERE
+    tried = {name for name in ALL_VERBS if any(f"{line} ".startswith(f"{name} ") for line in TRIED)}
+    assert tried == set(ALL_VERBS)
+
+
+@pytest.mark.learn
+@pytest.mark.parametrize("words", OF_TORCH)
+def test_a_verb_of_torch_works_in_little_address_space_or_says_what_it_needs(folder, words):
+    process = start(folder, words)
+    out, err = process.communicate(timeout=4 * HANGS_AFTER)
+    assert "Traceback" not in out + err
+    says = "torch: pip install" in err or "it needs more memory than is available; use a larger machine" in err
+    assert process.returncode == 0 or says, out[-500:] + err
 
 
 def test_browse_answers_in_little_address_space(folder):

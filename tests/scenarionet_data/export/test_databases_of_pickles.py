@@ -6,7 +6,7 @@ import pickle
 import random
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from scenarionet_data.converters.scenarionet import ScenarioNetPickles
 from scenarionet_data.converters.scenarionet.unpickling import load
 from scenarionet_data.errors import BadParameter, DatabaseExists, InvalidScenario
-from scenarionet_data.export import export
+from scenarionet_data.export import export, pickling
 from scenarionet_data.export.pickling import dump
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.scenario.content_hash import content_hash
@@ -36,6 +36,37 @@ CONVERTER = ScenarioNetPickles()
 def import_all(directory: Path) -> list[ScenarioDescription]:
     shards = CONVERTER.shards(str(directory), "train", "v1", Options())
     return [CONVERTER.scenario(shard, record) for shard in shards for record in CONVERTER.records(shard)]
+
+
+class Evil:
+    """Leaves a file behind where it is unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> Any:
+        return Path.touch, (self.mark,)
+
+
+def test_workers_unpickle_nothing_from_the_draft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Others may write into the folder: whatever is in it when a part begins could be of theirs."""
+    monkeypatch.setattr(pickling, "PART", 1)
+    num_replaced, mark = 0, tmp_path / "executed"
+
+    def executor(parts: Iterable[Any], do: Callable[[Any], Any], _: Any = None) -> Iterator[Any]:
+        nonlocal num_replaced
+        for part in parts:
+            (part.draft / "scenarios.pkl").write_bytes(pickle.dumps(Evil(mark)))
+            for path in filter(Path.is_file, part.draft.rglob("*")):
+                path.write_bytes(pickle.dumps(Evil(mark)))
+                num_replaced += 1
+            yield do(part)
+
+    export([make_scenario(seed) for seed in (1, 2)], tmp_path / "db", executor=executor)
+    assert num_replaced > 2
+    assert not mark.exists()
+    pickle.loads(pickle.dumps(Evil(mark)))
+    assert mark.exists()
 
 
 def test_export_writes_a_database(tmp_path: Path) -> None:

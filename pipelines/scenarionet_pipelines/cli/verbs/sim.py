@@ -88,7 +88,7 @@ class SimVerb(LakeVerb, Distributed):
         from scenarionet_data import Lake
         from scenarionet_sim.drivers.by_name import MANUAL
         from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
-        from scenarionet_sim.evaluation.references import POLICIES, run_references
+        from scenarionet_sim.evaluation.references import missing_references, run_references
 
         look_in_current_folder(self.policy)
         evaluation = plan_evaluation(**self.given(plan_evaluation))
@@ -97,7 +97,7 @@ class SimVerb(LakeVerb, Distributed):
         references: dict[str, str] = {}
         lake = Lake(self.lake, evaluation.snapshot)
         scenarios = len(lake.database(self.database) if self.database else lake)
-        runs = 1 if self.no_references else 1 + len(POLICIES)
+        runs = 1 if self.no_references else 1 + len(missing_references(evaluation))
 
         def report_progress(before: int, count: int, done: int, parts: int, _: int) -> None:
             progress.update(before + count * done // parts, runs * scenarios)
@@ -107,6 +107,7 @@ class SimVerb(LakeVerb, Distributed):
             self.progress(f"sim {run}") as progress,
             keeping(lambda: f"finished scenarios are kept in run {run}"),
         ):
+            progress.update(0, runs * scenarios)
             report = run_evaluation(
                 evaluation,
                 run,
