@@ -28,6 +28,7 @@ WRITERS = {
     "openscenario": "scenarionet_data.interchange.openscenario.writer:OpenScenarioWriter",
     "pufferdrive": "scenarionet_data.interchange.pufferdrive.writer:PufferDriveWriter",
     "rerun": "scenarionet_data.interchange.rerun.writer:RerunWriter",
+    "sumo": "scenarionet_data.interchange.sumo.writer:SumoWriter",
     "waymax": "scenarionet_data.interchange.waymax.writer:WaymaxWriter",
 }
 """Class of each writer by the name of its format."""

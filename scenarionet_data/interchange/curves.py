@@ -6,7 +6,7 @@ tolerance of the polyline are left out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -32,6 +32,7 @@ class Curve:
     tangent: Float64
     stations: Float64
     coefficients: Float64
+    _samples: dict[float, tuple[Float64, Float64, Float64]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def length(self) -> float:
@@ -44,6 +45,8 @@ class Curve:
         Returns:
             (S, 2) points [m], (S,) stations [m] and (S, 2) tangents, at the knots and between them.
         """
+        if step in self._samples:
+            return self._samples[step]
         counts = np.maximum(np.ceil(np.diff(self.stations) / step).astype(int), 1)
         piece = np.repeat(np.arange(len(counts)), counts)
         t = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[piece]
@@ -55,7 +58,8 @@ class Curve:
         part = np.concatenate([[0.0], np.cumsum(chord)])
         known = np.append(np.cumsum(counts) - counts, counts.sum())
         stations = np.interp(part, part[known], self.stations)  # chords, stretched to the arc length of each piece
-        return points, stations, slope / np.maximum(np.hypot(*slope.T), 1e-12)[:, None]
+        tangents = slope / np.maximum(np.hypot(*slope.T), 1e-12)[:, None]
+        return self._samples.setdefault(step, (points, stations, tangents))
 
 
 def distinct(points: Float64) -> Float64:
@@ -64,6 +68,8 @@ def distinct(points: Float64) -> Float64:
     Args:
         points: (P, 3) [m].
     """
+    if len(points) > 1 and np.hypot(*np.diff(points[:, :2], axis=0).T).min() > _SHORTEST:
+        return points
     kept = list(range(min(len(points), 1)))
     for row in range(1, len(points)):
         if np.hypot(*(points[row, :2] - points[kept[-1], :2])) > _SHORTEST:

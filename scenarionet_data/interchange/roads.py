@@ -6,7 +6,9 @@ several roads meet, or lanes do not continue one to one, a junction has one shor
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -111,15 +113,20 @@ def make_roads(features: MapFeatures, losses: Losses) -> RoadNetwork:
     """
     graph = read_lanes(features, losses)
     lines, widths = graph.lines, graph.sides
+
+    @cache
+    def curve_of(row: int) -> Curve:
+        return fit(lines[row])
+
     groups = [
         part
         for group in _parallel(features, lines, graph.row_of)
-        for part in ([group] if _is_measurable(group, lines, widths) else [(row,) for row in group])
+        for part in ([group] if _is_measurable(group, lines, widths, curve_of) else [(row,) for row in group])
     ]
     place_of = {row: (number, place) for number, group in enumerate(groups) for place, row in enumerate(group)}
     joints = [Joint(*place_of[row], *place_of[other]) for row, other in graph.links]
     nodes = _nodes(joints)
-    roads = [_fit_road(number, group, lines, widths, (0.0, 0.0)) for number, group in enumerate(groups)]
+    roads = [_fit_road(number, group, lines, widths, curve_of(group[0])) for number, group in enumerate(groups)]
     going_on = {node for node, found in nodes.items() if _goes_on(found, roads)}
     trims = dict.fromkeys(range(len(roads)), (0.0, 0.0))
     for node, found in nodes.items():
@@ -128,7 +135,8 @@ def make_roads(features: MapFeatures, losses: Losses) -> RoadNetwork:
             trims[joint.other] = _TRIM, trims[joint.other][1]
     for number, trim in trims.items():
         if any(trim):
-            roads[number] = _fit_road(number, groups[number], lines, widths, trim)
+            curve = fit(distinct(trimmed(lines[groups[number][0]], *trim)))
+            roads[number] = _fit_road(number, groups[number], lines, widths, curve)
     _report(roads, lines, widths, losses)
     connections: list[Connection] = []
     num_junctions = 0
@@ -219,14 +227,16 @@ def _borders_at(road: LaneRoad, place: int) -> Float64:
     return points
 
 
-def _is_measurable(group: tuple[int, ...], lines: dict[int, Float64], widths: dict[int, Sides]) -> bool:
+def _is_measurable(
+    group: tuple[int, ...], lines: dict[int, Float64], widths: dict[int, Sides], curve_of: Callable[[int], Curve]
+) -> bool:
     """Whether all lanes of a group can be measured across the first, and none is narrower than 0.1 m."""
     if len(group) == 1:
         return True
-    curve = fit(lines[group[0]])
+    curve = curve_of(group[0])
     if any(_offsets(curve, lines[row][:, :2]) is None for row in group[1:]):
         return False
-    road = _fit_road(0, group, lines, widths, (0.0, 0.0))
+    road = _fit_road(0, group, lines, widths, curve)
     if (np.diff(-road.borders, axis=0) < _NARROWEST).any():
         return False
     return all(_deviation(road, place, lines[row]) < _DEVIATION for place, row in enumerate(group[1:], start=1))
@@ -246,10 +256,9 @@ def _fit_road(
     group: tuple[int, ...],
     lines: dict[int, Float64],
     widths: dict[int, Sides],
-    trims: tuple[float, ...],
+    curve: Curve,
 ) -> LaneRoad:
     """Measure the lanes of a group across a curve along the first one."""
-    curve = fit(distinct(trimmed(lines[group[0]], *trims)))
     stations = curve.sample(_STEP)[1]
     centres = np.zeros((len(group), len(stations)))
     for place, row in enumerate(group[1:], start=1):
