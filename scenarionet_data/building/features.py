@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -113,6 +113,7 @@ def _stacked(lines: Sequence[Sequence[Sequence[float]]], width: int) -> Float64:
 
 
 _NO_POINTS, _NO_WIDTHS = np.zeros((0, 3)), np.zeros((0, 2))
+_COLUMNS = ("id", "type", "polyline", "polygon", "speed_limit", "width", *ID_LISTS, "is_intersection", "extras")
 
 
 class MapBuilder:
@@ -130,10 +131,10 @@ class MapBuilder:
 
     def __init__(self) -> None:
         self.defects: tuple[Defect, ...] = ()
-        self._columns: dict[str, list[Any]] = defaultdict(list)
+        self._rows: list[dict[str, Any]] = []
 
     def __len__(self) -> int:
-        return len(self._columns["id"])
+        return len(self._rows)
 
     def add(
         self,
@@ -168,32 +169,32 @@ class MapBuilder:
             is_intersection: None if unknown.
             extras: JSON-serialisable.
         """
-        row = {
-            "id": str(feature_id),
-            "type": int(feature_type),
-            "polyline": _points(polyline),
-            "polygon": _points(polygon),
-            "speed_limit": speed_limit,
-            "width": _NO_WIDTHS if width is None else np.asarray(width, np.float64).reshape(-1, 2),
-            "entry_lanes": entry_lanes,
-            "exit_lanes": exit_lanes,
-            "left_neighbors": left_neighbors,
-            "right_neighbors": right_neighbors,
-            "left_boundaries": left_boundaries,
-            "right_boundaries": right_boundaries,
-            "controlled_lanes": controlled_lanes,
-            "is_intersection": -1 if is_intersection is None else int(is_intersection),
-            "extras": to_json(extras),
-        }
-        for name, value in row.items():
-            self._columns[name].append(value)
+        self._rows.append(
+            {
+                "id": str(feature_id),
+                "type": int(feature_type),
+                "polyline": _points(polyline),
+                "polygon": _points(polygon),
+                "speed_limit": speed_limit,
+                "width": _NO_WIDTHS if width is None else np.asarray(width, np.float64).reshape(-1, 2),
+                "entry_lanes": entry_lanes,
+                "exit_lanes": exit_lanes,
+                "left_neighbors": left_neighbors,
+                "right_neighbors": right_neighbors,
+                "left_boundaries": left_boundaries,
+                "right_boundaries": right_boundaries,
+                "controlled_lanes": controlled_lanes,
+                "is_intersection": -1 if is_intersection is None else int(is_intersection),
+                "extras": to_json(extras),
+            }
+        )
 
     @property
     def bounds(self) -> Float64:
         """(M, 4) min_x, min_y, max_x, max_y [m] of each feature in the source frame; NaN if it has no geometry."""
         boxes = np.full((len(self), 4), np.nan)
-        for row, parts in enumerate(zip(self._columns["polyline"], self._columns["polygon"], strict=True)):
-            points = np.concatenate(parts)[:, :2]
+        for row, feature in enumerate(self._rows):
+            points = np.concatenate([feature["polyline"], feature["polygon"]])[:, :2]
             if len(points):
                 boxes[row] = *points.min(axis=0), *points.max(axis=0)
         return boxes
@@ -201,7 +202,7 @@ class MapBuilder:
     @property
     def has_heights(self) -> bool:
         """Whether any point has a z other than 0."""
-        return any(points[:, 2].any() for name in ("polyline", "polygon") for points in self._columns[name])
+        return any(feature[name][:, 2].any() for feature in self._rows for name in ("polyline", "polygon"))
 
     def crop(self, window: tuple[float, float, float, float], bounds: Float64 | None = None) -> MapBuilder:
         """Return the features, uncut, whose bounding box overlaps a window.
@@ -216,13 +217,12 @@ class MapBuilder:
     def take(self, rows: Array) -> MapBuilder:
         """Return the features at ``rows``, in that order."""
         chosen = MapBuilder()
-        for name, values in self._columns.items():
-            chosen._columns[name] = [values[row] for row in rows.tolist()]
+        chosen._rows = [self._rows[row] for row in rows.tolist()]
         return chosen
 
     def build(self, origin: Float64, has_z: bool = True) -> MapFeatures:
         """Build the features as float32 offsets from ``origin``; z is 0 unless ``has_z``."""
-        columns = self._columns
+        columns = {name: list(map(itemgetter(name), self._rows)) for name in _COLUMNS}
 
         def lists(name: str, none: Float64) -> Ragged:
             return Ragged.from_flat(list(map(len, columns[name])), np.concatenate([none, *columns[name]]))

@@ -84,7 +84,7 @@ def seal(path: Path, place: Place | str) -> Sealed:
         if MARK not in (metadata.metadata or {}):
             raise LakeError(f"{path}: its footer has no entry {MARK.decode()}; please report it")
         listed, checksum = b"", hashlib.sha256()
-        for group in row_groups(file, end):
+        for group in row_groups(file, end, metadata):
             listed += xxh3_128_digest(group)
             if isinstance(place, str):
                 checksum.update(group)
@@ -151,9 +151,9 @@ def verify_again(path: Path, place: Place, url: Path | str | None = None) -> boo
         if not end.digest:
             return older_files.verify(file, tail, end, place, where)
         # Parsing the footer takes three times as long as all digests.
-        if tuple(map(xxh3_128_digest, row_groups(file, end, is_parsed=False))) == end.digests:
+        if tuple(map(xxh3_128_digest, row_groups(file, end))) == end.digests:
             return True
-        if tuple(map(xxh3_128_digest, row_groups(file, end))) != end.digests:
+        if tuple(map(xxh3_128_digest, row_groups(file, end, parsed(end, where)))) != end.digests:
             raise damaged(where, "its bytes differ from those that were written")
     return True
 
@@ -202,18 +202,17 @@ def needed(tail: bytes) -> int:
     return max(length + _SEAL + _DIGEST * count, WINDOW)
 
 
-def row_groups(file: BinaryIO, end: FileEnd, *, is_parsed: bool = True) -> Iterator[bytes]:
+def row_groups(file: BinaryIO, end: FileEnd, metadata: pq.FileMetaData | None = None) -> Iterator[bytes]:
     """Bytes of each row group of a file; a file without any is one piece.
 
     Args:
         file: The file.
         end: Its end.
-        is_parsed: Find them in the footer as Parquet has it, instead of by the looks of a footer that Arrow wrote,
-            which may be wrong.
+        metadata: Its footer; without it, row groups are found by the looks of a footer that Arrow wrote, which may be
+            wrong.
     """
     starts = [0]
-    if is_parsed:
-        metadata = pq.read_metadata(pa.BufferReader(end.footer))
+    if metadata:
         for number in range(1, metadata.num_row_groups):
             column = metadata.row_group(number).column(0)
             starts.append(min(column.data_page_offset, column.dictionary_page_offset or column.data_page_offset))

@@ -62,8 +62,7 @@ def test_map_statistics_cover_the_crop(lake):
 
 def test_utm_coordinates_keep_their_precision(lake):
     scenario = ScenarioLoader(lake)[0]
-    columns = city()._columns
-    truth = dict(zip(columns["id"], columns["polyline"], strict=True))
+    truth = {feature["id"]: feature["polyline"] for feature in city()._rows}
     for row, feature_id in enumerate(scenario.map.ids):
         if len(scenario.map.polyline[row]):
             source = scenario.map.polyline[row].astype(np.float64) + scenario.origin
