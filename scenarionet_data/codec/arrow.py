@@ -60,7 +60,4 @@ def string_array(values: Array) -> pa.Array:
 
 def dictionary_of(values: Array) -> pa.Array:
     """Object array of str or None as a dictionary array."""
-    listed = values.tolist()
-    numbers = {word: number for number, word in enumerate(word for word in dict.fromkeys(listed) if word is not None)}
-    indices = pa.array([numbers.get(word) for word in listed], pa.int32())
-    return pa.DictionaryArray.from_arrays(indices, pa.array(list(numbers), pa.string()))
+    return string_array(values).dictionary_encode()

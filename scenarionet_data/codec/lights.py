@@ -24,7 +24,7 @@ def encode_lights(scenario_id: str, lights: Lights, has_z: bool) -> pa.RecordBat
     state = pa.ListArray.from_arrays(
         pa.array(np.arange(count + 1, dtype=np.int32) * steps),
         names_of(lights.state.ravel(), LightState),
-        type=tables.load("lights").column("state").arrow_type,
+        type=tables.load("lights").schema.field("state").type,
     )
     columns = {
         "scenario_id": pa.array([scenario_id] * count, pa.string()),

@@ -128,7 +128,10 @@ class Committer:
             self._report.duplicates += number
         refused_keys = {record.key for record, _ in refused}
         kept = [reduced.get(record.key, record) for record in ready if record.key not in refused_keys]
-        self._report.add_defects(defect for record in kept for defect in read_defects(self._files, record))
+        for record in kept:
+            defects = read_defects(self._files, record)
+            if defects:
+                self._report.add_defects(defects)
         for record in finished:
             if record.key not in settled:
                 self._leave_out(record, _WAITS)

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 from scenarionet_data import converters
 from scenarionet_data.conversion.committer import Committer, ConversionReport
 from scenarionet_data.conversion.jobs import ShardJob, convert_map, convert_shard, lost_shard, run_limited
-from scenarionet_data.conversion.plan import ConversionPlan, InputSelection, ShardFilter, largest_first, make_plan
+from scenarionet_data.conversion.plan import ConversionPlan, ShardFilter, largest_first, make_plan
 from scenarionet_data.conversion.remote_raw.downloads import remove_downloads
 from scenarionet_data.conversion.remote_raw.mirror import mirrored
 from scenarionet_data.converters.splits import guess_split, lake_spelling, split_folder
@@ -175,11 +175,13 @@ def _plan(wanted: _Wanted, *, sort: bool) -> tuple[LakeFiles, ConversionPlan, Co
             if not _WORD.fullmatch(value):
                 raise BadParameter(f"{name}={value!r}: use letters, digits, '.', '_' and '-'")
         listed = list(converter.shards(folder, split, version, options))
-        shards = (wanted.selection or InputSelection()).select(listed)
+        shards = listed
         passed_over = [*converter.passed_over(folder, split, options, listed)]
-        left_out = count_items(listed) - count_items(shards)
-        if left_out:
-            passed_over.append(PassedOver("raw inputs", left_out, "not selected"))
+        if wanted.selection:
+            shards = wanted.selection.select(listed)
+            left_out = count_items(listed) - count_items(shards)
+            if left_out:
+                passed_over.append(PassedOver("raw inputs", left_out, "not selected"))
         plans = []
         may = {"may_replace": wanted.replace, "reconvert_stale": wanted.reconvert_stale}
         for each in (converter.maps(folder, version, options), shards):

@@ -92,27 +92,24 @@ def make_plan(
             if mark != ABSENT or address not in owners:  # a shard that contains the input precedes one that lacked it
                 owners[address] = record
                 (absent.add if mark == ABSENT else absent.discard)(address)
-
-    def owner_of(shard: Shard, item: RawItem) -> ShardRecord | None:
-        address = (shard.dataset, shard.version, shard.split, item.name)
-        return None if address in absent and item.fingerprint != ABSENT else owners.get(address)
-
     shards: list[Shard] = []
     num_skipped = 0
     replaced: dict[str, ShardRecord] = {}
     stale: set[str] = set()
-    listed = list(wanted)
-    for shard in listed:
+    listed: list[tuple[Shard, list[ShardRecord | None]]] = []
+    for shard in wanted:
+        listed.append((shard, []))
         for item in shard.items:
-            owner = owner_of(shard, item)
+            address = (shard.dataset, shard.version, shard.split, item.name)
+            owner = None if address in absent and item.fingerprint != ABSENT else owners.get(address)
+            listed[-1][1].append(owner)
             if owner and _is_outdated(owner, shard, item, converter_version, may_replace, reconvert_stale):
                 replaced[owner.key] = owner
             elif owner and (owner.converter_version, owner.schemas) != (converter_version, tables.content_tag()):
                 stale.add(owner.key)
-    for shard in listed:  # after the loop above: a replaced shard may share its inputs with several new ones
+    for shard, found in listed:  # after the loop above: a replaced shard may share its inputs with several new ones
         missing = []
-        for item in shard.items:
-            owner = owner_of(shard, item)
+        for item, owner in zip(shard.items, found, strict=True):
             if owner is None or owner.key in replaced:
                 missing.append(item)
         if missing:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.formats.map_files import read_map
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.procedural.drawn_map import DrawnMap
 from scenarionet_data.procedural.generate import Episode, generate
@@ -115,9 +116,15 @@ class Procedural(Converter[int]):
         for item in shard.items:
             yield int(item.name.rpartition("-")[2])
 
-    def files(self, shard: Shard) -> Iterator[list[str]]:  # noqa: ARG002
+    def passed_over(
+        self,
+        raw: str,  # noqa: ARG002
+        split: str,  # noqa: ARG002
+        options: Any,  # noqa: ARG002
+        shards: Sequence[Shard],  # noqa: ARG002
+    ) -> Iterable[PassedOver]:
         """Nothing: seeds are no files."""
-        yield []
+        return ()
 
     def maps(self, raw: str, version: str, options: ProceduralOptions) -> Iterator[Shard]:  # noqa: ARG002
         """The map, if traffic drives on a given one."""

@@ -1,4 +1,4 @@
-"""List folders of raw recordings: what cannot be listed or named is an error, not passed over."""
+"""List folders of raw recordings: what cannot be listed is an error, not passed over."""
 
 from __future__ import annotations
 
@@ -23,16 +23,3 @@ def _refuse(error: OSError) -> None:
         raise CorruptSource(
             f"{error.filename}: cannot be listed ({error.strerror}); change its permissions, or move it out of RAW"
         ) from error
-
-
-def check_name(name: str) -> None:
-    """Raise for a file name that is not UTF-8, which a lake cannot record.
-
-    Raises:
-        CorruptSource: The message shows the bytes of the name.
-    """
-    try:
-        name.encode()
-    except UnicodeEncodeError as error:
-        shown = name.encode(errors="backslashreplace").decode()
-        raise CorruptSource(f"{shown}: the name is not UTF-8; rename the file or folder") from error

@@ -12,7 +12,6 @@ from typing import TypeVar
 
 from scenarionet_data.errors import BadParameter, CorruptSource
 from scenarionet_data.ingest.input_properties import InputProperties
-from scenarionet_data.ingest.listing import check_name
 from scenarionet_data.ingest.options import Options
 
 OptionsType = TypeVar("OptionsType", bound=Options)
@@ -31,7 +30,7 @@ class RawItem:
         properties: Its properties, in addition to the shard's.
 
     Raises:
-        CorruptSource: The name is not UTF-8.
+        CorruptSource: The name is not UTF-8, which a lake cannot record; the message shows its bytes.
     """
 
     name: str
@@ -39,7 +38,11 @@ class RawItem:
     properties: InputProperties = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        check_name(self.name)
+        try:
+            self.name.encode()
+        except UnicodeEncodeError as error:
+            shown = self.name.encode(errors="backslashreplace").decode()
+            raise CorruptSource(f"{shown}: the name is not UTF-8; rename the file or folder") from error
 
 
 @dataclass(frozen=True)

@@ -60,12 +60,10 @@ def _add(digest: xxh3_64, part: Any) -> None:
             value = value.values
         name = _HASHED_NAMES.get(field.name, field.name)
         digest.update(f"{name}{value.shape}".encode())
-        digest.update(_text(value) if value.dtype == object else np.ascontiguousarray(value).data)
-
-
-def _text(strings: Any) -> bytes:
-    """Strings with separators; None differs from the empty string."""
-    listed = strings.tolist()
-    if None in listed:
-        listed = ["\2" if text is None else text for text in listed]
-    return "\0".join(listed).encode()
+        if value.dtype == object:
+            listed = value.tolist()
+            if None in listed:  # it differs from the empty string
+                listed = ["\2" if text is None else text for text in listed]
+            digest.update("\0".join(listed).encode())
+        else:
+            digest.update(np.ascontiguousarray(value).data)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from operator import attrgetter
 
 import pyarrow as pa
 
@@ -32,7 +33,7 @@ _ROWS_PER_GROUP = 65_536
 
 def shard_files(records: Iterable[ShardRecord]) -> list[str]:
     """Metadata files that shards were written with; shared maps have none."""
-    return [record.metadata_file for record in records if record.metadata_file is not None]
+    return list(filter(None, map(attrgetter("metadata_file"), records)))
 
 
 def layout(names: Iterable[str]) -> dict[str, list[str]]:
