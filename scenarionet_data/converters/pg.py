@@ -46,6 +46,7 @@ _MARGIN = 200.0
 """Margin of a given map around the ego's path [m]."""
 _RANGE = re.compile(r"(?:(\d+):)?(\d+)")
 _MAX_SEED = 10**10
+_TYPES = {"pedestrian": ObjectType.PEDESTRIAN, "cyclist": ObjectType.CYCLIST}
 _LIGHT_STATES = {
     GO: LightState.TRAFFIC_LIGHT_GREEN,
     CAUTION: LightState.TRAFFIC_LIGHT_YELLOW,
@@ -212,9 +213,10 @@ def _tracks(episode: Episode, origin: Float64) -> Tracks:
     motion = np.concatenate([episode.motion, standing])
     position = np.concatenate([motion[..., :2], np.zeros((*motion.shape[:2], 1))], axis=-1)
     direction = np.stack([np.cos(motion[..., 2]), np.sin(motion[..., 2])], axis=-1)
-    ids, types, words = ["ego"], [ObjectType.VEHICLE] * moving, list[str | None](episode.population.kinds)
+    ids, types, words = ["ego"], [ObjectType.VEHICLE], list[str | None](episode.population.kinds)
     for row in range(1, moving):
-        ids.append(f"v{row}")
+        types.append(_TYPES.get(episode.population.kinds[row], ObjectType.VEHICLE))
+        ids.append(f"{'p' if types[row] == ObjectType.PEDESTRIAN else 'v'}{row}")
     for row, obstacle in enumerate(episode.obstacles):
         ids.append(f"o{row}")
         types.append(obstacle.type)

@@ -3,5 +3,6 @@
 In reading order: ``generate`` (a seed to an episode), ``options``; the map: ``path``, ``roadmap``, ``sections``,
 ``blocks``, ``intersection``, ``roundabout``, ``assemble``; its lane graph: ``graph``, ``conflicts``, ``routes``;
 objects and lights: ``construction``, ``population``, ``signals``; the compiled time loop: ``drive``, with
-``vehicles``, ``following``, ``lane_change``, ``right_of_way``.
+``vehicles``, ``following``, ``lane_change``, ``right_of_way``. Of version 2: ``sidewalks``, ``parking``, ``walking``,
+and the time loop ``flow``.
 """

@@ -107,6 +107,7 @@ def move(graph: LaneGraph, vehicle: ArrayRecord, acceleration_now: float, dt: fl
     """Move one vehicle by a step of constant acceleration, along its curve and over lane ends."""
     speed = max(0.0, vehicle.speed + acceleration_now * dt)
     left, slope = lateral_offset(vehicle)
+    left += vehicle.aside
     stretch = np.hypot(1.0 - curvature_at(graph, vehicle.lane, vehicle.s) * left, slope)
     travelled = 0.5 * (vehicle.speed + speed) * dt / stretch
     vehicle.speed = speed

@@ -15,6 +15,7 @@ from scenarionet_data.procedural.lane_change import consider, is_accepted
 from scenarionet_data.procedural.population import WARM_UP, Population
 from scenarionet_data.procedural.right_of_way import update_grant
 from scenarionet_data.procedural.vehicles import PLACE, PLACES, occupy, record
+from scenarionet_data.procedural.walking import Walkers, record_on_foot, step_on_foot
 from scenarionet_data.statistics.summary import box_gap
 
 LATEST = 10.0
@@ -35,7 +36,7 @@ class _Traffic(NamedTuple):
 
 
 def flow(
-    graph: LaneGraph, population: Population, lights: Int32, obstacles: Float64, dt: float
+    graph: LaneGraph, population: Population, walkers: Walkers, lights: Int32, obstacles: Float64, dt: float
 ) -> tuple[Float64, Bool, int]:
     """Drive from ``WARM_UP`` before the ego enters until it arrives, or the lights' time is over.
 
@@ -43,35 +44,43 @@ def flow(
 
     Args:
         graph: The lanes.
-        population: The vehicles, the ego first, the others in the order of their arrivals.
+        population: The vehicles, the ego first, the others in the order of their arrivals; then the people.
+        walkers: The people, and where they walk.
         lights: (rows, warm-up, wait and T) states of the lights.
         obstacles: (K, 5) x, y, heading, length, width of what stands on the road.
         dt: Timestep [s].
 
     Returns:
-        (N, t, 4) x, y [m], heading [rad] and speed [m/s], (N, t) whether a vehicle is on the map, and the timestep of
-        the lights at which the ego enters.
+        (N, t, 4) x, y [m], heading [rad] and speed [m/s], (N, t) whether one is there, and the timestep of the lights
+        at which the ego enters.
     """
-    count, arrivals = len(population.vehicles), population.arrivals.copy()
-    steps = lights.shape[1] - round((WARM_UP + LATEST) / dt)
+    count, arrivals, begins = len(population.vehicles), population.arrivals.copy(), walkers.people.begins.copy()
+    steps, never = lights.shape[1] - round((WARM_UP + LATEST) / dt), lights.shape[1]
     pool = population.vehicles.copy()
     while True:
         pool.active = False
         places: RecordArray = np.recarray((count, PLACES), PLACE)
         places.lane, places.s = NONE, 0.0
-        motion, valid = np.zeros((count, steps, 4)), np.zeros((count, steps), np.bool_)
+        people = walkers.people.copy()
+        people.begins = begins
+        motion = np.zeros((count + len(people), steps, 4))
+        valid = np.zeros(motion.shape[:2], np.bool_)
+        graph.claims[:] = 0
         traffic = _Traffic(population.vehicles, arrivals, pool, places)
-        begin, driven = _flow(graph, traffic, lights, dt, motion, valid)
+        begin, driven = _flow(graph, traffic, Walkers(people, walkers.points), lights, dt, motion, valid)
         motion, valid = motion[:, :driven], valid[:, :driven]
         touching = first_contact(motion, valid, population.size, obstacles)
         if touching == NONE:
             return motion, valid, begin
-        arrivals[touching] = lights.shape[1]
+        if touching < count:
+            arrivals[touching] = never
+        else:
+            begins[touching - count] = never
 
 
 @kernel
 def _flow(
-    graph: LaneGraph, traffic: _Traffic, lights: Int32, dt: float, motion: Float64, valid: Bool
+    graph: LaneGraph, traffic: _Traffic, walkers: Walkers, lights: Int32, dt: float, motion: Float64, valid: Bool
 ) -> tuple[int, int]:
     """Fill ``motion`` and ``valid``, as for :func:`flow`.
 
@@ -79,7 +88,8 @@ def _flow(
         Timestep at which the ego enters, and number of timesteps written.
     """
     vehicles, arrivals, pool, places = traffic
-    count, steps = valid.shape
+    people = walkers.people
+    count, steps = len(vehicles), valid.shape[1]
     wanted, waits, row = np.zeros(count), np.ones(count, np.bool_), np.zeros(count, np.int64)
     num, begin = 1, NONE
     for t in range(lights.shape[1]):
@@ -115,10 +125,17 @@ def _flow(
                 if present[i].active:
                     record(graph, present[i], motion[row[i], t - begin])
                     valid[row[i], t - begin] = True
+            for i in range(len(people)):
+                if people[i].begins <= t and not people[i].gone:
+                    record_on_foot(walkers, i, motion[count + i, t - begin])
+                    valid[count + i, t - begin] = True
             if not present[EGO].active:
                 return begin, t - begin
             if t + 1 - begin == steps:
                 break
+        for i in range(len(people)):
+            if people[i].begins <= t and not people[i].gone:
+                step_on_foot(graph, present, places, lights, t, people, i, dt)
         for i in range(num):
             if present[i].active:
                 if (t + row[i]) % CONSIDER_EVERY == 0:

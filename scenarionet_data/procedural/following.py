@@ -8,7 +8,7 @@ from scenarionet_data.arrays.dtypes import ArrayRecord, RecordArray
 from scenarionet_data.arrays.idm import free_acceleration, interaction
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.procedural.graph import CROSS, MERGE, NONE, SPLIT, LaneGraph
-from scenarionet_data.procedural.vehicles import PLACES
+from scenarionet_data.procedural.vehicles import PLACES, desired_speed
 
 HORIZON = 30.0, 5.0  # [m], [s] look-ahead distance: constant part, and the time whose driving distance is added
 ROOM_TO_CHANGE = 16.0  # [m] kept free ahead by vehicles that have to change lanes before driving on
@@ -28,7 +28,7 @@ def acceleration(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, i
     if vehicle.origin != NONE and leaving.lane != NONE:
         gap, speed = nearest_on(graph, vehicles, places, i, leaving.lane, -leaving.s)
         braking = max(braking, _braking(graph.flows, vehicle, gap, speed))
-    desired = graph.lanes[vehicle.lane].speed * vehicle.eagerness
+    desired = desired_speed(graph, vehicle, vehicle.lane)
     wanted = free_acceleration(vehicle.speed, desired, vehicle.accel, vehicle.decel) - braking
     return float(max(wanted, -HARDEST_BRAKING))
 
@@ -69,12 +69,12 @@ def braking_along(
             braking = max(braking, _braking(graph.flows, vehicle, stop - vehicle.length / 2.0, 0.0))
         if following == NONE or end > horizon:
             break
-        slow = graph.lanes[following].speed * vehicle.eagerness
+        slow = desired_speed(graph, vehicle, following)
         if stops and vehicle.speed > slow:  # brake for the bend ahead, as late as is comfortable
             needed = (vehicle.speed**2 - slow**2) / (2.0 * max(end, 1.0))
             if needed > 0.7 * vehicle.decel:
                 if graph.flows:  # so that the deceleration is what is needed
-                    desired = graph.lanes[lane].speed * vehicle.eagerness
+                    desired = desired_speed(graph, vehicle, lane)
                     needed += free_acceleration(vehicle.speed, desired, vehicle.accel, vehicle.decel)
                 braking = max(braking, needed)
         lane, before = following, end
@@ -193,7 +193,7 @@ def _braking(is_firm: bool, vehicle: ArrayRecord, gap: float, speed: float) -> f
     if gap == np.inf:
         return 0.0
     needed = max(vehicle.speed**2 - speed**2, 0.0) / (2.0 * max(gap - _LEAST_GAP, _LEAST_GAP))
-    most = max(_FIRM_BRAKING, _RESERVE * needed) if is_firm else np.inf
+    most = vehicle.accel + max(_FIRM_BRAKING, _RESERVE * needed) if is_firm else np.inf
     wanted = interaction(
         vehicle.speed,
         gap,

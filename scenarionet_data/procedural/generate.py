@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -18,12 +18,14 @@ from scenarionet_data.procedural.flow import LATEST, flow
 from scenarionet_data.procedural.graph import LaneGraph, make_graph, signal_rows
 from scenarionet_data.procedural.intersection import intersection, t_intersection
 from scenarionet_data.procedural.options import BLOCK_NAMES, GeneratorOptions
+from scenarionet_data.procedural.parking import add_parking
 from scenarionet_data.procedural.path import Pose
 from scenarionet_data.procedural.population import WARM_UP, Obstacle, Population, boxes, place_construction, populate
 from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
 from scenarionet_data.procedural.roadmap import Block, Road, RoadMap, Socket
 from scenarionet_data.procedural.roundabout import roundabout
 from scenarionet_data.procedural.sections import add_road, ids_of
+from scenarionet_data.procedural.sidewalks import add_crossings, people_on
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +64,19 @@ def generate(seed: int, options: GeneratorOptions, drawn: DrawnMap | None = None
         motion, valid = drive(graph, population.vehicles, lights, options.dt)
         return Episode(road_map, graph, population, motion, valid, lights[:, : valid.shape[1]], obstacles)
     steps = options.max_steps + round((WARM_UP + LATEST) / options.dt)
+    graph = add_crossings(road_map, graph)
     population = populate(road_map, graph, options, rng, steps * options.dt)
+    walkers, sizes = people_on(road_map, options.pedestrians, steps * options.dt, options.dt, rng)
+    population = replace(
+        population,
+        kinds=population.kinds + ["pedestrian"] * len(sizes),
+        size=np.concatenate([population.size, sizes]),
+    )
+    obstacles = obstacles + add_parking(road_map, graph, options.parking, rng)
     lights = make_lights(rows, steps, options.dt, rng)
     poses, sizes = boxes(obstacles)
     standing = np.concatenate([poses, sizes[:, :2]], axis=1)
-    motion, valid, begin = flow(graph, population, lights, standing, options.dt)
+    motion, valid, begin = flow(graph, population, walkers, lights, standing, options.dt)
     lights = lights[:, begin : begin + valid.shape[1]]
     seen = np.asarray(valid.any(axis=1), np.bool_)
     return Episode(road_map, graph, population.select(seen), motion[seen], valid[seen], lights, obstacles)

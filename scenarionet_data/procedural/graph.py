@@ -23,6 +23,8 @@ LANE = np.dtype(
         ("successors_end", "i8"),
         ("conflicts_begin", "i8"),  # rows of `LaneGraph.conflicts`
         ("conflicts_end", "i8"),
+        ("crossings_begin", "i8"),  # rows of `LaneGraph.crossings`
+        ("crossings_end", "i8"),
         ("length", "f8"),  # [m]
         ("step", "f8"),  # distance between points [m]
         ("speed", "f8"),  # desired speed [m/s]: the limit, or less in a bend
@@ -46,6 +48,18 @@ POINT = np.dtype([("x", "f8"), ("y", "f8"), ("heading", "f8")])
 """A point of a centreline [m, m, rad]."""
 
 
+CROSSING = np.dtype(
+    [
+        ("lane", "i8"),
+        ("walk", "i8"),  # the crosswalk
+        ("end", "f8"),  # where it ends along the lane [m]
+        ("is_start", "?"),  # whether the lane begins at it
+    ],
+    align=True,
+)
+"""A crosswalk over a lane."""
+
+
 class LaneGraph(NamedTuple):
     """L lanes, P points, E links, C conflicts, D destinations.
 
@@ -56,6 +70,8 @@ class LaneGraph(NamedTuple):
         conflicts: (C,) ``CONFLICT`` records.
         routes: (D, L) ``ROUTE`` records.
         lane_width: [m].
+        crossings: (K,) ``CROSSING`` records, in the order of lanes.
+        claims: (W,) number of people on each crosswalk or about to be; the time loop changes it.
         flows: Whether the rules of version 2 hold, with which dense traffic does not lock itself.
     """
 
@@ -65,6 +81,8 @@ class LaneGraph(NamedTuple):
     conflicts: RecordArray
     routes: RecordArray
     lane_width: float
+    crossings: RecordArray
+    claims: Int64
     flows: bool = True
 
 
@@ -124,7 +142,9 @@ def make_graph(road_map: RoadMap) -> LaneGraph:
 
     conflicts, crosses = find_conflicts(lanes, points, links, 0.94 * road.lane_width)
     lanes.needs_grant = crosses | (lanes.signal != NONE)
-    return LaneGraph(lanes, points, successors, conflicts, find_routes(lanes, successors), road.lane_width)
+    lanes.crossings_begin = lanes.crossings_end = 0
+    routes, nobody = find_routes(lanes, successors), np.zeros(0, np.int64)
+    return LaneGraph(lanes, points, successors, conflicts, routes, road.lane_width, np.recarray(0, CROSSING), nobody)
 
 
 def close_lane(graph: LaneGraph, lane: int, begin: float, end: float) -> LaneGraph:

@@ -9,7 +9,7 @@ from scenarionet_data.arrays.idm import free_acceleration, interaction, is_worth
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.procedural.following import braking_along, nearest_on, room_needed
 from scenarionet_data.procedural.graph import LANE_CHANGE_COST, NONE, LaneGraph
-from scenarionet_data.procedural.vehicles import PLACES, abreast
+from scenarionet_data.procedural.vehicles import PLACES, abreast, desired_speed
 
 SHORTEST = 12.0  # [m] least length of a lane change
 DURATION = 3.2  # [s] usual duration of a lane change
@@ -96,8 +96,10 @@ def is_accepted(
 ) -> bool:
     """Whether the gap in ``target`` is safe and, for an optional change, worth it."""
     vehicle = vehicles[i]
+    if graph.flows and nearest_on(graph, vehicles, places, i, target, -s)[0] < _GAP:
+        return False
     braking = braking_along(graph, vehicles, places, i, target, s, False)
-    desired = graph.lanes[target].speed * vehicle.eagerness
+    desired = desired_speed(graph, vehicle, target)
     after = free_acceleration(vehicle.speed, desired, vehicle.accel, vehicle.decel) - braking
     if after < -SAFE_BRAKING:
         return False

@@ -45,6 +45,15 @@ class GeneratorOptions:
     )
     density: float = _option(1.5, "Vehicles per 100 m of lane; 15 in the paper's text, 1.5 in its database.")
     oncoming: float = _option(0.25, "Share of the density on lanes that do not lead to the ego's destination.")
+    pedestrians: float = field(
+        default=0.5, metadata={"doc": "People per 100 m of sidewalk and crosswalk, in traffic v2.", "is_added": True}
+    )
+    cyclists: float = field(
+        default=0.03, metadata={"doc": "Cyclists per other vehicle, in traffic v2.", "is_added": True}
+    )
+    parking: float = field(
+        default=0.25, metadata={"doc": "Share of roads with parked cars beside them, in traffic v2.", "is_added": True}
+    )
     construction: float = _option(0.39, "Probability of road works or a breakdown with cones and barriers.")
     lights: float = _option(0.7, "Probability that an intersection has traffic lights.")
     min_lanes: int = _option(1, "Fewest lanes per direction.")
@@ -81,6 +90,9 @@ class GeneratorOptions:
             "num_blocks": (0, 20),
             "density": (0.0, 20.0),
             "oncoming": (0.0, 10.0),
+            "pedestrians": (0.0, 20.0),
+            "cyclists": (0.0, 1.0),
+            "parking": (0.0, 1.0),
             "construction": (0.0, 1.0),
             "lights": (0.0, 1.0),
             "min_lanes": (1, self.max_lanes),

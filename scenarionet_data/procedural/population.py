@@ -15,17 +15,21 @@ from scenarionet_data.procedural.roadmap import NO_JUNCTION, RoadMap
 from scenarionet_data.procedural.vehicles import VEHICLE
 from scenarionet_data.scenario.vocabulary import ObjectType
 
-_KINDS = np.array(["car", "van", "truck", "bus"])
+_KINDS = np.array(["car", "van", "truck", "bus", "motorcycle", "cyclist"])
+CYCLIST = 5
 _SHARES = np.array([0.74, 0.14, 0.08, 0.04])
+_MOTORCYCLES = 0.03
 _RANGES = np.array(
     [
         [(4.1, 5.0), (1.75, 1.95), (1.4, 1.65), (1.4, 2.2)],
         [(4.9, 5.8), (1.95, 2.05), (1.9, 2.4), (1.1, 1.6)],
         [(6.5, 8.5), (2.2, 2.4), (2.7, 3.4), (0.8, 1.1)],
         [(9.0, 10.5), (2.4, 2.5), (3.0, 3.2), (0.9, 1.2)],
+        [(2.0, 2.3), (0.75, 0.9), (1.4, 1.7), (1.8, 2.2)],
+        [(1.7, 1.9), (0.55, 0.7), (1.6, 1.9), (0.6, 1.0)],
     ]
 )
-"""Share of each kind in traffic; (4, 4, 2) least and greatest length, width, height [m] and acceleration [m/s2]."""
+"""Share of each kind in traffic; (6, 4, 2) least and greatest length, width, height [m] and acceleration [m/s2]."""
 ROOM = 3.0  # [m] bumper to bumper between vehicles at the start, at least
 END_ROOM = 6.0  # [m] free of vehicles' centres at both ends of a lane, at the start
 _TRIES = 20
@@ -33,6 +37,8 @@ WARM_UP = 20.0
 """Time before the ego enters [s], in which queues at lights form; it is not recorded."""
 _LEAST_HEADWAY = 1.0  # [s] between arrivals on a lane
 _PACE = 0.4  # mean over desired speed, with stops and turns
+_CYCLING = 3.5, 6.5  # [m/s] slowest and fastest cyclist
+_FROM_THE_EDGE = 0.8  # [m] at which cyclists keep from the lane's right side
 _AT_THE_END = 0.2  # [m] of lane behind a vehicle that enters
 
 TAPER = 12.0  # [m] over which cones close the lane
@@ -47,13 +53,13 @@ _BROKEN_CAR = ObjectType.VEHICLE, "broken-down car", (4.6, 1.85, 1.5), 0.0
 
 @dataclass(frozen=True, eq=False)
 class Population:
-    """Vehicles of a scenario, the ego first.
+    """Vehicles of a scenario, the ego first, and then people on foot.
 
     Attributes:
-        kinds: Names of their kinds.
+        kinds: Names of the kinds of all.
         size: (N, 3) length, width, height [m].
-        vehicles: (N,) ``VEHICLE`` records.
-        arrivals: (N,) timestep from which each wants to enter; 0 for those that are there at the start.
+        vehicles: (V,) ``VEHICLE`` records.
+        arrivals: (V,) timestep from which each wants to enter; 0 for those that are there at the start.
     """
 
     kinds: list[str]
@@ -62,9 +68,9 @@ class Population:
     arrivals: Int64
 
     def select(self, chosen: Bool) -> Population:
-        """Return some of the vehicles (N,)."""
-        kinds = np.array(self.kinds)[chosen].tolist()
-        return Population(kinds, self.size[chosen], self.vehicles[chosen], self.arrivals[chosen])
+        """Return some of the vehicles and people (N,)."""
+        kinds, wheeled = np.array(self.kinds)[chosen].tolist(), chosen[: len(self.vehicles)]
+        return Population(kinds, self.size[chosen], self.vehicles[wheeled], self.arrivals[wheeled])
 
 
 class Obstacle(NamedTuple):
@@ -102,7 +108,8 @@ def populate(
     if flow_for:
         is_entry = is_open & ~np.isin(np.arange(len(lanes)), graph.successors)
         entering, times = arrival_times(_PACE * density * lanes.speed * is_entry, flow_for, rng)
-    kind = rng.choice(len(_KINDS), size=count + len(entering), p=_SHARES / _SHARES.sum())
+    shares = np.append(_SHARES, [_MOTORCYCLES, options.cyclists]) if flow_for else _SHARES
+    kind = rng.choice(len(shares), size=count + len(entering), p=shares / shares.sum())
     kind[0] = 0  # the ego is a car
     low, high = _RANGES[kind, :3].transpose(2, 0, 1)
     size = low + rng.random((len(kind), 1)) * (high - low)
@@ -122,6 +129,7 @@ def populate(
     vehicles.decel = rng.uniform(1.6, 2.6, count)
     vehicles.standstill = rng.uniform(1.8, 2.8, count)
     vehicles.politeness = rng.uniform(0.1, 0.5, count)
+    vehicles.top_speed, vehicles.aside = np.inf, 0.0
     vehicles.active, vehicles.lane, vehicles.s = not flow_for, lane, s
     vehicles.destination = 0
     for i in range(1, count):
@@ -131,6 +139,12 @@ def populate(
     vehicles.lateral, vehicles.progress, vehicles.span = 0.0, 0.0, 1.0
     vehicles.waited, vehicles.wish = 0.0, NONE
     vehicles.patience = rng.uniform(0.0, 4.0, count)
+    if flow_for:
+        rides = kind == CYCLIST
+        vehicles.top_speed[rides] = rng.uniform(*_CYCLING, int(rides.sum()))
+        vehicles.speed = np.minimum(vehicles.speed, vehicles.top_speed)
+        vehicles.aside[rides] = _FROM_THE_EDGE - graph.lane_width / 2.0
+        vehicles.patience[rides] = np.inf  # they change lanes only where they have to
     return Population(_KINDS[kind].tolist(), size, vehicles, arrivals)
 
 

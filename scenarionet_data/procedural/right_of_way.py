@@ -13,7 +13,7 @@ from scenarionet_data.arrays.dtypes import ArrayRecord, Int32, RecordArray
 from scenarionet_data.compiled.decorators import device_function
 from scenarionet_data.procedural.following import nearest_on
 from scenarionet_data.procedural.graph import MERGE, NONE, SPLIT, LaneGraph
-from scenarionet_data.procedural.vehicles import PLACES, STANDING
+from scenarionet_data.procedural.vehicles import PLACES, STANDING, desired_speed
 
 GO, CAUTION, STOP = 1, 2, 3
 _FIRM_BRAKING = 3.0  # [m/s2] with which drivers still stop for a light
@@ -62,6 +62,9 @@ def update_grant(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, l
         return
     if places[i, 1].lane != NONE and ahead > _AT_THE_LINE:
         return  # still blocks, and may be blocked by, the lane it leaves
+    for row in range(graph.lanes[following].crossings_begin, graph.lanes[following].crossings_end):
+        if graph.claims[graph.crossings[row].walk] > 0:
+            return  # somebody is on the crosswalk
     reach = vehicle.speed**2 / (2.0 * vehicle.decel) + 12.0
     if ahead < reach and not closed and _is_free(graph, vehicles, places, lights, t, i, following, ahead):
         own = graph.lanes[following]
@@ -134,7 +137,7 @@ def _is_gone(
     if other.speed < STANDING:
         return False
     leaves = (conflict.other_end - s + other.length / 2.0) / max(other.speed, _CRAWL / 2.0)
-    way, most = ahead + conflict.own_begin, max(own.speed * vehicle.eagerness, vehicle.speed)
+    way, most = ahead + conflict.own_begin, max(desired_speed(graph, vehicle, lane), vehicle.speed)
     rise = (most - vehicle.speed) / vehicle.accel
     arrives = (np.sqrt(vehicle.speed**2 + 2.0 * vehicle.accel * max(way, 0.0)) - vehicle.speed) / vehicle.accel
     if arrives > rise:
@@ -202,3 +205,34 @@ def _arrival(graph: LaneGraph, vehicle: ArrayRecord, lane: int, zone_begin: floa
         if where == NONE:
             break
     return np.inf
+
+
+@device_function
+def is_red_for(graph: LaneGraph, lights: Int32, walk: int, t: int, steps: int) -> bool:
+    """Whether vehicles that come from the crosswalk's side have red for some timesteps, or no light."""
+    for row in range(len(graph.crossings)):
+        crossing = graph.crossings[row]
+        signal = graph.lanes[crossing.lane].signal
+        if crossing.walk != walk or not crossing.is_start or signal == NONE:
+            continue
+        for later in range(t, min(t + steps, lights.shape[1])):
+            if lights[signal, later] != STOP:
+                return False
+    return True
+
+
+@device_function
+def is_driven_on(graph: LaneGraph, vehicles: RecordArray, places: RecordArray, walk: int) -> bool:
+    """Whether a vehicle is on, or has a grant for, a lane that leads over a crosswalk that it has not passed."""
+    for row in range(len(graph.crossings)):
+        crossing = graph.crossings[row]
+        if crossing.walk != walk:
+            continue
+        for j in range(len(vehicles)):
+            if vehicles[j].active and vehicles[j].granted == crossing.lane:
+                return True
+            for place in range(PLACES):
+                is_on = vehicles[j].active and places[j, place].lane == crossing.lane
+                if is_on and places[j, place].s - vehicles[j].length / 2.0 < crossing.end:
+                    return True
+    return False

@@ -18,6 +18,8 @@ VEHICLE = np.dtype(
         ("length", "f8"),  # [m]
         ("width", "f8"),  # [m]
         ("eagerness", "f8"),  # scales the desired speed
+        ("top_speed", "f8"),  # [m/s], for example of cyclists; infinite for most
+        ("aside", "f8"),  # distance to the left of the lane's centre at which it keeps [m]
         ("headway", "f8"),  # desired time gap [s]
         ("accel", "f8"),  # comfortable acceleration [m/s2]
         ("decel", "f8"),  # comfortable deceleration [m/s2]
@@ -55,6 +57,12 @@ def lateral_offset(vehicle: ArrayRecord) -> tuple[float, float]:
     blend = u * u * u * (10.0 + u * (6.0 * u - 15.0))
     slope = 30.0 * u * u * (1.0 - u) ** 2 / vehicle.span
     return vehicle.lateral * (1.0 - blend), -vehicle.lateral * slope
+
+
+@device_function
+def desired_speed(graph: LaneGraph, vehicle: ArrayRecord, lane: int) -> float:
+    """Speed on an empty lane [m/s]."""
+    return float(min(graph.lanes[lane].speed * vehicle.eagerness, vehicle.top_speed))
 
 
 @device_function
@@ -122,6 +130,7 @@ def record(graph: LaneGraph, vehicle: ArrayRecord, motion: Float64) -> None:
     lane, s = vehicle.lane, vehicle.s
     x, y, heading = pose_on(graph, lane, s)
     left, slope = lateral_offset(vehicle)
+    left += vehicle.aside
     curvature = curvature_at(graph, lane, s)
     motion[0] = x - left * np.sin(heading)
     motion[1] = y + left * np.cos(heading)

