@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import types
 from collections.abc import Mapping
-from dataclasses import MISSING, asdict, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self, Union, get_args, get_origin, get_type_hints
 
@@ -56,11 +56,12 @@ class Options:
     @property
     def identity(self) -> dict[str, Any]:
         """Values by name that the output depends on, see the class."""
-        values = asdict(self)
+        values = {}
         for each in fields(self):
-            is_unset = each.metadata.get("is_added") and getattr(self, each.name) == each.default
-            if is_unset or each.metadata.get("is_path"):
-                del values[each.name]
+            value = getattr(self, each.name)
+            is_unset = each.metadata.get("is_added") and value == each.default
+            if not (is_unset or each.metadata.get("is_path")):
+                values[each.name] = value
         return values
 
     @classmethod
@@ -72,6 +73,8 @@ class Options:
         """
         if not isinstance(values, Mapping):
             raise BadParameter(f"options: wanted {cls.__name__} or values by name, found {values!r}")
+        if not values:
+            return cls()
         hints, known = get_type_hints(cls), {each.name: each for each in fields(cls)}
         for name, value in values.items():
             cls.refuse_removed(name)

@@ -76,7 +76,7 @@ def audit_shared_map(files: LakeFiles, record: ShardRecord) -> None:
 
 def _broken(rows: Mapping[str, pa.Table], dataset: str, version: str) -> list[tuple[str, str, str]]:
     """Return rule, scenario id and detail of all violations, by rule."""
-    given = {name: rows.get(name, _schema(name).empty_table()) for name in _GIVEN}
+    given = {name: rows[name] if name in rows else _schema(name).empty_table() for name in _GIVEN}
     for name, value in (("dataset", dataset), ("version", version)):  # names of folders in a lake
         given["maps"] = given["maps"].append_column(name, pa.repeat(value, given["maps"].num_rows))
     return _engine().fetch(_query(), given)

@@ -16,8 +16,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_data.building import MapBuilder
+from scenarionet_data.building import MapBuilder, flat_points
 from scenarionet_data.building.plausible import find_bad_geometry
 from scenarionet_data.building.polylines import between, midlines
 from scenarionet_data.building.projection import to_utm, utm_zone
@@ -110,7 +109,7 @@ class _MapFile:
     def features(self) -> MapBuilder:
         builder, speeds = MapBuilder(), self._speeds()
         lanes = [lanelet for lanelet in self.lanelets if lanelet.tags.get("subtype", "road") in LANES]
-        left, right = (_ragged([self._line(lane.ways[side]) for lane in lanes]) for side in (0, 1))
+        left, right = (flat_points([self._line(lane.ways[side]) for lane in lanes]) for side in (0, 1))
         centers, widths = between(midlines(left, right), left, right) if lanes else (left, right)
         begins, ends, at = defaultdict(list), defaultdict(list), defaultdict(list)
         for lane in lanes:
@@ -280,10 +279,6 @@ def _members(relation: Element) -> defaultdict[str, list[str]]:
     for member in relation.iter("member"):
         members[member.get("role", "")].append(member.get("ref", ""))
     return members
-
-
-def _ragged(lines: list[Float64]) -> Ragged:
-    return Ragged.from_flat([len(line) for line in lines], np.concatenate([np.zeros((0, 3)), *lines]))
 
 
 def _number(text: str | None) -> float:

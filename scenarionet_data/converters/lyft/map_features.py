@@ -16,7 +16,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_data.building import MapBuilder
+from scenarionet_data.building import MapBuilder, flat_points
 from scenarionet_data.building.plausible import find_bad_geometry
 from scenarionet_data.building.polylines import between, midlines
 from scenarionet_data.converters.cities import CityMap, complete_links
@@ -165,7 +165,7 @@ def _sides(wire: WireSide, ecef_to_world: Float64) -> list[LaneSide]:
 
 def _add_lanes(builder: MapBuilder, wire: LyftWireMap, lanes: Mapping[str, LaneSides]) -> dict[str, Float64]:
     """Add lanes and the paint along them; return the end of each lane."""
-    left, right = (_flat_lines([sides[side].points for sides in lanes.values()]) for side in (0, 1))
+    left, right = (flat_points([sides[side].points for sides in lanes.values()]) for side in (0, 1))
     centers, widths = between(midlines(left, right), left, right)
     entries: dict[str, list[str]] = {name: [] for name in wire.lanes.ids}
     complete_links(entries, dict(zip(wire.lanes.ids, wire.lanes.ahead, strict=True)))
@@ -199,11 +199,6 @@ def _add_lanes(builder: MapBuilder, wire: LyftWireMap, lanes: Mapping[str, LaneS
             extras={key: value for key, value in extras.items() if value} or None,
         )
     return {name: sides.ends[1] for name, sides in lanes.items()}
-
-
-def _flat_lines(lines: Sequence[Float64]) -> Ragged:
-    points = np.concatenate([np.zeros((0, 2)), *lines])
-    return Ragged.from_flat([len(line) for line in lines], np.column_stack([points, np.zeros(len(points))]))
 
 
 def _some(name: str) -> tuple[str, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from functools import cache
 from operator import itemgetter
 from typing import Any
@@ -108,7 +107,7 @@ def write(files: LakeFiles, base: Snapshot, added: Iterable[ShardRecord], remove
 
     Adds one manifest; merges all into one when shards are removed or there are more than 16.
     """
-    rows: list[dict[str, Any]] = list(map(asdict, added))
+    rows: list[dict[str, Any]] = list(map(vars, added))
     is_added = not removed and len(base.manifests) < _MAX_MANIFESTS
     if is_added and not rows:
         return base.manifests

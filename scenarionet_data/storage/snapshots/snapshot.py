@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from scenarionet_data.errors import LakeError, NoSuchSnapshot
@@ -156,7 +156,7 @@ def restore(files: LakeFiles, snapshot: Snapshot) -> None:
 def _write(files: LakeFiles, snapshot: Snapshot) -> bool:
     """Publish the file of a snapshot unless it exists; returns whether it was published."""
     name = file_name(snapshot.number)
-    return files.publish_new(name, seals.seal_json(asdict(snapshot), files.place_to_write(name)))
+    return files.publish_new(name, seals.seal_json(vars(snapshot), files.place_to_write(name)))
 
 
 def remove_expired(files: LakeFiles, name: str) -> None:

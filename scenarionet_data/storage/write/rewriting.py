@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -55,7 +55,7 @@ def rewrite(files: LakeFiles, records: Sequence[ShardRecord], layout: Layout) ->
 
 def publish_rewritten(files: LakeFiles, new: ShardRecord, old: ShardRecord, rows: pa.Table) -> ShardRecord:
     """Publish the metadata file of a rewritten shard, after its other files; returns its record."""
-    footer = provenance(files, [str(old.metadata_file)]) | {"scenarionet.shard": json.dumps(asdict(new))}
+    footer = provenance(files, [str(old.metadata_file)]) | {"scenarionet.shard": json.dumps(vars(new))}
     publish_table(files, "metadata", rows, footer, str(new.metadata_file))
     return new
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from itertools import chain
 from operator import itemgetter
 from pathlib import Path
@@ -159,7 +158,7 @@ class ShardWriter:
             num_quarantined=len(self._rejected),
             max_scenarios=max_scenarios,
         )
-        footer = {**self._footer, "scenarionet.shard": json.dumps(asdict(record))}
+        footer = {**self._footer, "scenarionet.shard": json.dumps(vars(record))}
         publish_table(self._files, "metadata", self._rows, footer, str(record.metadata_file))
         return record
 
