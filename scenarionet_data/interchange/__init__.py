@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 WRITERS = {
     "commonroad": "scenarionet_data.interchange.commonroad.writer:CommonRoadWriter",
     "gpudrive": "scenarionet_data.interchange.gpudrive.writer:GpuDriveWriter",
+    "lanelet2": "scenarionet_data.interchange.lanelet2.writer:Lanelet2Writer",
     "mcap": "scenarionet_data.interchange.mcap.writer:McapWriter",
     "opendrive": "scenarionet_data.interchange.opendrive.writer:OpenDriveWriter",
     "openscenario": "scenarionet_data.interchange.openscenario.writer:OpenScenarioWriter",
