@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from scenarionet_sim.backends.bullet import Bullet as Bullet
     from scenarionet_sim.backends.fleet import Fleet as Fleet
     from scenarionet_sim.backends.kinematic import Kinematic as Kinematic
+    from scenarionet_sim.borders.search import SearchReport as SearchReport
+    from scenarionet_sim.borders.search import SearchSpace as SearchSpace
+    from scenarionet_sim.borders.search import search as search
     from scenarionet_sim.cameras.weather import Weather as Weather
     from scenarionet_sim.environments.config import BOUNDARY as BOUNDARY
     from scenarionet_sim.environments.config import PAPER_OBSERVATION as PAPER_OBSERVATION

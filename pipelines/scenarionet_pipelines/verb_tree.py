@@ -7,7 +7,7 @@ from typing import NamedTuple
 SECTIONS = {
     "Convert and look": ("convert", "list", "show", "sql", "mine", "render", "browse", "report"),
     "Select scenarios": ("filter", "split", "sample", "merge", "vary"),
-    "Simulate and learn": ("sim", "train"),
+    "Simulate and learn": ("sim", "search", "train"),
     "Share": ("export", "pack"),
 }
 """Verbs without a group by task; ``verbs/<verb>.py`` defines each."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from scenarionet_data.building import MapBuilder, make_tracks
 from scenarionet_data.converters.base import Budgets, Converter
-from scenarionet_data.errors import InvalidScenario
+from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.logical.description import LogicalScenario, RoadSpec, parse_logical, read_logical
@@ -43,6 +43,7 @@ class LogicalOptions(Options):
         default="random", metadata={"doc": "how values are drawn; grid: every combination of given values"}
     )
     text: str = field(default="", metadata={"doc": "the file, which replaces RAW's"})
+    rows: str = field(default="", metadata={"doc": "JSON of the parameters by name of scenario, instead of drawn ones"})
 
 
 _Record = tuple[RawItem, LogicalScenario, Motions, int]
@@ -63,18 +64,20 @@ class Logical(Converter[_Record]):
     def shards(self, raw: str, split: str, version: str, options: LogicalOptions) -> Iterator[Shard]:
         """Draw the parameters and list blocks of scenarios."""
         logical = parse_logical(options.text, "logical") if options.text else read_logical(raw)
-        rows = logical.draw(options.number, options.seed, options.method)
+        if options.rows:
+            named: dict[str, list[float]] = _named_rows(options.rows, len(logical.parameters))
+        else:
+            drawn = logical.draw(options.number, options.seed, options.method).tolist()
+            named = {f"{logical.name}-{k:06d}": row for k, row in enumerate(drawn)}
+        names, group = list(named), next(iter(named)) if options.rows else logical.name
         options = LogicalOptions(
             seed=options.seed, method=options.method, text=logical.text, max_bad_rows=options.max_bad_rows
         )
-        move(logical, rows[:1])  # what is wrong in the file is one error and not one of each scenario
-        for first in range(0, len(rows), BLOCK):
-            items = tuple(
-                RawItem(f"{logical.name}-{first + k:06d}", json.dumps(row))
-                for k, row in enumerate(rows[first : first + BLOCK].tolist())
-            )
-            name = f"{logical.name}-{first:07d}"
-            yield Shard(self.name, version, split, name, "", items, options)
+        # What is wrong in the file is one error and not one of each scenario.
+        move(logical, np.array([named[names[0]]]))
+        for first in range(0, len(names), BLOCK):
+            items = tuple(RawItem(each, json.dumps(named[each])) for each in names[first : first + BLOCK])
+            yield Shard(self.name, version, split, f"{group}-{first:07d}", "", items, options)
 
     def files(self, shard: Shard) -> Iterator[list[str]]:  # noqa: ARG002
         """Nothing: the file is part of the options."""
@@ -105,6 +108,16 @@ class Logical(Converter[_Record]):
         scenario = concrete(logical, motions, k, make_scenario_id(shard.dataset, shard.version, item.name), values)
         check_limits(None, scenario, -1 - np.arange(len(scenario.tracks)), ACCELERATION, JERK)
         return dataclasses.replace(scenario, split=shard.split)
+
+
+def _named_rows(text: str, count: int) -> dict[str, list[float]]:
+    try:
+        named = json.loads(text)
+        if np.array(list(named.values()), np.float64).shape == (len(named), count) and named:
+            return dict(named)
+    except (ValueError, TypeError, AttributeError):
+        named = None
+    raise BadParameter(f'rows={text[:60]!r}; wanted {{"NAME-0": [...], ...}} with {count} numbers each')
 
 
 def _parsed(shard: Shard) -> LogicalScenario:

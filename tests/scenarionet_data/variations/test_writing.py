@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,6 +77,17 @@ def test_moments_say_who_acts_and_when(tmp_path):
         assert each.tracks.position[0, 3, 0] == pytest.approx(moment["begins"] * 10, abs=1e-3)
     with pytest.raises(BadParameter, match=r"no moments are kept under this name.*there are: near"):
         vary(lake, "moments:far", space, name="w")
+
+
+def test_the_example_of_the_guide_runs(lake, monkeypatch):
+    monkeypatch.chdir(lake.root.parent)
+    lake.filter(name="cut_ins")
+    page = (Path(__file__).parents[3] / "docs" / "guides" / "variations.md").read_text("utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    example = example.replace("number=1000", "number=4").replace("-3:3", "-1:1")
+    names: dict[str, object] = {}
+    exec(example, names)
+    assert names["report"].converted == 8
 
 
 def test_bad_input_is_a_sentence(lake):
