@@ -176,20 +176,21 @@ def first_contact(motion: Float64, valid: Bool, size: Float64, obstacles: Float6
         size: (N, 3) length, width and height [m].
         obstacles: (K, 5) x, y, heading, length and width.
     """
-    box, other = np.zeros(5), np.zeros(5)
+    box, other, there = np.zeros(5), np.zeros(5), np.zeros(len(motion), np.int64)
     for t in range(valid.shape[1]):
+        num = 0
         for i in range(len(motion)):
             if not valid[i, t]:
                 continue
             box[:3], box[3:] = motion[i, t, :3], size[i, :2]
-            for j in range(i + len(obstacles)):
-                if j >= i:
-                    other[:] = obstacles[j - i]
-                elif valid[j, t]:
-                    other[:3], other[3:] = motion[j, t, :3], size[j, :2]
+            for k in range(num + len(obstacles)):
+                if k >= num:
+                    other[:] = obstacles[k - num]
                 else:
-                    continue
+                    other[:3], other[3:] = motion[there[k], t, :3], size[there[k], :2]
                 reach = 0.5 * (box[3] + box[4] + other[3] + other[4])
                 if (box[0] - other[0]) ** 2 + (box[1] - other[1]) ** 2 < reach * reach and box_gap(box, other) == 0.0:
                     return int(i)
+            there[num] = i
+            num += 1
     return NONE

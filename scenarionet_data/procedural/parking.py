@@ -10,7 +10,7 @@ import shapely
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.procedural.graph import NONE, LaneGraph
 from scenarionet_data.procedural.population import Obstacle
-from scenarionet_data.procedural.roadmap import NO_JUNCTION, Block, RoadMap
+from scenarionet_data.procedural.roadmap import NO_JUNCTION, Block, Lane, RoadMap
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 
 DEPTH = 2.3
@@ -23,6 +23,8 @@ _PLACE = 6.5
 """Length of a place [m]."""
 _TAPER = 1.5
 """Length in which a bay gets deep [m]."""
+_SPACING = 0.5
+"""Distance between the points of a lane from which bays are measured [m]."""
 _TAKEN = 0.7
 """Share of places that are taken."""
 
@@ -43,14 +45,8 @@ def add_parking(road_map: RoadMap, graph: LaneGraph, share: float, rng: np.rando
             length = float(rng.uniform(_LENGTHS[0], min(room, _LENGTHS[1])))
             begin = _FROM_ENDS + float(rng.uniform(0.0, room - length))
             at = np.append(np.arange(begin, begin + length, 1.0), begin + length)
-            poses = [lane.path.pose_at(s) for s in at.tolist()]
             depth = DEPTH * np.minimum(1.0, np.minimum(at - begin, begin + length - at) / _TAPER)
-            inner, outer = (
-                np.array(
-                    [(moved.x, moved.y) for moved in (p.moved(0.0, -half - d) for p, d in zip(poses, by, strict=True))]
-                )
-                for by in (np.zeros(len(at)).tolist(), depth.tolist())
-            )
+            inner, outer = beside(lane, at, half), beside(lane, at, half + depth)
             bay = shapely.Polygon(np.concatenate([inner, outer[::-1]]))
             if (
                 not bay.is_valid
@@ -68,6 +64,14 @@ def add_parking(road_map: RoadMap, graph: LaneGraph, share: float, rng: np.rando
                         Obstacle(ObjectType.VEHICLE, "parked car", pose.x, pose.y, pose.heading, tuple(size.tolist()))
                     )
     return cars
+
+
+def beside(lane: Lane, at: Float64, right: Float64 | float) -> Float64:
+    """Points (n, 2) [m] at distances along a lane (n,), to the right of its centre."""
+    points, headings = lane.path.sample(_SPACING)
+    along = np.linspace(0.0, lane.path.length, len(points))
+    x, y, heading = (np.interp(at, along, column) for column in (*points.T, headings))
+    return np.stack([x + right * np.sin(heading), y - right * np.cos(heading)], axis=-1)
 
 
 def _lead_around(block: Block, boundaries: tuple[str, ...], inner: Float64, outer: Float64) -> bool:

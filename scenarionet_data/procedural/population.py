@@ -36,7 +36,7 @@ _TRIES = 20
 WARM_UP = 20.0
 """Time before the ego enters [s], in which queues at lights form; it is not recorded."""
 _LEAST_HEADWAY = 1.0  # [s] between arrivals on a lane
-_PACE = 0.4  # mean over desired speed, with stops and turns
+_PACE = 0.33  # mean over desired speed, with stops and turns
 _CYCLING = 3.5, 6.5  # [m/s] slowest and fastest cyclist
 _FROM_THE_EDGE = 0.8  # [m] at which cyclists keep from the lane's right side
 _AT_THE_END = 0.2  # [m] of lane behind a vehicle that enters
@@ -132,8 +132,11 @@ def populate(
     vehicles.top_speed, vehicles.aside = np.inf, 0.0
     vehicles.active, vehicles.lane, vehicles.s = not flow_for, lane, s
     vehicles.destination = 0
-    for i in range(1, count):
+    for i in range(1, 0 if flow_for else count):
         vehicles.destination[i] = rng.choice(np.flatnonzero(np.isfinite(cost[:, lane[i]])))
+    if flow_for:
+        drawn = np.where(np.isfinite(cost[:, lane]), rng.random((len(cost), count)), -1.0)
+        vehicles.destination[1:] = drawn.argmax(axis=0)[1:]
     vehicles.speed = lanes.speed[lane] * vehicles.eagerness * rng.uniform(0.5, 1.0, count)
     vehicles.previous = vehicles.granted = vehicles.origin = NONE
     vehicles.lateral, vehicles.progress, vehicles.span = 0.0, 0.0, 1.0

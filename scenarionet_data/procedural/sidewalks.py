@@ -81,27 +81,10 @@ def people_on(
             begins = rng.uniform(-transit, duration)
             s = min(max(-begins, 0.0) * pace, kerb - 2.0 if np.isfinite(kerb) else length - 2.0)
             hesitation = rng.exponential(_HESITATION)
-            rows.append(
-                (
-                    first,
-                    length,
-                    kerb,
-                    beyond,
-                    walk,
-                    pace,
-                    hesitation,
-                    max(begins, 0.0) / dt,
-                    s,
-                    pace,
-                    0.0,
-                    False,
-                    False,
-                    False,
-                )
-            )
+            rows.append((first, length, kerb, beyond, walk, pace, hesitation, max(begins, 0.0) / dt, s, pace))
         points.append(way)
         first += len(way)
-    people: RecordArray = np.array(rows, WALKER).view(np.recarray)
+    people: RecordArray = np.array([(*row, 0.0, False, False, False) for row in rows], WALKER).view(np.recarray)
     low, high = np.array(SIZES).T
     sizes = low + rng.random((len(people), 1)) * (high - low)
     return Walkers(people, np.concatenate([*points, np.zeros((0, 3))])), sizes
@@ -118,12 +101,10 @@ def ways_along_roads(
                 continue
             ahead = np.gradient(line.points, axis=0)
             ahead /= np.hypot(*ahead.T)[:, None]
-            beside = shapely.LineString(
-                line.points + (ASIDE + _BESIDE) * np.stack([ahead[:, 1], -ahead[:, 0]], axis=-1)
-            )
-            if beside.length > _SHORTEST and beside.is_simple and not surface.intersects(beside.buffer(0.5)):
-                way = _sampled(beside if rng.random() < 0.5 else beside.reverse())
-                found.append((way, math.inf, math.inf, -1))
+            points = line.points + (ASIDE + _BESIDE) * np.stack([ahead[:, 1], -ahead[:, 0]], axis=-1)
+            beside = shapely.LineString(points)
+            if beside.length > _SHORTEST and beside.is_simple and not shapely.dwithin(surface, beside, 0.5):
+                found.append((_sampled(points[:: rng.choice([1, -1])]), math.inf, math.inf, -1))
     return found
 
 
@@ -156,14 +137,15 @@ def ways_over_crosswalks(
                 beyond = kerb + 2.0 * _AT_THE_KERB + across
                 along = np.arange(len(points)) * SPACING
                 outside = [shapely.LineString(points[part]) for part in (along < kerb, along > beyond + _AT_THE_KERB)]
-                if not any(surface.intersects(part.buffer(0.3)) for part in outside):
-                    found.append((_sampled(shapely.LineString(points)), kerb, beyond, walk))
+                if not shapely.dwithin(surface, outside, 0.3).any():
+                    found.append((_sampled(points), kerb, beyond, walk))
     return found
 
 
-def _sampled(line: shapely.LineString) -> Float64:
-    """Points x, y, heading (n, 3) of a way, ``SPACING`` apart, and one beyond its end."""
-    at = np.arange(0.0, line.length, SPACING)
-    points = shapely.get_coordinates(shapely.line_interpolate_point(line, at))
-    ahead = np.gradient(points, axis=0)
-    return np.column_stack([points, np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))])
+def _sampled(points: Float64) -> Float64:
+    """Points x, y, heading (n, 3) of a way (k, 2), ``SPACING`` apart."""
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    at = np.arange(0.0, along[-1], SPACING)
+    even = np.stack([np.interp(at, along, column) for column in points.T], axis=-1)
+    ahead = np.gradient(even, axis=0)
+    return np.column_stack([even, np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))])
