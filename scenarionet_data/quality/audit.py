@@ -31,6 +31,8 @@ VALIDATED = frozenset(
 """Rules that no valid scenario violates; checks of lakes include them, as other software may have written a lake."""
 
 _GIVEN = ("metadata_rows", "tracks", "lights", "maps")
+_RULES_OF = {"lights": "lights_refer_to_lanes", "maps": "lane_links_are_mutual"}
+"""The rule that nothing violates while a table has no rows: planning it takes milliseconds."""
 
 
 def audit(scenarios: Sequence[Encoded]) -> dict[int, InvalidScenario]:
@@ -79,12 +81,16 @@ def _broken(rows: Mapping[str, pa.Table], dataset: str, version: str) -> list[tu
     given = {name: rows[name] if name in rows else _schema(name).empty_table() for name in _GIVEN}
     for name, value in (("dataset", dataset), ("version", version)):  # names of folders in a lake
         given["maps"] = given["maps"].append_column(name, pa.repeat(value, given["maps"].num_rows))
-    return _engine().fetch(_query(), given)
+    without = VALIDATED
+    for table, rule in _RULES_OF.items():
+        if not given[table].num_rows:
+            without |= {rule}
+    return _engine().fetch(_query(without), given)
 
 
 @cache
-def _query() -> str:
-    hard = [check for check in map(rules.load, rules.names()) if check.kind == "hard" and check.name not in VALIDATED]
+def _query(without: frozenset[str]) -> str:
+    hard = [check for check in map(rules.load, rules.names()) if check.kind == "hard" and check.name not in without]
     parts = [f"SELECT '{check.name}' AS name, scenario_id, detail FROM ({check.query})" for check in hard]
     return " UNION ALL ".join(parts) + " ORDER BY ALL"
 
@@ -101,7 +107,7 @@ def _engine() -> Engine:
 @cache
 def _schema(name: str) -> pa.Schema:
     """Return the columns of a table that the rules may use: planning takes twice as long with all columns."""
-    words = set(re.findall(r"\w+", _query()))
+    words = set(re.findall(r"\w+", _query(VALIDATED)))
     for view in sorted(words):
         path = SQL / "views" / f"{view}.sql"
         words |= set(re.findall(r"\w+", path.read_text("utf-8"))) if path.is_file() else set()

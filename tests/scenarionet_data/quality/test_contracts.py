@@ -248,6 +248,8 @@ def test_audit_finds_hard_rule_violations(case: Case) -> None:
     encoded = [codec.encode(scenario, "1") for scenario in [*broken, *case.recordings.scenarios]]
     found = audit.audit(encoded)
     assert {number: error.field for number, error in found.items()} == dict(enumerate(check for check, _, _ in own))
+    for number, error in found.items():  # alone, without lights or a map that others of a batch have
+        assert audit.audit([encoded[number]])[0].field == error.field
 
 
 def test_every_rule_is_violated_on_every_dataset() -> None:
