@@ -10,11 +10,14 @@ import struct
 import time
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.planners.base import Action, Planner
 from scenarionet_sim.planners.view import View
-from scenarionet_sim.render.live import Live
+
+if TYPE_CHECKING:
+    from scenarionet_sim.render.live import Live
 
 _LEFT, _RIGHT, _FORWARD, _BACK = ({"left", "a"}, {"right", "d"}, {"up", "w"}, {"down", "s", " "})
 _QUICKEST = 4.0  # [1/s] change of the steering while a key is held
@@ -124,6 +127,8 @@ class GamePadPlanner(KeyboardPlanner):
 @cache
 def window() -> Live:
     """Return the window of this process; it stays open from scenario to scenario."""
+    from scenarionet_sim.render.live import Live  # needs matplotlib, which other drivers do not
+
     live, keys = Live(), keyboard()
     live.on_keys(keys.press, keys.release)
     return live

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +39,16 @@ def test_sim_prints_results_and_the_next_query(lake, ok):
     assert "skipped    3 scenarios" in ok("sim", lake, "--policy", "replay", "--workers", "1")
     runs = ok("sql", lake, "runs")
     assert "all-replay-replay-kinematic" in runs and runs.count("reference-") == 3
+
+
+def test_sim_needs_no_matplotlib(lake):
+    """The extra ``sim`` does not install it."""
+    words = ["scenarionet", "sim", str(lake), "--policy", "replay", "--no-references", "--workers", "1"]
+    program = f"import sys; sys.modules['matplotlib'] = None; sys.argv = {words}\n"
+    program += "from scenarionet_pipelines.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "route_completion" in done.stdout
 
 
 def test_progress_counts_the_scenarios_of_the_run_and_of_missing_references(lake, ok, monkeypatch):
