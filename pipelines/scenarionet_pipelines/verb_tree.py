@@ -30,7 +30,7 @@ GROUPS = {
     ),
     "runs": Group(
         "Runs of drivers: compare, verify, record observations, experiment.",
-        ("compare", "verify", "record", "experiment"),
+        ("compare", "films", "verify", "record", "experiment"),
     ),
     "forecast": Group("Predicted trajectories: score them, submit them to challenges.", ("score", "submit")),
     "tables": Group("The Parquet files of a lake for other engines and catalogs.", ("files", "publish")),

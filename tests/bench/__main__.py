@@ -31,6 +31,7 @@ from tests.bench import (
     samples,
     scale,
     sim,
+    variations,
     web,
 )
 from tests.bench.measure import Figure
@@ -61,6 +62,7 @@ def main() -> None:
         "samples": lambda: samples.figures(recordings),
         "scale": scale.figures,
         "sim": lambda: sim.figures(recordings),
+        "vary": variations.figures,
         "web": lambda: web.figures(recordings),
     }
     parser = argparse.ArgumentParser(description=__doc__)

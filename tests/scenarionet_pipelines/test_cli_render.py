@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from scenarionet_data import Lake
-from tests.fixtures.drives import make_drive
+from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 from tests.scenarionet_pipelines.conftest import run
 
@@ -53,6 +53,22 @@ def test_simulation_run_is_drawn(tmp_path, ok, as_json):
     missing = run("render", lake, "drive", "-o", tmp_path / "s.png", "--run", "other")
     assert missing.exit_code == 2
     assert "runs in this lake: straight_on" in missing.stderr
+
+
+def test_films_of_all_failures(tmp_path, ok, as_json):
+    """Constant velocity drives through a car that stands 15 m ahead in one of two scenarios."""
+    drives = [make_drive("crash", num_steps=21, others=(Other(15.0),)), make_drive("free", num_steps=21)]
+    lake = write_lake(tmp_path / "lake", drives).root
+    ok("sim", lake, "--policy", "constant", "--name", "on", "--no-references", "--quiet")
+    words = ("runs", "films", lake, "on", "-o", tmp_path / "films", "--format", "gif", "--size", "80", "--quiet")
+    assert as_json(*words, "--where", "crashed")["made"] == 1
+    (film,) = (tmp_path / "films").iterdir()
+    assert film.name == "made_v1_crash.gif"
+    with Image.open(film) as video:
+        assert video.n_frames > 20
+    assert as_json(*words, "--where", "crashed")["made"] == 0, "what is there is not made again"
+    missing = run("runs", "films", lake, "other", "-o", tmp_path / "films")
+    assert missing.exit_code == 2 and "no run 'other' in this lake; there are: on" in missing.stderr
 
 
 @pytest.mark.parametrize(
