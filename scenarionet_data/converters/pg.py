@@ -94,6 +94,8 @@ class Procedural(Converter[int]):
                 f"version: {options.version} for scenarios of version {version}; give them another --version"
             )
         options = replace(options, version="" if version == VERSIONS[0] else options.version or VERSIONS[-1])
+        if options.left_hand and options.map:
+            raise BadParameter("left_hand: a given map has its own side; leave out map or left_hand")
         seeds, place, mark = parse_seeds(raw), "", "seed"
         if options.map:
             path = Path(options.map)
@@ -143,7 +145,8 @@ class Procedural(Converter[int]):
         options = shard.options_as(ProceduralOptions)
         options = replace(options, version=options.version or shard.version)
         if not options.map:
-            return describe(generate(record, options), record, shard, options.dt)
+            episode = generate(record, options)
+            return describe(mirrored(episode) if options.left_hand else episode, record, shard, options.dt)
         city, drawn = _read_place(options.map, fingerprint([Path(options.map)]))
         episode, name = generate(record, options, drawn), Path(options.map).stem
         scenario = describe(episode, record, shard, options.dt)
@@ -178,6 +181,13 @@ def parse_seeds(raw: str) -> range:
     if not seeds or seeds.stop > _MAX_SEED:
         raise SourceNotFound(f"{raw}: no seeds from {seeds.start} to {seeds.stop}; give an END larger than FIRST")
     return seeds
+
+
+def mirrored(episode: Episode) -> Episode:
+    """Return an episode with left and right exchanged; its lanes are still those of the graph."""
+    motion, road_map = episode.motion * np.array([1.0, -1.0, -1.0, 1.0]), episode.road_map
+    obstacles = [each._replace(y=-each.y, heading=-each.heading) for each in episode.obstacles]
+    return replace(episode, motion=motion, obstacles=obstacles, road_map=replace(road_map, is_mirrored=True))
 
 
 def describe(episode: Episode, seed: int, shard: Shard, dt: float) -> ScenarioDescription:
@@ -242,7 +252,7 @@ def _lights(episode: Episode, origin: Float64) -> Lights:
     for row in controlled.tolist():
         start = lanes[row].path.start
         names.append(lanes[row].id)
-        stops.append((start.x, start.y, 0.0))
+        stops.append((start.x, -start.y if episode.road_map.is_mirrored else start.y, 0.0))
     ids, stop_point = strings(names), np.array(stops, dtype=np.float64).reshape(-1, 3) - origin
     table = np.zeros(max(_LIGHT_STATES) + 1, dtype=np.uint8)
     table[list(_LIGHT_STATES)] = list(_LIGHT_STATES.values())
@@ -263,25 +273,30 @@ def map_features(road_map: RoadMap) -> MapBuilder:
     for before, after in road_map.links:
         exits[before].append(after)
         entries[after].append(before)
+    side = np.array([1.0, -1.0 if road_map.is_mirrored else 1.0])
     for block in road_map.blocks:
         for lane in block.lanes:
+            neighbors = [lane.left] if lane.left else [], [lane.right] if lane.right else []
+            boundaries = lane.left_boundaries, lane.right_boundaries
+            if road_map.is_mirrored:
+                neighbors, boundaries = neighbors[::-1], boundaries[::-1]
             builder.add(
                 lane.id,
                 MapFeatureType.LANE_SURFACE_STREET,
-                polyline=lane.samples[0],
-                polygon=lane.outline(half),
+                polyline=lane.samples[0] * side,
+                polygon=lane.outline(half) * side,
                 speed_limit=road_map.road.speed_limit,
                 width=(half, half),
                 entry_lanes=entries[lane.id],
                 exit_lanes=exits[lane.id],
-                left_neighbors=[lane.left] if lane.left else [],
-                right_neighbors=[lane.right] if lane.right else [],
-                left_boundaries=lane.left_boundaries,
-                right_boundaries=lane.right_boundaries,
+                left_neighbors=neighbors[0],
+                right_neighbors=neighbors[1],
+                left_boundaries=boundaries[0],
+                right_boundaries=boundaries[1],
                 is_intersection=lane.is_intersection,
             )
         for line in block.lines:
-            builder.add(line.id, line.type, polyline=line.points, controlled_lanes=line.controlled_lanes)
+            builder.add(line.id, line.type, polyline=line.points * side, controlled_lanes=line.controlled_lanes)
         for area in block.areas:
-            builder.add(area.id, area.type, polygon=area.outline, controlled_lanes=area.controlled_lanes)
+            builder.add(area.id, area.type, polygon=area.outline * side, controlled_lanes=area.controlled_lanes)
     return builder

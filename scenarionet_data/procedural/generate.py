@@ -17,7 +17,7 @@ from scenarionet_data.procedural.drive import drive
 from scenarionet_data.procedural.flow import LATEST, flow
 from scenarionet_data.procedural.graph import LaneGraph, make_graph, signal_rows
 from scenarionet_data.procedural.intersection import intersection, t_intersection
-from scenarionet_data.procedural.options import BLOCK_NAMES, GeneratorOptions
+from scenarionet_data.procedural.options import BLOCK_NAMES, LETTERS, GeneratorOptions
 from scenarionet_data.procedural.parking import add_parking
 from scenarionet_data.procedural.path import Pose
 from scenarionet_data.procedural.population import WARM_UP, Obstacle, Population, boxes, place_construction, populate
@@ -134,8 +134,10 @@ def make_map(options: GeneratorOptions, rng: np.random.Generator) -> RoadMap:
         entrance = Socket(Pose(0.0, 0.0, 0.0), ((),) * count, ((),) * count)
         end: Socket | None = add_road(first, "", entrance, ((rng.uniform(30.0, 50.0), 0.0),))
         chain, surface = [first], list(first.footprint)
-        while end and len(chain) <= options.num_blocks:
-            block = _draw_block(options, rng, Block("", len(chain), road), end, surface)
+        names = [LETTERS[letter] for letter in options.sequence]
+        while end and len(chain) <= (len(names) or options.num_blocks):
+            drawn = replace(options, blocks=f"{names[len(chain) - 1]}=1") if names else options
+            block = _draw_block(drawn, rng, Block("", len(chain), road), end, surface)
             chain.append(block)
             surface += block.footprint
             end = block.exit
@@ -143,7 +145,8 @@ def make_map(options: GeneratorOptions, rng: np.random.Generator) -> RoadMap:
             start = sum(ids_of(first.lanes[:count]), ())
             return RoadMap(road, tuple(chain), start, sum(end.forward, ()))
     raise BadParameter(
-        f"{options.num_blocks} of blocks={options.blocks!r} on roads of {options.min_lanes} to {options.max_lanes} "
+        f"{options.sequence or f'{options.num_blocks} of blocks={options.blocks!r}'} "
+        f"on roads of {options.min_lanes} to {options.max_lanes} "
         f"lanes never fit together (a roundabout has at most {_MAX_RING_LANES} lanes); allow other blocks, or fewer"
     )
 

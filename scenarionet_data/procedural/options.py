@@ -21,6 +21,8 @@ BLOCK_NAMES = (
 )
 
 VERSIONS = "v1", "v2"
+LETTERS = dict(zip("SCXTOrRYy", BLOCK_NAMES, strict=True))
+"""Names of blocks by MetaDrive's letters: straight, curve, crossings, roundabout, ramps in and out, fork and merge."""
 
 
 def _option(default: Any, doc: str) -> Any:
@@ -43,6 +45,13 @@ class GeneratorOptions:
         "straight=2 curve=4 intersection=1.2 t_intersection=1.2 roundabout=1.2 on_ramp=2 off_ramp=2 fork=2 merge=2",
         "How often each kind of block is drawn, as name=weight; kinds left out are never drawn.",
     )
+    sequence: str = field(
+        default="",
+        metadata={
+            "doc": "The blocks in their order, by MetaDrive's letters SCXTOrRYy; empty: random ones.",
+            "is_added": True,
+        },
+    )
     density: float = _option(1.5, "Vehicles per 100 m of lane; 15 in the paper's text, 1.5 in its database.")
     oncoming: float = _option(0.25, "Share of the density on lanes that do not lead to the ego's destination.")
     pedestrians: float = field(
@@ -61,6 +70,9 @@ class GeneratorOptions:
     lane_width: float = _option(3.5, "Width of a lane [m].")
     min_speed_limit: float = _option(11.1, "Lowest speed limit of a map [m/s].")
     max_speed_limit: float = _option(19.5, "Highest speed limit of a map [m/s].")
+    left_hand: bool = field(
+        default=False, metadata={"doc": "Whether traffic drives on the left: all is mirrored.", "is_added": True}
+    )
     dt: float = _option(0.1, "Time between timesteps [s].")
     max_steps: int = _option(900, "Timesteps after which a scenario ends when the ego has not arrived.")
 
@@ -84,6 +96,12 @@ class GeneratorOptions:
     def check(self) -> None:
         """Raise BadParameter at the first value outside its range."""
         _ = self.weights
+        unknown = sorted(set(self.sequence) - set(LETTERS))
+        if unknown:
+            raise BadParameter(
+                f"sequence: {self.sequence!r} has {', '.join(unknown)}; "
+                f"wanted letters of {''.join(LETTERS)}, for example SXO"
+            )
         if self.version not in ("", *VERSIONS):
             raise BadParameter(f"version: {self.version!r}; wanted {' or '.join(VERSIONS)}")
         ranges = {

@@ -188,12 +188,14 @@ class RoadMap:
         blocks: In order; the first is the straight road the ego starts on.
         start: Ids of the lanes where the ego may start, from left to right.
         goal: Ids of the lanes at whose end the ego arrives.
+        is_mirrored: Whether y is negated where it is written, so that traffic drives on the left.
     """
 
     road: Road
     blocks: tuple[Block, ...]
     start: tuple[str, ...]
     goal: tuple[str, ...]
+    is_mirrored: bool = False
 
     @property
     def lanes(self) -> list[Lane]:

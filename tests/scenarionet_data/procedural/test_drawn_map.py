@@ -107,8 +107,7 @@ def test_paths_are_sampled_equally():
 
 def write(folder, **how):
     features = []
-    columns = crossing(**how)._columns
-    for row in (dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)):
+    for row in crossing(**how)._rows:
         told = {"type": MapFeatureType(row["type"]).name, "width": 4.0, "speed_limit": 10.0}
         told |= {name: list(row[name]) for name in row if name.endswith(("_lanes", "_neighbors"))}
         shape, points = ("Point", row["polyline"][0]) if len(row["polyline"]) == 1 else ("LineString", row["polyline"])

@@ -153,3 +153,23 @@ def test_wrong_versions_are_refused(label, version):
 def test_ego_of_seed_36_does_not_step_back_any_more():
     assert len(steps_back(generate(36, replace(OPTIONS, version="v1"))))
     assert not len(steps_back(generate(36, OPTIONS)))
+
+
+def test_left_hand_traffic_is_the_mirror_image():
+    right, left = scenario(9, "v2"), scenario(9, "v2", left_hand=True)
+    flip = np.array([1.0, -1.0, 1.0])
+    np.testing.assert_allclose(
+        left.tracks.position * flip + left.origin * flip, right.tracks.position + right.origin, atol=1e-3
+    )
+    np.testing.assert_allclose(np.sin(left.tracks.heading), -np.sin(right.tracks.heading), atol=1e-3)
+    rows = {name: row for row, name in enumerate(right.map.ids)}
+    for row, name in enumerate(left.map.ids):
+        assert list(left.map.left_neighbors[row]) == list(right.map.right_neighbors[rows[name]])
+        np.testing.assert_allclose(
+            left.map.polyline[row] * flip + left.origin * flip, right.map.polyline[rows[name]] + right.origin, atol=1e-2
+        )
+
+
+def test_left_hand_traffic_needs_a_map_of_its_own():
+    with pytest.raises(BadParameter, match="left_hand: a given map"):
+        scenario(0, "v2", left_hand=True, map="town.xodr")

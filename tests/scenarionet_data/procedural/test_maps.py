@@ -11,7 +11,7 @@ import shapely
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.procedural.generate import make_map
 from scenarionet_data.procedural.graph import make_graph
-from scenarionet_data.procedural.options import BLOCK_NAMES, GeneratorOptions
+from scenarionet_data.procedural.options import BLOCK_NAMES, LETTERS, GeneratorOptions
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 
@@ -130,6 +130,12 @@ def test_fork_adds_a_lane_and_merge_removes_one():
     assert merged.blocks[1].name in ("merge", "straight")
 
 
+@pytest.mark.parametrize("sequence", ["S", "SXO", "CrRT", "YSyC"])
+def test_a_sequence_of_letters_names_the_blocks(sequence):
+    names = [block.name for block in draw(3, sequence=sequence, num_blocks=7, min_lanes=1, max_lanes=2).blocks]
+    assert names == ["start", *(LETTERS[letter] for letter in sequence)]
+
+
 def test_blocks_that_never_fit_raise_error():
     with pytest.raises(BadParameter, match="never fit together"):
         draw(0, blocks="roundabout=1", min_lanes=3, max_lanes=3)
@@ -139,6 +145,7 @@ def test_blocks_that_never_fit_raise_error():
     ("options", "word"),
     [
         ({"blocks": "spiral=1"}, "spiral"),
+        ({"sequence": "SQX"}, "sequence: 'SQX' has Q"),
         ({"blocks": "curve"}, "curve"),
         ({"blocks": "curve=0"}, "weight"),
         ({"density": -1.0}, "density"),
