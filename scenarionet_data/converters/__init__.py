@@ -28,6 +28,7 @@ _BUILTIN = {
     "pg": "scenarionet_data.converters.pg:Procedural",
     "pufferdrive": "scenarionet_data.interchange.pufferdrive.reader:PufferDrive",
     "scenarionet": "scenarionet_data.converters.scenarionet:ScenarioNetPickles",
+    "sumo": "scenarionet_data.interchange.sumo.reader:Sumo",
     "table": "scenarionet_data.converters.table:TrackTable",
     "waymo": "scenarionet_data.converters.waymo:Waymo",
 }

@@ -40,7 +40,9 @@ ACCEPTED: Mapping[str, tuple[str, ...]] = {
     "lyft": ("train", "val", "test", "train_full", "validate", "validate_full"),
     "argoverse1": ("train", "val", "test", "test_obs"),
     "argoverse2": ("train", "val", "test"),
-    **dict.fromkeys(("commonroad", "gpudrive", "interaction", "pufferdrive", "table"), ("train", "val", "test")),
+    **dict.fromkeys(
+        ("commonroad", "gpudrive", "interaction", "pufferdrive", "sumo", "table"), ("train", "val", "test")
+    ),
 }
 """Names of splits by dataset: those of the lake, and those of the dataset's folders. Others become labels."""
 

@@ -89,6 +89,7 @@ WRITE: dict[str, Callable[[Path], Path | str]] = {
     "pg": _pg,
     "pufferdrive": lambda raw: _training(raw, "pufferdrive"),
     "scenarionet": scenarionet_pickles.write_vintages,
+    "sumo": lambda raw: _training(raw, "sumo"),
     "table": _table,
     "waymo": _waymo,
 }
