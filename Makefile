@@ -21,7 +21,7 @@ RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nupla
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-locked lock test-plain test-unchecked install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
-	clean convert docs docs-site notebooks pictures mutants test-cuda test-devkits test-interop test-learn test-metadrive
+	clean convert docs docs-site notebooks pictures mutants test-cuda test-devkits test-interop test-learn test-metadrive test-ros
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-16s %s\n", $$1, $$2}'
@@ -78,7 +78,7 @@ test-integration: install  ## Run the tests of whole programs, servers, workers,
 	$(PYTEST) -m 'integration and not long and not damage' $(ARGS)
 
 test-all: install  ## Run all tests that need no other environment, including those marked as long.
-	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn and not cuda and not interop' $(ARGS)
+	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn and not ros and not cuda and not interop' $(ARGS)
 
 test-plain: install  ## Run tests of kernels as with versions of numba that were not tested: by its own compiler and cache.
 	cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && \
@@ -115,6 +115,13 @@ test-learn: install .venv-learn/.installed  ## Run the tests that need torch (TO
 
 .venv-learn/.installed: tests/learn/make_environment.sh
 	TORCH='$(TORCH)' sh $< $(PYTHON)
+	@touch $@
+
+test-ros: install .venv-ros/.installed  ## Run the tests in which processes of ROS 2's wires, DDS and zenoh, drive.
+	.venv-ros/bin/python -m pytest -m ros tests/ros $(ARGS)
+
+.venv-ros/.installed: tests/ros/make_environment.sh
+	sh $< $(PYTHON)
 	@touch $@
 
 test-cuda: install .venv-cuda/.installed  ## Run the tests of cameras on a graphics card, compiled and simulated where there is none.

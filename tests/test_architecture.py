@@ -25,7 +25,7 @@ LAYERS = (
 """Parts of scenarionet_data; each imports only itself and parts before it."""
 SIMULATOR_LAYERS = (
     "arrays", "scenarios", "threads", "roads", "task", "worlds", "backends", "cameras", "sensors", "render", "policies",
-    "planners", "simulation", "environments", "drivers", "rollouts", "metrics", "evaluation", "borders",
+    "planners", "simulation", "environments", "bridges", "drivers", "rollouts", "metrics", "evaluation", "borders",
     "learning",
 )  # fmt: skip
 """Rooms of scenarionet_sim, likewise."""

@@ -27,6 +27,7 @@ FORWARDED = {
     "scenarionet_data.procedural.roadmap.Block.add_lane": "to the dataclass Lane",
     "scenarionet_data.storage.files.fsspec_adapter.RemoteFilesystem.info": "signature of fsspec",
     "scenarionet_data.storage.files.fsspec_adapter.RemoteFilesystem.glob": "signature of fsspec",
+    "scenarionet_sim.bridges.ros2_messages.make": "to the message of rosbags",
     "scenarionet_sim.environments.single_agent.ScenarioNetEnv.__init__": "to the dataclass EnvConfig",
     "scenarionet_sim.environments.multi_agent.ScenarioNetParallelEnv.__init__": "to the dataclass EnvConfig",
     "scenarionet_sim.environments.multi_agent.not_for_gymnasium": "refuses all of them",

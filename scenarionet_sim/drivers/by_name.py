@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -19,6 +20,7 @@ from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.bridges import ros2_planner
 from scenarionet_sim.drivers.trained import PREFIX, load_driver
 from scenarionet_sim.planners.base import Planner
 from scenarionet_sim.planners.following import ConstantVelocityPlanner, IdmPlanner, LogReplayPlanner, PurePursuitPlanner
@@ -62,6 +64,12 @@ PLANNERS: dict[str, type[Planner]] = {
 
 MANUAL = ("keyboard", "gamepad")
 """Those that a person drives, in one process."""
+
+
+def drives_alone(policy: str) -> bool:
+    """Return whether a policy drives one world at a time: a person's, or a stack in another process."""
+    return policy in MANUAL or policy.startswith(ros2_planner.PREFIX)
+
 
 TRACKERS: dict[str, Tracker] = {"lqr": Lqr(), "perfect": PerfectTracking()}
 """What follows the trajectories of planners."""
@@ -157,7 +165,8 @@ def resolve_drivers(
     """Return the drivers of ego and traffic.
 
     Args:
-        policy: A name in DRIVERS or PLANNERS, ``module:Class``, or ``runs/NAME`` of a training run.
+        policy: A name in DRIVERS or PLANNERS, ``ros2:dds`` or ``ros2:zenoh``, ``module:Class``, or ``runs/NAME``
+            of a training run.
         traffic: A name in TRAFFIC.
         backend: A name in BACKENDS: the vehicle of a planner that returns actions.
         tracker: A name in TRACKERS: what follows the trajectories of a planner.
@@ -177,6 +186,10 @@ def resolve_drivers(
     if policy in PLANNERS:
         planned = Planned(planner=PLANNERS[policy], tracker=follows, backend=vehicle, route=along)
         return Drivers((*others, planned), None)
+    if policy.startswith(ros2_planner.PREFIX):
+        stack = partial(ros2_planner.Ros2Planner, policy.removeprefix(ros2_planner.PREFIX))
+        stack()  # whether there is such a wire
+        return Drivers((*others, Planned(planner=stack, tracker=follows, backend=vehicle, route=along)), None)
     if ":" not in policy:
         return Drivers((*others, replace(_lookup(DRIVERS, policy, "policy"), route=along)), None)
     kind = load_by_name(policy)

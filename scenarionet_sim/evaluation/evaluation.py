@@ -23,7 +23,7 @@ from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.places import open_files
-from scenarionet_sim.drivers.by_name import MANUAL, REACTIVE, Drivers, find_backend, resolve_drivers
+from scenarionet_sim.drivers.by_name import REACTIVE, Drivers, drives_alone, find_backend, resolve_drivers
 from scenarionet_sim.drivers.trained import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.rollouts.batch import SLOTS, RolloutBatch, RolloutJob
@@ -326,8 +326,8 @@ def simulate(job: EvaluationJob) -> tuple[list[dict[str, Any]], pa.Table]:
     """Return the rows of ``results`` and ``rollouts`` of a part, without the column run."""
     evaluation = job.evaluation
     drivers = evaluation.drivers()
-    # Bullet's worlds differ in their last digits by what else is in its memory; a person drives one world.
-    is_single = evaluation.backend == "bullet" or evaluation.policy in MANUAL
+    # Bullet's worlds differ in their last digits by what else is in its memory; a person or a stack drives one world.
+    is_single = evaluation.backend == "bullet" or drives_alone(evaluation.policy)
     batch = RolloutBatch(drivers, find_backend(evaluation.backend), 1 if is_single else SLOTS)
     results: dict[int, dict[str, Any]] = {}
     trajectories: dict[int, pa.Table] = {}

@@ -45,7 +45,8 @@ class SimVerb(LakeVerb, Distributed):
     database: str | None = OPTIONAL_DATABASE
     policy: str = option(
         "Policy of the ego: replay, idm, idm-sampled, constant, constant-noisy, random, a planner (log-planner, "
-        "constant-planner, pure-pursuit, idm-planner, lane-graph), runs/NAME of a training run, or module:Class.",
+        "constant-planner, pure-pursuit, idm-planner, lane-graph), runs/NAME of a training run, ros2:dds or ros2:zenoh "
+        "for a stack of ROS 2, or module:Class.",
         metavar="NAME",
     )
     traffic: str = option(
@@ -86,14 +87,14 @@ class SimVerb(LakeVerb, Distributed):
 
     def run(self) -> bool:
         from scenarionet_data import Lake
-        from scenarionet_sim.drivers.by_name import MANUAL
+        from scenarionet_sim.drivers.by_name import drives_alone
         from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
         from scenarionet_sim.evaluation.references import missing_references, run_references
 
         look_in_current_folder(self.policy)
         evaluation = plan_evaluation(**self.given(plan_evaluation))
         run = self.name or default_name(evaluation, self.database)
-        workers = 1 if self.policy in MANUAL else self.num_workers
+        workers = 1 if drives_alone(self.policy) else self.num_workers
         references: dict[str, str] = {}
         lake = Lake(self.lake, evaluation.snapshot)
         scenarios = len(lake.database(self.database) if self.database else lake)
