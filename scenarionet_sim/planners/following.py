@@ -59,7 +59,7 @@ class PurePursuitPlanner(Planner):
     def act(self, view: View) -> Action:
         """Return steering and throttle."""
         way = Way.ahead(view)
-        x, y, _ = way.pose(max(4.0, view.ego.speed)).tolist()
+        x, y, _ = way.at(max(4.0, view.ego.speed)).tolist()
         rear = 0.3 * view.ego.length  # from the centre to the rear axle, by the share of ``Drive.wheelbase``
         curvature = 2.0 * y / ((x + rear) ** 2 + y**2)
         angle = math.atan(2.0 * rear * curvature)

@@ -12,6 +12,7 @@ from scenarionet_data.scenario.vocabulary import LightColor
 from scenarionet_sim.planners.view import View
 
 _BEYOND = 200.0  # [m] that a route goes straight on after its end
+_AXLE = 0.3  # from the rear axle to the centre, as a share of the length: half of the trackers' wheelbase
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,7 @@ class Way:
         arc: (Q,) distance from the vehicle [m], 0 at the vehicle.
         lateral: Offset of the vehicle to the left of the route [m].
         end: Distance ahead at which the lanes end [m]; infinite without a map.
+        axle: From the rear axle of the vehicle to its centre [m].
     """
 
     points: Float64
@@ -31,12 +33,13 @@ class Way:
     arc: Float64
     lateral: float
     end: float
+    axle: float
 
     @classmethod
     def ahead(cls, view: View, reach: float = 120.0, behind: float = 10.0) -> Way:
         """Return the part of the route that a planner looks at; after its end it goes on along the lanes.
 
-        Where these end, too, and without a map, it goes straight on.
+        Where these end, too, and without a map, it goes straight on; before its start it comes straight.
         """
         route = view.route
         points = np.concatenate([route.centreline.astype(np.float64), route.beyond])
@@ -48,15 +51,28 @@ class Way:
         straight = points[-1] + _BEYOND * np.array([np.cos(heading), np.sin(heading)])
         arcs = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
         end = float(arcs[-1]) - route.position if len(view.lanes) and len(route.arc) > 1 else np.inf
-        points, arcs = np.append(points, straight[None], axis=0), np.append(arcs, arcs[-1] + _BEYOND)
-        arc = np.arange(-min(behind, route.position), reach, 1.0)
+        first = float(route.heading[0]) if len(route.arc) else view.ego.heading
+        before = points[0] - behind * np.array([np.cos(first), np.sin(first)])
+        points, arcs = np.vstack([before, points, straight]), np.hstack([-behind, arcs, arcs[-1] + _BEYOND])
+        arc = np.arange(-behind, reach, 1.0)
         there = np.column_stack([np.interp(arc + route.position, arcs, points[:, axis]) for axis in range(2)])
         step = np.diff(there, axis=0)
         along = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-        return cls(there, np.append(along, along[-1]), arc, route.lateral, end)
+        return cls(there, np.append(along, along[-1]), arc, route.lateral, end, _AXLE * view.ego.length)
 
     def pose(self, arc: Float64 | float, lateral: Float64 | float = 0.0) -> Float64:
-        """Return poses (..., 3) at distances and offsets to the left [m]."""
+        """Return poses (..., 3) of the vehicle's centre at distances and offsets to the left [m].
+
+        The rear axle is on the way and moves along the heading, as that of a vehicle does. Centres on the way with its
+        heading there are no motion of a vehicle, and lead trackers a metre inside of bends.
+        """
+        poses = self.at(arc - self.axle, lateral)
+        poses[..., 0] += self.axle * np.cos(poses[..., 2])
+        poses[..., 1] += self.axle * np.sin(poses[..., 2])
+        return poses
+
+    def at(self, arc: Float64 | float, lateral: Float64 | float = 0.0) -> Float64:
+        """Return poses (..., 3) of the way itself at distances and offsets to the left [m]."""
         x, y, heading = (np.interp(arc, self.arc, each) for each in (*self.points.T, self.heading))
         x, y = x - np.sin(heading) * lateral, y + np.cos(heading) * lateral
         return np.stack([x, y, wrap_angle(heading)], axis=-1)
