@@ -143,8 +143,11 @@ class DatabaseRecord:
 
         Raises:
             LakeError: The file is missing or damaged.
+            SchemaMismatch: It lacks a column.
         """
-        return self.files.read(self.file) if self.selected is None else self.selected
+        return (
+            self.selected if self.selected is not None else tables.load("members").conform(self.files.read(self.file))
+        )
 
     @property
     def is_saved(self) -> bool:
