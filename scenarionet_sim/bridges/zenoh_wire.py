@@ -66,7 +66,11 @@ class ZenohWire:
         self._numbers, self._gid = count(1), os.urandom(16)
         # A router delivers to everybody; the callbacks run in threads of zenoh.
         self._publishers = {
-            name: self._session.declare_publisher(key_expression(domain, name, kind))
+            name: self._session.declare_publisher(
+                key_expression(domain, name, kind),
+                congestion_control=zenoh.CongestionControl.BLOCK,  # lockstep waits for every message
+                express=True,
+            )
             for name, kind in published.items()
         }
 
