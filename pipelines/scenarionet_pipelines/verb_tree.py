@@ -7,7 +7,7 @@ from typing import NamedTuple
 SECTIONS = {
     "Convert and look": ("convert", "list", "show", "sql", "mine", "render", "browse", "report"),
     "Select scenarios": ("filter", "split", "sample", "merge", "vary"),
-    "Simulate and learn": ("sim", "search", "train"),
+    "Simulate and learn": ("sim", "train"),
     "Share": ("export", "pack"),
 }
 """Verbs without a group by task; ``verbs/<verb>.py`` defines each."""
@@ -29,8 +29,8 @@ GROUPS = {
         ),
     ),
     "runs": Group(
-        "Runs of drivers: compare, verify, record observations, experiment.",
-        ("compare", "films", "verify", "record", "experiment"),
+        "Runs of drivers: compare, film, verify, search for borders of failure, record observations, experiment.",
+        ("compare", "films", "verify", "search", "record", "experiment"),
     ),
     "forecast": Group("Predicted trajectories: score them, submit them to challenges.", ("score", "submit")),
     "tables": Group("The Parquet files of a lake for other engines and catalogs.", ("files", "publish")),

@@ -154,7 +154,7 @@ def populate(
 def arrival_times(rates: Float64, duration: float, rng: np.random.Generator) -> tuple[Int64, Float64]:
     """Lanes (K,) and times (K,) [s] of arrivals in a time [s], in order, for rates (L,) [1/s]."""
     entering, times = [np.empty(0, np.int64)], [np.empty(0)]
-    for lane in np.flatnonzero(rates > 0.0).tolist():
+    for lane in np.flatnonzero(rates * duration > 1e-6).tolist():
         free = max(1.0 / rates[lane], 2.0 * _LEAST_HEADWAY) - _LEAST_HEADWAY
         headways = _LEAST_HEADWAY + rng.exponential(free, int(duration / _LEAST_HEADWAY))
         times.append(np.cumsum(headways) - rng.uniform(0.0, _LEAST_HEADWAY))

@@ -30,7 +30,7 @@ CONFIG = ForecasterConfig(epochs=2, size=32, layers=1, agents=4, polylines=8, st
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory):
     root = tmp_path_factory.mktemp("generated") / "lake"
-    convert("pg", "0:6", root)
+    convert("pg", "0:6", root, version="v1")
     lake = Lake(root)
     lake.filter("TRUE", name="driven")
     return lake

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarionet_data import Samples, Targets, TimeWindow
+from scenarionet_data import Lake, Samples, Targets, TimeWindow, convert
 from scenarionet_data.forecasts import make_predictions, write_predictions
 from scenarionet_pipelines.cli.address_space import NEEDED
 from tests.fixtures.waiting import HANGS_AFTER
@@ -60,6 +60,9 @@ db checkout lake these@1
 db drop lake these
 db tag lake fast --where "ego_max_speed > 5"
 runs compare lake idm replay
+runs verify lake idm --workers 2
+runs films lake idm -o films
+runs search lake cut_in --policy idm --name border -p ego_speed=25 -p lateral_time=4 --most 60 --resolution 0.2
 runs record lake few
 tables files lake metadata
 tables publish lake --iceberg catalog
@@ -129,6 +132,9 @@ def test_every_verb_is_tried():
 @pytest.mark.learn
 @pytest.mark.parametrize("words", OF_TORCH)
 def test_a_verb_of_torch_works_in_little_address_space_or_says_what_it_needs(folder, words):
+    if not (folder / "lake").exists():  # alone, as by `make test-learn`
+        convert("pg", "0:4", folder / "lake")
+        Lake(folder / "lake").filter(name="few")
     process = start(folder, words)
     out, err = process.communicate(timeout=4 * HANGS_AFTER)
     assert "Traceback" not in out + err

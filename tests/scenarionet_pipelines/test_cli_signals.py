@@ -172,7 +172,8 @@ COMMANDS = {
     "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
     "submit": "lake forecast.parquet out.parquet --format argoverse2", "compare": "lake before after",
     "checkout": "lake one@1", "score": "lake forecast.parquet", "sim": "lake --policy replay --workers 2",
-    "record": "lake --workers 1", "train": "ppo lake --size small",
+    "record": "lake --workers 1", "verify": "lake before", "films": "lake before -o films",
+    "search": "lake cut_in --policy idm --name x -p ego_speed=25 -p lateral_time=4", "train": "ppo lake --size small",
     "experiment": "cross-dataset lake -o out --workers 1",
     "export": "lake one out", "pack": "lake one packed",
     "publish": "lake --iceberg catalog", "check": "lake", "fsck": "lake --deep", "compact": "lake",
@@ -200,7 +201,7 @@ def test_sigterm_at_any_time_ends_every_verb(name, lake, tmp_path):
     for one in ("true", "num_objects > 0"):
         opened.filter(one, name="one", replace=True)
     opened.filter("num_objects > 2", name="two")
-    for before_or_after in ("before", "after") if name == "runs compare" else ():
+    for before_or_after in ("before", "after") if name in ("runs compare", "runs verify", "runs films") else ():
         evaluate(lake, policy="replay", name=before_or_after)
     ids = opened.sql("SELECT scenario_id FROM metadata")["scenario_id"]
     forecast = write_forecast(lake)

@@ -62,7 +62,7 @@ class NoDriver:
 @pytest.fixture
 def lake(tmp_path, monkeypatch) -> Lake:
     monkeypatch.setattr(evaluations, "PART_SIZE", 2)
-    evaluations._loader.cache_clear()
+    evaluations.scenarios_of.cache_clear()
     return write_lake(tmp_path / "lake", SCENARIOS)
 
 

@@ -42,7 +42,7 @@ class Killed(Careful):
 def test_killed_worker_loses_its_rollouts_only(tmp_path, monkeypatch):
     monkeypatch.setenv("SCENARIONET_TEST_KILLED", str(tmp_path / "killed"))
     monkeypatch.setattr(evaluations, "PART_SIZE", 1)
-    evaluations._loader.cache_clear()
+    evaluations.scenarios_of.cache_clear()
     lake = write_lake(tmp_path / "lake", SCENARIOS)
     policy = f"{__name__}:{{}}".format
     report = evaluate(lake, policy=policy("Killed"), backend="kinematic", name="killed", workers=2)

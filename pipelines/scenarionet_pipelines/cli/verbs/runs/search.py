@@ -1,4 +1,4 @@
-"""``scenarionet search``: find the border at which a policy begins to fail."""
+"""``scenarionet runs search``: find the border at which a policy begins to fail."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class SearchVerb(LakeVerb):
     """
 
     examples = (
-        "scenarionet search lake cut_in --policy careful-human --name careful -p ego_speed=25 -p lateral_time=4",
-        "scenarionet search lake cut_in --policy my_planner:Planner --name mine --monotone gap -o map.png",
-        "scenarionet search lake cut_in --policy idm --name idm --fail-if 'nuplan_score < 0.5' --workers 4",
+        "scenarionet runs search lake cut_in --policy careful-human --name careful -p ego_speed=25 -p lateral_time=4",
+        "scenarionet runs search lake cut_in --policy my_planner:Planner --name mine --monotone gap -o map.png",
+        "scenarionet runs search lake cut_in --policy idm --name idm --fail-if 'nuplan_score < 0.5' --workers 4",
     )
     logical: str = argument("LOGICAL")
     policy: str = option("Policy of the ego, as of `scenarionet sim`.", metavar="NAME")
