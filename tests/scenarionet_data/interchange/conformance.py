@@ -37,11 +37,13 @@ class WriterConformance:
         assert len((tmp_path / "out" / INDEX).read_text().splitlines()) == report.num_scenarios
         assert not [path for path in tmp_path.iterdir() if path.name != "out"]
 
+    @pytest.mark.integration
     def test_bytes_do_not_depend_on_the_run_or_the_number_of_processes(self, lake, tmp_path):
         self.export(lake, tmp_path / "a")
         self.export(lake, tmp_path / "b", executor=ProcessExecutor(2))
         assert self.contents(tmp_path / "a") == self.contents(tmp_path / "b")
 
+    @pytest.mark.integration
     def test_an_interrupted_export_goes_on(self, lake, tmp_path, monkeypatch):
         monkeypatch.setattr("scenarionet_data.interchange.files._PART", 2)
         done = []
@@ -59,6 +61,7 @@ class WriterConformance:
         self.export(lake, tmp_path / "b")
         assert self.contents(tmp_path / "a") == self.contents(tmp_path / "b")
 
+    @pytest.mark.integration
     def test_nothing_is_overwritten_unasked(self, lake, tmp_path):
         (tmp_path / "own").mkdir()
         (tmp_path / "own" / "notes.txt").write_text("mine")
@@ -73,6 +76,7 @@ class WriterConformance:
         with pytest.raises(BadParameter, match="no option 'colour'"):
             writer_for(self.name, {"colour": "red"})
 
+    @pytest.mark.integration
     def test_another_database_does_not_take_parts_of_an_interrupted_export(self, lake, tmp_path, monkeypatch):
         monkeypatch.setattr("scenarionet_data.interchange.files._PART", 1)
         ids = ScenarioLoader(lake).scenario_ids

@@ -33,6 +33,7 @@ def in_full(steps):
     return replace(steps, narrows=())
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     "pair", [NEAR, CROWDED, NEXT, CROSSED, TOWARD], ids=["near", "crowded", "next", "crossed", "toward"]
 )

@@ -17,6 +17,8 @@ from scenarionet_sim.borders.search import FAILS, PASSES
 
 SPACE = SearchSpace("cut_in", "constant", {"ego_speed": 25, "lateral_time": 4}, resolution=1 / 32, monotone=("gap",))
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
