@@ -64,7 +64,8 @@ class ZenohWire:
                 "configuration of a client in ZENOH_SESSION_CONFIG_URI"
             ) from error
         self._numbers, self._gid = count(1), os.urandom(16)
-        # A router delivers to everybody; the callbacks run in threads of zenoh.
+        # A router delivers to everybody. Callbacks run in zenoh's own threads: Python's, the default, are not daemons,
+        # and the interpreter would wait for them at its end.
         self._publishers = {
             name: self._session.declare_publisher(
                 key_expression(domain, name, kind),
@@ -75,7 +76,7 @@ class ZenohWire:
         }
 
         def putting(name: str) -> Any:
-            return lambda sample: inbox.put(name, bytes(sample.payload))
+            return zenoh.handlers.Callback(lambda sample: inbox.put(name, bytes(sample.payload)), indirect=False)
 
         self._subscribers = [
             self._session.declare_subscriber(key_expression(domain, name, kind), putting(name))
