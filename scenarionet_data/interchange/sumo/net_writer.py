@@ -111,12 +111,22 @@ def lane_line(road: LaneRoad, place: int) -> Float64:
     return np.asarray(shapely.get_coordinates(shapely.simplify(shapely.LineString(points), _TOLERANCE), include_z=True))
 
 
-def _lane(road: LaneRoad, place: int, features: MapFeatures, line: Float64) -> str:
+def lane_limit(road: LaneRoad, place: int, features: MapFeatures) -> float:
+    """Return the speed limit of a lane [m/s], 50 km/h where none is known."""
     row = road.lanes[place]
     known = row >= 0 and np.isfinite(features.speed_limit[row]) and features.speed_limit[row] > 0
-    speed = float(features.speed_limit[row]) if known else _DEFAULT_SPEED
-    is_bike = row >= 0 and features.feature_type[row] == MapFeatureType.LANE_BIKE_LANE
-    allowed = ' allow="bicycle pedestrian"' if is_bike else ""
+    return float(features.speed_limit[row]) if known else _DEFAULT_SPEED
+
+
+def is_bike_lane(road: LaneRoad, place: int, features: MapFeatures) -> bool:
+    """Return whether only bicycles and pedestrians may use a lane."""
+    row = road.lanes[place]
+    return bool(row >= 0 and features.feature_type[row] == MapFeatureType.LANE_BIKE_LANE)
+
+
+def _lane(road: LaneRoad, place: int, features: MapFeatures, line: Float64) -> str:
+    speed = lane_limit(road, place, features)
+    allowed = ' allow="bicycle pedestrian"' if is_bike_lane(road, place, features) else ""
     width = float((road.borders[place] - road.borders[place + 1]).mean())
     length = max(float(np.hypot(*np.diff(line[:, :2], axis=0).T).sum()), _SHORTEST)
     shape = " ".join([f"{x:.3f},{y:.3f},{z:.3f}" if z else f"{x:.3f},{y:.3f}" for x, y, z in line.tolist()])
