@@ -29,6 +29,7 @@ class TestWriter(WriterConformance):
     name = "commonroad"
 
 
+@pytest.mark.integration
 class TestReader(ConverterConformance):
     converter = CommonRoad()
     damaged_glob = "*.xml"

@@ -29,6 +29,7 @@ def write(scenario, folder: Path, stem: str = "scene") -> None:
         (folder / name).write_bytes(content)
 
 
+@pytest.mark.integration
 class TestReader(ConverterConformance):
     converter = Sumo()
     damaged_glob = "*.fcd.xml"
@@ -42,6 +43,7 @@ class TestReader(ConverterConformance):
         return folder
 
 
+@pytest.mark.integration
 class TestSumoDamage(DamageConformance):
     converter = Sumo()
 
