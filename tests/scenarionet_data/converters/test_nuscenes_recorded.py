@@ -15,6 +15,8 @@ from tests.fixtures.motion import motion_errors, one_way_links
 from tests.fixtures.nuscenes_recorded import read_pickles, write_recorded
 from tests.fixtures.reading import scenarios
 
+pytestmark = pytest.mark.integration
+
 CONVERTER = NuScenes()
 Pair = tuple[dict[str, Any], ScenarioDescription]
 

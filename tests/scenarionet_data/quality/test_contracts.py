@@ -27,6 +27,8 @@ from tests.fixtures import datasets
 from tests.fixtures.lakes import write_shard
 from tests.fixtures.scenarios import renamed
 
+pytestmark = pytest.mark.integration
+
 LANE = MapFeatureType.LANE_SURFACE_STREET
 EVERYWHERE = (-100.0, -100.0, 100.0, 100.0)
 

@@ -18,6 +18,8 @@ from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarionet_pickles import nuscenes, write_database
 from tests.fixtures.scenarios import make_scenario, renamed
 
+pytestmark = pytest.mark.integration
+
 METRES = (0.0, 1.0, 5.0, 10.0, 60.0, 90.0, 120.0, 200.0, 1e6)
 COUNTS = (0, 30, 31, 33, 52, 53, 100, 138, 139, 1000)
 
