@@ -15,8 +15,6 @@ USE = """
 import sys
 from scenarionet_data.schema import tables
 import pyarrow as pa
-
-pytestmark = pytest.mark.integration
 pa.array([1.0]).to_numpy(), pa.table({"a": [1]}), pa.scalar("a")
 """
 WITHOUT = USE + "assert 'pandas' not in sys.modules\n"
