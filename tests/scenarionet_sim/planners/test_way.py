@@ -22,6 +22,9 @@ def circle() -> Way:
 def test_the_rear_axle_is_on_the_way_and_moves_along_the_heading(circle: Way):
     poses = circle.pose(np.linspace(0.0, 20.0, 9))
     rear = poses[:, :2] - AXLE * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    assert rear == pytest.approx(circle.at(np.linspace(0.0, 20.0, 9) - AXLE)[:, :2]), (
+        "the centre is at the distance asked"
+    )
     from_middle = rear - [0.0, RADIUS]
     assert np.hypot(*from_middle.T) == pytest.approx(RADIUS, abs=0.01), "chords of a metre are 6 mm inside"
     assert (np.arctan2(from_middle[:, 1], from_middle[:, 0]) + np.pi / 2) == pytest.approx(poses[:, 2], abs=0.01)
