@@ -66,3 +66,5 @@ def load_by_name(reference: str) -> Any:
         return getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError) as error:
         raise BadParameter(f"{reference}: {error}; is its folder on PYTHONPATH?") from error
+    except Exception as error:  # whatever the module does
+        raise BadParameter(f"{reference}: its module raised {type(error).__name__}: {error}") from error

@@ -6,6 +6,7 @@ A driver of your own is a class named as ``module:Class``: a ``Planner``, which 
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,6 +22,7 @@ from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.bridges import ros2_planner
+from scenarionet_sim.drivers.code import PolicyCode
 from scenarionet_sim.drivers.trained import PREFIX, load_driver
 from scenarionet_sim.planners.base import Planner
 from scenarionet_sim.planners.following import ConstantVelocityPlanner, IdmPlanner, LogReplayPlanner, PurePursuitPlanner
@@ -165,8 +167,8 @@ def resolve_drivers(
     """Return the drivers of ego and traffic.
 
     Args:
-        policy: A name in DRIVERS or PLANNERS, ``ros2:dds`` or ``ros2:zenoh``, ``module:Class``, or ``runs/NAME``
-            of a training run.
+        policy: A name in DRIVERS or PLANNERS, ``ros2:dds`` or ``ros2:zenoh``, ``module:Class``, ``runs/NAME`` of a
+            training run, or, in its process, pinned code (see ``drivers.code``).
         traffic: A name in TRAFFIC.
         backend: A name in BACKENDS: the vehicle of a planner that returns actions.
         tracker: A name in TRACKERS: what follows the trajectories of a planner.
@@ -192,7 +194,10 @@ def resolve_drivers(
         return Drivers((*others, Planned(planner=stack, tracker=follows, backend=vehicle, route=along)), None)
     if ":" not in policy:
         return Drivers((*others, replace(_lookup(DRIVERS, policy, "policy"), route=along)), None)
-    kind = load_by_name(policy)
+    code = PolicyCode.of(policy)
+    if code is not None and str(code.folder) not in sys.path:
+        raise BadParameter(f"{policy} runs in a process of its own; simulate it by evaluate() or scenarionet sim")
+    kind = load_by_name(policy if code is None else code.reference)
     if isinstance(kind, type) and issubclass(kind, Planner):
         return Drivers((*others, Planned(planner=kind, tracker=follows, backend=vehicle, route=along)), None)
     made = kind()
@@ -217,7 +222,11 @@ def find_backend(name: str) -> Backend:
 
 def _lookup(choices: dict[str, Any], name: str, kind: str) -> Any:
     if name not in choices:
-        own = ", runs/NAME of a training run, or module:Class for your own" if kind == "policy" else ""
+        own = (
+            ", runs/NAME of a training run, or your own as [git:REF:]module:Class or file.py:Class"
+            if kind == "policy"
+            else ""
+        )
         names = [*choices, *PLANNERS, RANDOM] if kind == "policy" else choices
         raise BadParameter(f"unknown {kind} {name!r}; choose from {', '.join(names)}{own}")
     return choices[name]

@@ -24,6 +24,8 @@ from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.drivers.by_name import REACTIVE, Drivers, drives_alone, find_backend, resolve_drivers
+from scenarionet_sim.drivers.code import PolicyCode, code_digest, pinned_code, policy_name
+from scenarionet_sim.drivers.own_process import executor_of
 from scenarionet_sim.drivers.trained import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.rollouts.batch import SLOTS, RolloutBatch, RolloutJob
@@ -60,6 +62,8 @@ class Evaluation:
         episode: A name in ``EPISODES``.
         tracker: A name in ``TRACKERS``.
         route: A name in ``ROUTES``.
+        python: Interpreter of the policy, in a process of its own; empty for this one.
+        code: Digest of the modules of a policy in a process of its own.
     """
 
     lake: str
@@ -73,13 +77,15 @@ class Evaluation:
     episode: str = "log"
     tracker: str = "lqr"
     route: str = "log"
+    python: str = ""
+    code: str = ""
 
     @property
     def description(self) -> dict[str, Any]:
         """Everything the results depend on, as stored with the run."""
         spec = {name: value for name, value in asdict(self).items() if name != "lake"}
         spec["database"] = describe_database(self.database)
-        for name in ("tracker", "route"):  # as in runs from before there was a choice
+        for name in ("tracker", "route", "python", "code"):  # as in runs from before there was a choice
             if spec[name] == getattr(type(self), name):
                 del spec[name]
         return spec | {"rule": RULE, "part": PART_SIZE, "software": version.name_and_version()}
@@ -87,7 +93,7 @@ class Evaluation:
     @property
     def default_name(self) -> str:
         """Name of the run unless one is given: database, policy, traffic and backend, and the episode if not all."""
-        words = [describe_database(self.database) or "all", self.policy, self.traffic, self.backend]
+        words = [describe_database(self.database) or "all", policy_name(self.policy), self.traffic, self.backend]
         words += [value for value in (self.episode, self.route) if value != "log"]
         name = "-".join(words if self.tracker == "lqr" else [*words, self.tracker])
         return name.replace("@", ".").replace(":", ".").replace("/", ".")
@@ -157,6 +163,7 @@ def evaluate(
     episode: str = "log",
     tracker: str = "lqr",
     route: str = "log",
+    python: str = "",
     workers: int = 1,
     executor: Executor | None = None,
     rollouts: bool = True,
@@ -171,7 +178,8 @@ def evaluate(
         lake: The lake, its path or its URL.
         database: A ``Database``, its name, scenario ids, or None for the whole lake.
         policy: Driver of the ego: a name in ``drivers.by_name.DRIVERS`` or ``PLANNERS``, ``random``,
-            ``runs/NAME`` of a training run, or ``module:Class`` for one of your own.
+            ``runs/NAME`` of a training run, or one of your own: ``module:Class``, or in a process of its own
+            ``folder/file.py:Class`` or ``git:REF:module:Class``.
         name: Name of the run; None for database, policy, traffic and backend joined by hyphens.
         traffic: Driver of all other objects: a name in ``drivers.by_name.TRAFFIC``.
         backend: ``kinematic`` or ``bullet``, for an ego driven by actions.
@@ -180,6 +188,7 @@ def evaluate(
         episode: ``log`` (the whole recording), ``nuplan`` (15 s) or ``wosac`` (8 s after the history).
         tracker: ``lqr`` or ``perfect``: what follows the trajectories of a planner.
         route: ``log`` (the recorded path) or ``lanes`` (along the lanes to its end).
+        python: Interpreter of another environment, which has this version of this software, for the policy.
         workers: Number of processes.
         executor: Runs the parts instead of local processes, for example on a cluster.
         rollouts: Also write the trajectories of all objects, not only the metrics.
@@ -203,6 +212,7 @@ def evaluate(
         episode=episode,
         tracker=tracker,
         route=route,
+        python=python,
     )
     return run_evaluation(
         evaluation, name, workers=workers, executor=executor, rollouts=rollouts, on_progress=on_progress
@@ -221,6 +231,7 @@ def plan_evaluation(
     episode: str = "log",
     tracker: str = "lqr",
     route: str = "log",
+    python: str = "",
 ) -> Evaluation:
     """Return the specification of an evaluation; arguments and errors as in :func:`evaluate`."""
     if not isinstance(policy, str):
@@ -234,12 +245,16 @@ def plan_evaluation(
     lake, reference = resolved(lake, database)
     if policy.startswith(PREFIX):
         policy = pinned(lake.files, policy)
-    number = lake.snapshot.number
+    policy, number = pinned_code(policy), lake.snapshot.number
     evaluation = Evaluation(
-        str(lake.root), reference, number, policy, traffic, backend, seed, num_rollouts, episode, tracker, route
+        str(lake.root), reference, number, policy, traffic, backend, seed, num_rollouts, episode, tracker, route, python
     )
-    evaluation.drivers()  # raises if one is unknown
-    return evaluation
+    executor = executor_of(policy, python, 1)
+    if executor is None:
+        evaluation.drivers()  # raises if one is unknown
+        return evaluation
+    (code,) = executor([evaluation], imported_code)
+    return replace(evaluation, code=code)
 
 
 def run_evaluation(
@@ -264,6 +279,7 @@ def run_evaluation(
     left = {item // evaluation.rollouts for job in jobs for item in range(job.part.first, job.part.end)}
     report = EvaluationReport(name, total, total - len(left))
     broken: dict[str, str] = {}
+    executor = executor_of(evaluation.policy, evaluation.python, workers, executor) if jobs else executor
     for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, _ends_of_lost_part):
         broken |= {scenario_id: error for scenario_id, _, error in ends if error}
     report.broken = list(broken.items())
@@ -312,6 +328,13 @@ def scenarios_of(evaluation: Evaluation) -> ScenarioLoader:
 
 
 # --- on a worker --------------------------------------------------------------------------------------
+
+
+def imported_code(evaluation: Evaluation) -> str:
+    """Import the policy, in its process; return a digest of the modules that it has imported from its folder."""
+    evaluation.drivers()
+    code = PolicyCode.of(evaluation.policy)
+    return code_digest(Path.cwd() if code is None else code.root)
 
 
 def simulate_part(job: EvaluationJob) -> list[ScenarioEnd]:

@@ -24,6 +24,7 @@ from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
+from scenarionet_sim.drivers.own_process import executor_of
 from scenarionet_sim.evaluation.evaluation import PART_SIZE, RULE, Evaluation, EvaluationJob, scenarios_of, simulate
 from scenarionet_sim.rollouts.parts import parts_of, run_parts
 
@@ -215,6 +216,7 @@ def verify(
         ]
         jobs.append(_VerifiedPart(EvaluationJob(evaluation, part, None), tuple(rows), has_trajectories))
     place = {scenario_id: number for number, scenario_id in enumerate(ids)}
+    executor = executor_of(evaluation.policy, evaluation.python, workers, executor)
     found = [
         each for differences in run_parts(jobs, _differences, workers, on_progress, executor) for each in differences
     ]

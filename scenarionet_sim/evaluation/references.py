@@ -32,6 +32,8 @@ def references(evaluation: Evaluation) -> dict[str, tuple[str, Evaluation]]:
             policy=policy,
             backend="kinematic",
             tracker="lqr",
+            python="",
+            code="",
             seed=evaluation.seed if is_random else 0,
             rollouts=evaluation.rollouts if is_random else 1,
         )

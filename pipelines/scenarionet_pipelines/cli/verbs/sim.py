@@ -38,6 +38,7 @@ class SimVerb(LakeVerb, Distributed):
         "scenarionet sim lake busy_val --policy idm",
         "scenarionet sim lake busy_val --policy my_planner:Planner --backend kinematic --traffic idm --workers 4",
         "scenarionet sim lake busy_val --policy runs/busy_train-ppo-seed0 --workers 4",
+        "scenarionet sim lake busy_val --policy git:main:my_planner:Planner --name main",
         "scenarionet sim lake busy_val --policy idm --name idm_twice --json",
         "scenarionet sim lake busy_val --policy idm-sampled --traffic idm-sampled --rollouts 32 --seed 0",
         "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
@@ -46,7 +47,7 @@ class SimVerb(LakeVerb, Distributed):
     policy: str = option(
         "Policy of the ego: replay, idm, idm-sampled, constant, constant-noisy, random, a planner (log-planner, "
         "constant-planner, pure-pursuit, idm-planner, lane-graph), runs/NAME of a training run, ros2:dds or ros2:zenoh "
-        "for a stack of ROS 2, or module:Class.",
+        "for a stack of ROS 2, module:Class, or in a process of its own file.py:Class or git:REF:module:Class.",
         metavar="NAME",
     )
     traffic: str = option(
@@ -81,6 +82,12 @@ class SimVerb(LakeVerb, Distributed):
         "Route of the ego: its recorded path, or the way along the lanes to the end of it.",
         choices=("log", "lanes"),
         default="log",
+    )
+    python: str = option(
+        "Interpreter of another environment for the policy; it has this version of this software.",
+        default="",
+        show_default=False,
+        metavar="FILE",
     )
     metrics_only: bool = option("Do not write the trajectories of the run.")
     no_references: bool = option("Do not simulate the recording, constant velocity and random actions.")
@@ -141,7 +148,9 @@ class SimVerb(LakeVerb, Distributed):
 
 def default_name(evaluation: Evaluation, database: str | None) -> str:
     """Return the name of the run, by the database as it was given, without its version."""
-    words = [database or "all", evaluation.policy, evaluation.traffic, evaluation.backend]
+    from scenarionet_sim.drivers.code import policy_name
+
+    words = [database or "all", policy_name(evaluation.policy), evaluation.traffic, evaluation.backend]
     words += [value for value in (evaluation.episode, evaluation.route) if value != "log"]
     words += [] if evaluation.tracker == "lqr" else [evaluation.tracker]
     return "-".join(words).replace("@", ".").replace(":", ".").replace("/", ".")

@@ -1,0 +1,159 @@
+"""Code of policies that run in a process of their own: of a commit, of a file, or in another environment.
+
+``git:REF:module:Class`` and ``module:Class@REF`` are of a commit of the repository in the current folder, which is
+written once to a cache; ``folder/file.py:Class`` is of a file. Pinned, as a run stores them, they have the commit and
+the folder in it that modules are imported from, ``git:COMMIT:folder/module:Class``, or the whole path of the file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import subprocess
+import sys
+import tarfile
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from scenarionet_data.errors import BadParameter, SourceNotFound
+from scenarionet_data.storage.files.cache import folder_of
+
+PREFIX = "git:"
+_CONTAINERS = ("container:", "docker:", "podman:", "oci:")
+
+
+@dataclass(frozen=True)
+class PolicyCode:
+    """A class, and where it is imported from.
+
+    Attributes:
+        reference: ``module:Class``.
+        folder: First on the import path.
+        root: Folder of the commit; of a file, that of the file.
+    """
+
+    reference: str
+    folder: Path
+    root: Path
+
+    @classmethod
+    def of(cls, policy: str) -> PolicyCode | None:
+        """Return the code of a pinned policy; None for one that is imported in this process.
+
+        Raises:
+            SourceNotFound: Its commit is not in the cache, and not in the repository of the current folder.
+        """
+        if not is_apart(policy):
+            return None
+        root, place = Path("/"), policy
+        if policy.startswith(PREFIX):
+            commit, _, place = policy.removeprefix(PREFIX).partition(":")
+            root = _checkout(commit)
+        path, _, name = place.rpartition(":")
+        folder, _, module = path.rpartition("/")
+        where = root / folder
+        return cls(f"{module.removesuffix('.py')}:{name}", where, where if root == Path("/") else root)
+
+
+def is_apart(policy: str) -> bool:
+    """Return whether a policy is imported in a process of its own.
+
+    Example:
+        >>> is_apart("git:main:my_planner:Mine"), is_apart("mine.py:Mine"), is_apart("my_planner:Mine")
+        (True, True, False)
+    """
+    return policy.startswith(PREFIX) or ".py:" in policy
+
+
+def pinned_code(policy: str) -> str:
+    """Return a policy with the commit for its reference, and a whole path; others unchanged.
+
+    Raises:
+        BadParameter: It is a container, or lacks its parts, or its commit has no such file.
+        SourceNotFound: There is no repository, no such commit or file, or no git.
+    """
+    if policy.startswith(_CONTAINERS):
+        raise BadParameter(
+            f"{policy}: policies in containers are not built; use git:REF:module:Class, with --python for another "
+            "environment, or ros2:dds for a stack that runs in one"
+        )
+    if ":" in policy and "@" in policy.rpartition(":")[2] and not policy.startswith(PREFIX):
+        place, _, ref = policy.rpartition("@")
+        policy = f"{PREFIX}{ref}:{place}"
+    if policy.startswith(PREFIX):
+        ref, _, place = policy.removeprefix(PREFIX).partition(":")
+        path, _, name = place.rpartition(":")
+        if not (ref and path and name):
+            raise BadParameter(f"{policy}: expected git:REF:module:Class, such as git:main:my_planner:MyPlanner")
+        commit = _git("rev-parse", "--verify", "--quiet", f"{ref}^{{commit}}", lacking=f"no commit {ref!r}")
+        prefix = "" if len(ref) == len(commit) else _git("rev-parse", "--show-prefix", lacking="no working tree")
+        return f"{PREFIX}{commit}:{prefix}{path}:{name}"
+    if is_apart(policy):
+        path, _, name = policy.rpartition(":")
+        file = Path(path).absolute()
+        if not file.is_file():
+            raise SourceNotFound(f"{policy}: there is no file {file}")
+        return f"{file}:{name}"
+    return policy
+
+
+def policy_name(policy: str) -> str:
+    """Return a policy for names of runs: of one that runs apart the class, and eight digits of its commit.
+
+    Example:
+        >>> policy_name("git:0123456789abcdef:planners/mine:Mine"), policy_name("/home/me/mine.py:Mine")
+        ('mine.Mine-01234567', 'mine.Mine')
+    """
+    if is_apart(policy):
+        path, _, name = policy.rpartition(":")
+        commit = policy.removeprefix(PREFIX)[:8] if policy.startswith(PREFIX) else ""
+        module = path.rpartition("/")[2].rpartition(":")[2].removesuffix(".py")
+        policy = "-".join(filter(None, [f"{module}.{name}", commit]))
+    return policy
+
+
+def code_digest(folder: Path) -> str:
+    """Return a digest of the files below a folder that this process has imported."""
+    files = {Path(file) for each in list(sys.modules.values()) if (file := getattr(each, "__file__", None))}
+    own = sorted(file for file in files if file.is_relative_to(folder) and file.is_file())
+    digest = hashlib.sha256()
+    for file in own:
+        digest.update(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _checkout(commit: str) -> Path:
+    """The files of a commit, in the cache."""
+    folder = folder_of("commits") / commit
+    if not folder.is_dir():
+        top = _git("rev-parse", "--show-toplevel", lacking=f"no commit {commit}, nor {folder}")
+        content = _run("-C", top, "archive", "--format=tar", commit, lacking=f"no commit {commit}")
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".") as draft:
+            with tarfile.open(fileobj=io.BytesIO(content)) as archive:
+                archive.extractall(f"{draft}/files", filter="data")
+            try:
+                Path(draft, "files").rename(folder)
+            except OSError:  # another process was faster
+                if not folder.is_dir():
+                    raise
+    return folder
+
+
+def _git(*words: str, lacking: str) -> str:
+    return _run(*words, lacking=lacking).decode().strip()
+
+
+def _run(*words: str, lacking: str) -> bytes:
+    """Output of git in the current folder."""
+    try:
+        done = subprocess.run(["git", *words], capture_output=True, check=True)  # noqa: S603, S607 - the user's own git
+    except FileNotFoundError as error:
+        raise SourceNotFound("git is not installed; install it, or name a file.py:Class") from error
+    except subprocess.CalledProcessError as error:
+        told = error.stderr.decode(errors="replace").strip().partition("\n")[0]
+        raise SourceNotFound(
+            f"{Path.cwd()}: {lacking}{f' ({told})' if told else ''}; go to the repository of the policy, or fetch it"
+        ) from error
+    return done.stdout
