@@ -8,6 +8,9 @@
     (has_velocity(min_velocity=2.0) & following & ~stationary.reversed()).lasting(0.5)
     '''
 
+    [three_in_a_queue]
+    sql = "SELECT scenario_id, track_id, first_timestep, last_timestep FROM ..."
+
 The expression is read, not run: names are relations, events and other definitions of the file, and the operators and
 methods are those of :mod:`scenarionet_data.operations.moments`.
 """
@@ -21,9 +24,10 @@ from pathlib import Path
 from typing import Any
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.operations.moments import Moments, RelationSteps, event, relation
+from scenarionet_data.operations.moments import Moments, RelationSteps, event, relation, selected
 from scenarionet_data.query.named_sql import EVENTS, RELATIONS
 
+_KINDS = {"when", "sql"}
 _METHODS = ("lasting", "before", "after", "during", "overlaps", "reversed", "at_least")
 
 
@@ -43,17 +47,24 @@ class Definitions(Mapping[str, Moments]):
     def __init__(self, path: Path) -> None:
         self.path = path
         self._texts: dict[str, str] = {}
+        self._selected: dict[str, Moments] = {}
         self.docs: dict[str, str] = {}
         try:
             tables = tomllib.loads(path.read_text("utf-8"))
         except (OSError, ValueError) as error:
             raise BadParameter(f"{path}: no definitions can be read from it: {error}") from error
         for name, table in tables.items():
-            if not isinstance(table, dict) or not isinstance(table.get("when"), str) or set(table) - {"when", "doc"}:
-                raise BadParameter(f"{path}: [{name}] wants a text `when`, and perhaps `doc`, and nothing else")
+            keys = set(table) if isinstance(table, dict) else set()
+            text = table[(keys & _KINDS).pop()] if len(keys & _KINDS) == 1 else None
+            if not isinstance(text, str) or keys - _KINDS - {"doc"}:
+                raise BadParameter(
+                    f"{path}: [{name}] wants a text `when`, or `sql`, and perhaps `doc`, and nothing else"
+                )
             if name in RELATIONS.names() or name in EVENTS.names():
                 raise BadParameter(f"{path}: [{name}] has the name of a relation or event; choose another")
-            self._texts[name], self.docs[name] = table["when"], str(table.get("doc", ""))
+            self._texts[name], self.docs[name] = text, str(table.get("doc", ""))
+            if "sql" in keys:
+                self._selected[name] = selected(text)
 
     def __getitem__(self, name: str) -> Moments:
         if name not in self._texts:
@@ -69,12 +80,8 @@ class Definitions(Mapping[str, Moments]):
         """
         if name not in self._texts:
             raise BadParameter(f"{self.path} defines no {name!r}; it defines {', '.join(self) or 'nothing'}")
-        found = _ExpressionReader(self, self._texts, (name,)).value(self._parsed(name))
-        if isinstance(found, RelationSteps):
-            return found.lasting()
-        if not isinstance(found, Moments):
-            raise BadParameter(f"{self.path}: [{name}] is no relation, event or composition of them")
-        return found
+        found = self._composed(name, (name,))
+        return found.lasting() if isinstance(found, RelationSteps) else found
 
     def __iter__(self) -> Any:
         return iter(self._texts)
@@ -82,11 +89,18 @@ class Definitions(Mapping[str, Moments]):
     def __len__(self) -> int:
         return len(self._texts)
 
-    def _parsed(self, name: str) -> ast.expr:
+    def _composed(self, name: str, path: tuple[str, ...]) -> RelationSteps | Moments:
+        """Return what a definition stands for; ``path`` has those that are being read, outermost first."""
+        if name in self._selected:
+            return self._selected[name]
         try:
-            return ast.parse(self._texts[name].strip(), mode="eval").body
+            parsed = ast.parse(self._texts[name].strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             raise BadParameter(f"{self.path}: [{name}] is no expression: {error}") from error
+        found = _ExpressionReader(self, self._texts, path).value(parsed)
+        if not isinstance(found, RelationSteps | Moments):
+            raise BadParameter(f"{self.path}: [{name}] is no relation, event or composition of them")
+        return found
 
 
 class _ExpressionReader:
@@ -135,11 +149,7 @@ class _ExpressionReader:
             raise self._refused(f"{ast.unparse(node)!r}: definitions have no parameters")
         if name in self._path:
             raise self._refused(f"it is defined by itself: {' -> '.join((*self._path, name))}")
-        inner = _ExpressionReader(self._definitions, self._texts, (*self._path, name))
-        found = inner.value(self._definitions._parsed(name))
-        if not isinstance(found, RelationSteps | Moments):
-            raise self._refused(f"[{name}] is no relation, event or composition of them")
-        return found
+        return self._definitions._composed(name, (*self._path, name))
 
     def _call(self, owner: Any, method: str, args: list[Any], keywords: dict[str, Any]) -> Any:
         """Apply a method of steps or moments."""

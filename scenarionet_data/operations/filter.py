@@ -21,7 +21,7 @@ BoundSql = tuple[NamedSql, dict[str, Any]]
 """A condition and the values of its parameters."""
 
 
-_IN_ORDER = "place"
+IN_ORDER = "place"
 _DIRECTION = re.compile(r"\s+(asc|desc)\s*$", re.IGNORECASE)
 
 
@@ -42,7 +42,7 @@ class Filtering(Pool[AnyDatabase]):
     ) -> AnyDatabase:
         """Select the scenarios that satisfy all conditions, without saving them; see :meth:`filter`."""
         query = self._query(database)
-        ranking = _IN_ORDER if order_by is None and limit is None else _ranked(order_by, limit)
+        ranking = IN_ORDER if order_by is None and limit is None else ranked(order_by, limit)
         with explaining(where, query.view.user_columns):
             lineage, batches = find_scenarios(query, where, filters, events, ids, parameters, ranking)
             with closing(batches):
@@ -89,7 +89,7 @@ class Filtering(Pool[AnyDatabase]):
             EmptyResult: No scenario satisfies the conditions and ``allow_empty`` is False.
         """
         query = self._query(database)
-        ranking = _IN_ORDER if order_by is None and limit is None else _ranked(order_by, limit)
+        ranking = IN_ORDER if order_by is None and limit is None else ranked(order_by, limit)
         with explaining(where, query.view.user_columns):
             lineage, batches = find_scenarios(query, where, filters, events, ids, parameters, ranking)
             return self._handle(query.save(lineage, name, batches, replace=replace, allow_empty=allow_empty))
@@ -102,7 +102,7 @@ def find_scenarios(
     events: Conditions = (),
     ids: Sequence[str] | None = None,
     parameters: Mapping[str, Any] | None = None,
-    ranking: str = _IN_ORDER,
+    ranking: str = IN_ORDER,
 ) -> tuple[Lineage, Generator[pa.RecordBatch, None, None]]:
     """Return the lineage of a filter, and its rows in order; see :meth:`Filtering.filter`."""
     check_expression(where)
@@ -126,7 +126,7 @@ def find_scenarios(
     # Events are searched only in scenarios that satisfy the other conditions, which are evaluated once: a condition
     # that compares with the whole lake would give another result over fewer scenarios.
     conditions, bound = _combined(where, named, parameters or {})
-    sql = query.query("operations/filter", {"conditions": conditions, "ranking": _IN_ORDER})
+    sql = query.query("operations/filter", {"conditions": conditions, "ranking": IN_ORDER})
     left = query.run(sql, as_recorded(bound))["scenario_id"].to_pylist()
     narrowed = replace(query, view=query.view.restrict_to(left))
     conditions, bound = _combined("true", happening, {})
@@ -134,16 +134,16 @@ def find_scenarios(
     return lineage, narrowed.batches(sql, as_recorded(bound))
 
 
-def _ranked(order_by: str | None, limit: int | None) -> str:
+def ranked(order_by: str | None, limit: int | None = None) -> str:
     """Return the SQL behind ORDER BY for an expression, which may end with ASC or DESC, and a number of rows."""
     if limit is not None and not is_count(limit, 1):
         raise BadParameter(f"limit={limit!r}; expected a whole number of 1 or more")
-    ranking = _IN_ORDER
+    ranking = IN_ORDER
     if order_by is not None:
         direction = _DIRECTION.search(order_by) if isinstance(order_by, str) else None
         expression = order_by[: direction.start()] if direction else order_by
         check_expression(expression)
-        ranking = f"({expression}\n) {direction.group(1) if direction else 'ASC'} NULLS LAST, {_IN_ORDER}"
+        ranking = f"({expression}\n) {direction.group(1) if direction else 'ASC'} NULLS LAST, {IN_ORDER}"
     return ranking if limit is None else f"{ranking} LIMIT {limit}"
 
 

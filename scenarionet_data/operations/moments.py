@@ -18,7 +18,7 @@ from scenarionet_data.operations.narrowing import OTHER as _OTHER
 from scenarionet_data.operations.narrowing import TRACK as _TRACK
 from scenarionet_data.operations.narrowing import narrowed_roles, together
 from scenarionet_data.query.named_sql import EVENTS, RELATIONS, NamedSql
-from scenarionet_data.query.statements import quoted
+from scenarionet_data.query.statements import quoted, words
 
 _SWAPPED = {_TRACK: _OTHER, _OTHER: _TRACK}
 
@@ -203,6 +203,29 @@ def event(name: str, parameters: Mapping[str, Any] | None = None) -> Moments:
     roles = (_TRACK,) if "NULL::VARCHAR AS other_id" in found.text else (_TRACK, _OTHER)
     hits = f"SELECT {_columns(roles)}, first_timestep, last_timestep, value FROM (\n{_inlined(found, parameters)}\n)"
     return Moments(_timed(hits), roles, ("value",))
+
+
+def selected(sql: str) -> Moments:
+    """Return the moments that a SELECT of your own finds.
+
+    Args:
+        sql: SELECT over the views of the lake, of scenario_id, track_id, other_id (or only one of these),
+            first_timestep and last_timestep; and ``value``, if something is measured.
+
+    Raises:
+        BadParameter: It names neither track_id nor other_id, or no timesteps.
+    """
+    named = words(sql)
+    roles = tuple(role for role in (_TRACK, _OTHER) if role in named)
+    missing = {"scenario_id", "first_timestep", "last_timestep"} - named
+    if not roles or missing:
+        lacks = ", ".join(sorted(missing)) or f"{_TRACK} or {_OTHER}"
+        raise BadParameter(
+            f"SQL of moments selects scenario_id, {_TRACK}, first_timestep, ...; it lacks {lacks}: {sql}"
+        )
+    measures = ("value",) if "value" in named else ()
+    columns = ", ".join(("scenario_id", *roles, "first_timestep", "last_timestep", *measures))
+    return Moments(_timed(f"SELECT {columns} FROM (\n{sql}\n)"), roles, measures)
 
 
 def _timed(spans: str) -> str:

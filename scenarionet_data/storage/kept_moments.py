@@ -133,6 +133,18 @@ def newest_version(files: LakeFiles, name: str, definition: str) -> KeptMoments 
     return found[-1] if found else None
 
 
+def drop(files: LakeFiles, name: str) -> None:
+    """Remove all moments that are kept under a name.
+
+    Raises:
+        BadParameter: There are none; the message lists the names.
+    """
+    if name not in files.folders(FOLDER):
+        have = ", ".join(files.folders(FOLDER)) or "none yet"
+        raise BadParameter(f"{files.root}: no moments are kept under the name {name!r}; there are: {have}")
+    files.remove(f"{FOLDER}/{name}")
+
+
 def every(files: LakeFiles) -> list[list[KeptMoments]]:
     """All versions of each definition under each name."""
     return [

@@ -12,6 +12,9 @@ from scenarionet_data.public_names import import_on_first_use
 
 if TYPE_CHECKING:
     from scenarionet_data.variations.changes import change as change
+    from scenarionet_data.variations.moment_scenarios import CutMoments as CutMoments
+    from scenarionet_data.variations.moment_scenarios import MomentChoice as MomentChoice
+    from scenarionet_data.variations.moment_scenarios import cut_moments as cut_moments
     from scenarionet_data.variations.parameters import VariedParameter as VariedParameter
     from scenarionet_data.variations.parameters import draw as draw
     from scenarionet_data.variations.parameters import parse_parameters as parse_parameters

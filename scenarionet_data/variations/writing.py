@@ -26,6 +26,7 @@ from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import ScenarioDescription, is_scenario_id, make_scenario_id
 from scenarionet_data.scenario.settings import check_settings
+from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.variations.changes import change, find_track
@@ -67,22 +68,53 @@ class VariationSpace:
 
 
 @dataclass(frozen=True)
-class VariationOptions(Options):
-    """What variations depend on beside their values.
+class ParentOptions(Options):
+    """What scenarios that are made of others depend on.
 
     Attributes:
         lake: The lake of their parents.
+    """
+
+    lake: str = field(default="", metadata={"doc": "lake of the parents", "is_path": True})
+
+
+@dataclass(frozen=True)
+class VariationOptions(ParentOptions):
+    """What variations depend on beside their values.
+
+    Attributes:
         acceleration, jerk: Limits of changed road users.
         margin: Time kept around moments.
     """
 
-    lake: str = field(default="", metadata={"doc": "lake of the parents", "is_path": True})
     acceleration: float = field(default=ACCELERATION, metadata={"doc": "largest acceleration [m/s^2]"})
     jerk: float = field(default=JERK, metadata={"doc": "largest jerk [m/s^3]"})
     margin: float = field(default=ALL, metadata={"doc": "time kept around moments [s]"})
 
 
-class Variations(Converter[tuple[ScenarioDescription, RawItem]]):
+class OfParents(Converter[tuple[ScenarioDescription, RawItem]]):
+    """Scenarios that are made of others of a lake: items are ``PARENT@KEY``, options have the ``lake``."""
+
+    def shards(self, raw: str, split: str, version: str, options: ParentOptions) -> Iterable[Shard]:  # noqa: ARG002
+        """Raise: what is made is listed by a function of its own.
+
+        Raises:
+            BadParameter: Always.
+        """
+        raise BadParameter(f"scenarios of the dataset {self.name} are made from a lake, not converted")
+
+    def records(self, shard: Shard) -> Iterator[tuple[ScenarioDescription, RawItem]]:
+        """Yield each item with its parent, which is loaded once."""
+        parents = [item.name.rpartition("@")[0] for item in shard.items]
+        loader = ScenarioLoader(shard.options_as(ParentOptions).lake, sorted(set(parents)))
+        loaded: ScenarioDescription | None = None
+        for parent, item in sorted(zip(parents, shard.items, strict=True), key=lambda pair: pair[1].name):
+            if loaded is None or loaded.id != parent:
+                loaded = loader[loader.scenario_ids.index(parent)]
+            yield loaded, item
+
+
+class Variations(OfParents):
     """Scenarios of a lake with other values; :func:`vary` lists its shards."""
 
     name: ClassVar[str] = DATASET
@@ -91,24 +123,6 @@ class Variations(Converter[tuple[ScenarioDescription, RawItem]]):
     licence: ClassVar[str] = "that of the varied scenario, see the column licence"
     raw: ClassVar[str] = "scenarios of the lake"
     Options = VariationOptions
-
-    def shards(self, raw: str, split: str, version: str, options: VariationOptions) -> Iterable[Shard]:  # noqa: ARG002
-        """Raise: variations are listed by :func:`vary`.
-
-        Raises:
-            BadParameter: Always.
-        """
-        raise BadParameter("variations are made from a lake, by scenarionet vary")
-
-    def records(self, shard: Shard) -> Iterator[tuple[ScenarioDescription, RawItem]]:
-        """Yield each item with its parent, which is loaded once."""
-        parents = [item.name.rpartition("@")[0] for item in shard.items]
-        loader = ScenarioLoader(shard.options_as(VariationOptions).lake, sorted(set(parents)))
-        loaded: ScenarioDescription | None = None
-        for parent, item in sorted(zip(parents, shard.items, strict=True), key=lambda pair: pair[1].name):
-            if loaded is None or loaded.id != parent:
-                loaded = loader[loader.scenario_ids.index(parent)]
-            yield loaded, item
 
     def scenario(self, shard: Shard, record: tuple[ScenarioDescription, RawItem]) -> ScenarioDescription:
         """Change the parent and check the result."""
@@ -169,7 +183,7 @@ def vary(
         raise BadParameter(f"space: wanted VariationSpace({{'ego.speed': (0.8, 1.2)}}), found {space!r}")
     if not re.fullmatch(r"[A-Za-z0-9._-]+", str(name)):
         raise BadParameter(f"name {name!r}: use letters, digits, '.', '_' and '-'")
-    started, parameters = time.monotonic(), parse_parameters(space.parameters)
+    parameters = parse_parameters(space.parameters)
     windows: dict[str, list[MomentWindow]] = {}
     view = open_view(lake)
     if isinstance(parents, str) and parents.startswith(MOMENTS):
@@ -203,9 +217,37 @@ def vary(
         for split, of_split in items.items()
         for part, of_part in bucket(of_split).items()
     ]
-    plan = make_plan(shards, manifests.shards(files, snapshots.read(files)), Variations.version, may_replace=replace)
+    run = executor or executor_for(workers, len(shards))
+    return write_shards(files, Variations, shards, f"vary {name}", run, on_progress, replace=replace)
+
+
+def write_shards(
+    files: LakeFiles,
+    converter: type[Converter[Any]],
+    shards: list[Shard],
+    operation: str,
+    run: Executor,
+    on_progress: Progress | None = None,
+    *,
+    replace: bool = False,
+) -> ConversionReport:
+    """Convert what the lake does not have of some shards, and commit it.
+
+    Args:
+        files: The lake.
+        converter: Converter of the shards.
+        shards: All that is wanted.
+        operation: Recorded in the snapshot.
+        run: Runs the jobs.
+        on_progress: Called before the first shard and after each one.
+        replace: Replace shards with other content.
+
+    Raises:
+        DuplicateScenario: The lake has other content for an item, and ``replace`` is False.
+    """
+    started = time.monotonic()
+    plan = make_plan(shards, manifests.shards(files, snapshots.read(files)), converter.version, may_replace=replace)
     report = ConversionReport(skipped=plan.num_skipped, stale=plan.num_stale)
-    committer = Committer(files, plan, f"vary {name}", report, started)
-    jobs = [ShardJob(f"{__name__}:{Variations.__name__}", shard, str(files.root)) for shard in plan.shards]
-    run = executor or executor_for(workers, len(jobs))
+    committer = Committer(files, plan, operation, report, started)
+    jobs = [ShardJob(f"{converter.__module__}:{converter.__name__}", each, str(files.root)) for each in plan.shards]
     return committer.add_all(run(jobs, convert_shard, lost_shard), len(jobs), on_progress)

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 from scenarionet_pipelines.cli.output import count, table
 
 if TYPE_CHECKING:
-    from scenarionet_data import Database
+    from scenarionet_data.databases.record import DatabaseRecord
     from scenarionet_data.operations.diff import Diff
 
 _MAX_IDS, _MAX_CELL = 5, 60
 
 
-def described(created: Database) -> tuple[dict[str, Any], str]:
+def described(created: DatabaseRecord) -> tuple[dict[str, Any], str]:
     """Return a new database with its lineage, and a line with its reference and number of scenarios."""
     content = {"name": created.name, "reference": created.reference} | asdict(created.lineage)
     return content, f"{created.reference}: {count(len(created), 'scenario')}"

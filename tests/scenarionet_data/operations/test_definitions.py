@@ -8,7 +8,7 @@ import pytest
 
 from scenarionet_data.errors import BadParameter, UnknownRelation
 from scenarionet_data.operations.definitions import Definitions
-from scenarionet_data.operations.moments import event, relation
+from scenarionet_data.operations.moments import event, relation, selected
 
 NEAR = relation("near_objects", {"distance_thresh": 5.0})
 CAR = relation("is_category", {"category": "VEHICLE"})
@@ -50,6 +50,28 @@ def test_definitions_use_each_other(tmp_path):
     assert definitions["long"] == NEAR.lasting(2)
     assert definitions.docs == {"close": "What close is.", "long": "What long is."}
     assert "other" not in definitions
+
+
+def test_sql_of_your_own_composes_with_the_others(tmp_path):
+    sql = "SELECT scenario_id, track_id, 3 AS first_timestep, 9 AS last_timestep, 0.5 AS value FROM objects"
+    text = f"[mine]\nsql = {json.dumps(sql)}\n[both]\nwhen = 'mine.during(stationary)'\n"
+    definitions = Definitions(written(tmp_path, text))
+    assert definitions["mine"] == selected(sql) and definitions["mine"].measures == ("value",)
+    assert definitions["both"] == selected(sql).during(relation("stationary").lasting())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[a]\nsql = 'SELECT 1'", "it lacks first_timestep, last_timestep, scenario_id"),
+        ("[a]\nsql = 'SELECT scenario_id, first_timestep, last_timestep FROM x'", "it lacks track_id or other_id"),
+        ("[a]\nsql = 'SELECT 1'\nwhen = 'stationary'", r"\[a\] wants a text `when`, or `sql`"),
+        ("[a]\nwhen = 'stationary'\n[a]\nwhen = 'turning'", "no definitions can be read"),
+    ],
+)
+def test_sql_that_is_no_definition_is_refused(tmp_path, text, message):
+    with pytest.raises(BadParameter, match=message):
+        Definitions(written(tmp_path, text))
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from scenarionet_pipelines.cli.databases import described
 from scenarionet_pipelines.cli.verb import ALLOW_EMPTY, DATABASE, LakeVerb, Saving, option
+
+if TYPE_CHECKING:
+    from scenarionet_data import Lake
 
 
 class FilterVerb(LakeVerb, Saving):
@@ -17,6 +21,10 @@ class FilterVerb(LakeVerb, Saving):
     info filters` lists the named filters, `scenarionet info filters --columns` the columns for --where, and
     `scenarionet mine LAKE` the events. An id may also be the scenario's id in its source dataset; unknown ids are an
     error.
+
+    --moments NAME saves the moments that `scenarionet mine --name NAME` has kept instead: each is cut out as a scenario
+    of its own, now when it begins, so that every verb works with its window and roles. --where and --order-by know the
+    columns of moments, too.
     """
 
     examples = (
@@ -26,6 +34,7 @@ class FilterVerb(LakeVerb, Saving):
         "scenarionet filter lake --where has_intersection --event cut_in:max_gap=20 --name cut_ins",
         "scenarionet filter lake --order-by 'difficulty DESC' --limit 20 --name hardest",
         "scenarionet filter lake --ids chosen.txt --name chosen",
+        "scenarionet filter lake --moments risky --ego actor --order-by value --limit 20 --name closest",
     )
     where: str = option("SQL condition over the columns of metadata.", default="true", metavar="EXPR")
     filters: tuple[str, ...] = option("Apply a named filter; repeatable.", "--filter", metavar="NAME[:KEY=VALUE,...]")
@@ -37,10 +46,36 @@ class FilterVerb(LakeVerb, Saving):
         "Order the scenarios by this, as 'difficulty DESC'; unknown values come last.", metavar="EXPR"
     )
     limit: int | None = option("Keep the first N scenarios.", type=click.IntRange(1), metavar="N")
+    moments: str | None = option("Select moments that are kept under this name.", metavar="NAME")
+    ego: str = option(
+        "Of moments: who is the ego, the recording's or who has a role.",
+        choices=("ego", "actor", "other"),
+        default="ego",
+    )
+    margin: float = option("Of moments: time kept before and after each [s].", type=click.FloatRange(0.0), default=2.0)
     allow_empty: bool = ALLOW_EMPTY
 
-    def run(self) -> None:
+    def run(self) -> bool:
         lake = self.open()
+        if self.moments is not None:
+            return self.save_moments(lake, self.moments)
         listed = [*self.ids, *(Path(self.file).read_text("utf-8").split() if self.file else ())]
         chosen = self.given(lake.filter) | {"ids": listed if self.ids or self.file else None}
         self.say(*described(lake.filter(**chosen)))
+        return True
+
+    def save_moments(self, lake: Lake, moments: str) -> bool:
+        """Save kept moments; return whether all that were chosen could be cut out."""
+        from scenarionet_data.variations import MomentChoice, cut_moments
+
+        if self.filters or self.events or self.ids or self.file:
+            raise click.UsageError("--moments goes with --where, --order-by, --limit and --database")
+        made = cut_moments(
+            lake, moments, MomentChoice(**self.given(MomentChoice)), name=self.name, replace=self.replace
+        )
+        content, text = described(made.database)
+        left_out = made.wanted - len(made.database)
+        self.say(content | {"wanted": made.wanted, "left_out": left_out}, text)
+        why = f"scenarionet sql {self.lake} \"SELECT scenario_id, message FROM quarantine WHERE dataset = 'moment'\""
+        self.complain([f"{left_out} of {made.wanted} moments could not be cut out: {why}"] if left_out else [])
+        return not left_out

@@ -75,16 +75,26 @@ class DiffVerb(LakeVerb):
 
 
 class DropVerb(DatabaseVerb):
-    """Remove a database, or one version of it (DATABASE@VERSION). The scenarios stay in the lake."""
+    """Remove a database, or one version of it (DATABASE@VERSION). The scenarios stay in the lake.
+
+    moments:NAME removes the moments that `scenarionet mine --name NAME` has kept.
+    """
 
     examples = (
         "scenarionet db drop lake busy",
+        "scenarionet db drop lake moments:risky",
         "scenarionet db drop lake busy@1 --force",
     )
     force: bool = option("Drop it even if other databases were made from it; those cannot be rebuilt.")
 
     def run(self) -> None:
-        self.open().drop(self.database, force=self.force)
+        from scenarionet_data.storage import kept_moments
+
+        lake, (kind, _, name) = self.open(), self.database.partition(":")
+        if kind == kept_moments.FOLDER:
+            kept_moments.drop(lake.files, name)
+        else:
+            lake.drop(self.database, force=self.force)
         self.say({"dropped": self.database}, f"dropped {self.database}")
 
 
