@@ -11,6 +11,7 @@ import pytest
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.interchange import writer_for
 from scenarionet_data.interchange.files import write_files
+from scenarionet_sim.evaluation.adding import add_run
 
 TOOLS = Path(__file__).parents[2] / ".venv-interop" / "tools" / "bin"
 SOURCES = {"scenarionet": "scenarionet", "waymo": "waymo/training", "gpudrive": "gpudrive",
@@ -43,6 +44,22 @@ def test_sumo_drives_on_every_net(exported):
             capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert done.returncode == 0 and "Error" not in done.stderr, (config.name, done.stderr)
+
+
+def test_what_sumos_drivers_did_comes_back_as_a_run(tmp_path):
+    convert("pg", "0:6", tmp_path / "lake")
+    lake = Lake(tmp_path / "lake")
+    assert write_files(ScenarioLoader(lake), tmp_path / "files", writer_for("sumo")).refused == ()
+    for config in (tmp_path / "files").glob("*.sumocfg"):
+        motion = config.with_suffix(".fcd.xml")
+        words = "-c", config, "--step-length", "0.1", "--fcd-output", motion, "--xml-validation", "never"
+        subprocess.run([TOOLS / "sumo", *words], capture_output=True, check=True)
+    convert("sumo", tmp_path / "files", tmp_path / "played")
+    added = add_run(lake, tmp_path / "played", "sumo")
+    assert (added.scenarios, added.broken, added.unknown_objects) == (6, [], 0)
+    results = lake.sql("SELECT * FROM results WHERE run = 'sumo'")
+    assert results["route_completion"].mean() > 0.5, "its drivers drive along the routes"
+    assert results["final_displacement"].min() > 0.5, "and are not the recording"
 
 
 def test_replays_are_where_objects_were_recorded(exported):

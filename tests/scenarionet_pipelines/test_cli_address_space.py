@@ -62,6 +62,7 @@ db tag lake fast --where "ego_max_speed > 5"
 runs compare lake idm replay
 runs verify lake idm --workers 2
 runs films lake idm -o films
+runs add lake lake --name again
 runs search lake cut_in --policy idm --name border -p ego_speed=25 -p lateral_time=4 --most 60 --resolution 0.2
 runs record lake few
 tables files lake metadata

@@ -173,6 +173,7 @@ COMMANDS = {
     "submit": "lake forecast.parquet out.parquet --format argoverse2", "compare": "lake before after",
     "checkout": "lake one@1", "score": "lake forecast.parquet", "sim": "lake --policy replay --workers 2",
     "record": "lake --workers 1", "verify": "lake before", "films": "lake before -o films",
+    "add": "lake played --name theirs",
     "search": "lake cut_in --policy idm --name x -p ego_speed=25 -p lateral_time=4", "train": "ppo lake --size small",
     "experiment": "cross-dataset lake -o out --workers 1",
     "export": "lake one out", "pack": "lake one packed",
@@ -207,6 +208,8 @@ def test_sigterm_at_any_time_ends_every_verb(name, lake, tmp_path):
     forecast = write_forecast(lake)
     for index, delay in enumerate((0.0, 0.2, 0.5, 1.0, 2.0, 4.0)):
         place = Path(shutil.copytree(lake, tmp_path / str(index) / "lake")).parent
+        if name == "runs add":
+            shutil.copytree(place / "lake", place / "played")
         (place / "rows.csv").write_text("scenario_id,mark\n" + "".join(f"{each},1\n" for each in ids))
         shutil.copy(forecast, place)
         words = COMMANDS[name.split()[-1]].replace("made/v1/1", ids[0])

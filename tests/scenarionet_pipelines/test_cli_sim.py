@@ -135,6 +135,23 @@ def test_verify_a_run_and_its_receipt(lake, ok, as_json, tmp_path):
     assert missing.exit_code == 2 and "cannot be read" in missing.stderr
 
 
+def test_a_run_of_another_simulator_is_added(lake, as_json, ok, tmp_path):
+    ok("filter", lake, "--where", "true", "--name", "every")
+    ok("export", lake, "every", tmp_path / "scenes", "--format", "sumo")  # with the recorded motion as SUMO writes it
+    ok("convert", "sumo", tmp_path / "scenes", tmp_path / "played", "--workers", "1")
+    found = as_json("runs", "add", lake, tmp_path / "played", "--name", "sumo")
+    assert (found["scenarios"], found["broken"], found["unknown_scenarios"]) == (3, [], [])
+    ok("sim", lake, "every", "--policy", "replay", "--name", "replay", "--workers", "1", "--no-references")
+    query = "SELECT run, avg(crashed::INT) AS crashed, max(final_displacement) AS off FROM results GROUP BY run"
+    runs = {run: (crashed, off) for run, crashed, off in Lake(lake).sql(query).rows()}
+    assert runs == {"replay": (1.0, 0.0), "sumo": (1.0, pytest.approx(0.0, abs=1e-3))}
+    stray = write_lake(tmp_path / "stray", [make_drive("other")]).root
+    result = run("runs", "add", lake, stray, "--name", "stray")
+    assert result.exit_code == 2 and "no scenario is one of" in result.stderr
+    verified = run("runs", "verify", lake, "sumo")
+    assert verified.exit_code == 2 and "no run of `scenarionet sim`" in verified.stderr
+
+
 def test_record(lake, as_json, ok):
     words = "record", lake, "--agents", "ego", "--workers", "1"
     found = as_json(*words)
