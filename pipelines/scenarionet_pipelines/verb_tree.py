@@ -25,7 +25,7 @@ GROUPS = {
         "Databases and user columns: combine, compare, trace, update, rename, tag.",
         (
             "intersect", "subtract", "diff", "overlap", "stats", "lineage", "rebuild", "rebase", "copy", "rename",
-            "drop", "checkout", "tag",
+            "drop", "checkout", "tag", "catalogue",
         ),
     ),
     "runs": Group(

@@ -185,7 +185,7 @@ def relation(name: str, parameters: Mapping[str, Any] | None = None) -> Relation
     found = RELATIONS.load(name)
     roles = (_TRACK, _OTHER) if _OTHER in found.text else (_TRACK,)
     narrows = narrowed_roles(found.text, found.bind(parameters or {}))
-    return RelationSteps(_inlined(found, parameters), roles, narrows=narrows)
+    return RelationSteps(inlined(found, parameters), roles, narrows=narrows)
 
 
 def event(name: str, parameters: Mapping[str, Any] | None = None) -> Moments:
@@ -201,7 +201,7 @@ def event(name: str, parameters: Mapping[str, Any] | None = None) -> Moments:
     """
     found = EVENTS.load(name)
     roles = (_TRACK,) if "NULL::VARCHAR AS other_id" in found.text else (_TRACK, _OTHER)
-    hits = f"SELECT {_columns(roles)}, first_timestep, last_timestep, value FROM (\n{_inlined(found, parameters)}\n)"
+    hits = f"SELECT {_columns(roles)}, first_timestep, last_timestep, value FROM (\n{inlined(found, parameters)}\n)"
     return Moments(_timed(hits), roles, ("value",))
 
 
@@ -238,7 +238,7 @@ def _timed(spans: str) -> str:
     return f"SELECT * EXCLUDE (timestamps, dt), {begins}, {ends}\nFROM (\n{spans}\n) JOIN {times} USING (scenario_id)"
 
 
-def _inlined(found: NamedSql, parameters: Mapping[str, Any] | None) -> str:
+def inlined(found: NamedSql, parameters: Mapping[str, Any] | None) -> str:
     """Return the SQL of a file with the values of its parameters as literals."""
     values = found.bind(parameters or {})
     return re.sub(r"\$(\w+)", lambda name: _literal(values[name[1]]), found.text)

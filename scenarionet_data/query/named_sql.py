@@ -168,6 +168,10 @@ EVENTS = Folder("events", UnknownEvent)
 """SELECTs of events inside scenarios, see :mod:`scenarionet_data.operations.events`."""
 RELATIONS = Folder("relations", UnknownRelation)
 """SELECTs of the steps at which something holds, see :mod:`scenarionet_data.operations.moments`."""
+DISTURBANCES = Folder("disturbances", UnknownEvent)
+"""SELECTs of what disturbs an ego, with parameters, see :mod:`scenarionet_data.catalogue`."""
+CATALOGUE = Folder("catalogue", UnknownQuery)
+"""SELECTs of the tables and figures of a catalogue."""
 ANALYTICS = Folder("analytics", UnknownQuery)
 """SELECTs over the views of a lake."""
 OVERLAPS = Folder("overlaps", UnknownQuery)

@@ -58,6 +58,7 @@ db copy lake few some
 db rename lake some these
 db checkout lake these@1
 db drop lake these
+db catalogue lake -o catalogue
 db tag lake fast --where "ego_max_speed > 5"
 runs compare lake idm replay
 runs verify lake idm --workers 2

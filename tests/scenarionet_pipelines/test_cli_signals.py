@@ -170,6 +170,7 @@ COMMANDS = {
     "subtract": "lake one two --name x --allow-empty",
     "diff": "lake one two", "overlap": "lake one two", "lineage": "lake one", "rebuild": "lake one",
     "rebase": "lake one", "copy": "lake one x", "rename": "lake one x", "drop": "lake one",
+    "catalogue": "lake -o catalogue",
     "submit": "lake forecast.parquet out.parquet --format argoverse2", "compare": "lake before after",
     "checkout": "lake one@1", "score": "lake forecast.parquet", "sim": "lake --policy replay --workers 2",
     "record": "lake --workers 1", "verify": "lake before", "films": "lake before -o films",

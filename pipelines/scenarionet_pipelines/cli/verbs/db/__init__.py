@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
+from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING
 
@@ -196,15 +197,24 @@ class RebaseVerb(DatabaseVerb):
 class RebuildVerb(DatabaseVerb):
     """Run a database's query again on its snapshot and parents, and compare the result.
 
-    Nothing is saved. The exit code is 1 if members, weights or order differ.
+    Nothing is saved. The exit code is 1 if members, weights or order differ. The folder that `scenarionet db catalogue`
+    has written is computed again from the recordings of the lake, and compared to the last bit.
     """
 
     examples = (
         "scenarionet db rebuild lake busy",
         "scenarionet db rebuild lake busy@1 --json",
+        "scenarionet db rebuild lake catalogue",
     )
 
     def run(self) -> bool:
+        from scenarionet_data.catalogue import packing
+
+        if Path(self.database, packing.FILE).exists():
+            differences = packing.compare_catalogue(self.open(), self.database)
+            same = f"{self.database}: the same, to the last bit"
+            self.say({"catalogue": self.database, "differences": differences}, differences or same)
+            return not differences
         rebuilt = self.open().rebuild(self.database)
         lines = [f"{rebuilt.reference}: the same {count(rebuilt.diff.counts[0], 'scenario')} in the same order"]
         if not rebuilt.is_same:
