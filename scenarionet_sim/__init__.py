@@ -59,6 +59,10 @@ if TYPE_CHECKING:
     from scenarionet_sim.policies.sampled import NoisyVelocity as NoisyVelocity
     from scenarionet_sim.policies.sampled import SampledIdm as SampledIdm
     from scenarionet_sim.policies.social_force import SocialForce as SocialForce
+    from scenarionet_sim.regression.regress import RegressionPlan as RegressionPlan
+    from scenarionet_sim.regression.regress import RegressionReport as RegressionReport
+    from scenarionet_sim.regression.regress import regress as regress
+    from scenarionet_sim.regression.reproduction import drive_again as drive_again
     from scenarionet_sim.render.live import Live as Live
     from scenarionet_sim.render.rollouts import rollout_moments as rollout_moments
     from scenarionet_sim.scenarios.sampling import Curriculum as Curriculum

@@ -27,7 +27,7 @@ LAYERS = (
 SIMULATOR_LAYERS = (
     "arrays", "scenarios", "threads", "roads", "task", "worlds", "backends", "cameras", "sensors", "render", "policies",
     "planners", "simulation", "environments", "bridges", "drivers", "rollouts", "metrics", "evaluation", "borders",
-    "learning",
+    "regression", "learning",
 )  # fmt: skip
 """Rooms of scenarionet_sim, likewise."""
 FORBIDDEN_WORDS = ("utils", "helpers", "common", "manager", "misc")

@@ -29,8 +29,8 @@ GROUPS = {
         ),
     ),
     "runs": Group(
-        "Runs of drivers: compare, film, verify, add those of other simulators, search failures, record, experiment.",
-        ("compare", "films", "verify", "add", "search", "record", "experiment"),
+        "Runs of drivers: compare, test, film, verify, add from elsewhere, search failures, record, experiment.",
+        ("compare", "regress", "films", "verify", "add", "search", "record", "experiment"),
     ),
     "forecast": Group("Predicted trajectories: score them, submit them to challenges.", ("score", "submit")),
     "tables": Group("The Parquet files of a lake for other engines and catalogs.", ("files", "publish")),

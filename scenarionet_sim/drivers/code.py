@@ -98,6 +98,12 @@ def pinned_code(policy: str) -> str:
     return policy
 
 
+def interpreter_of(policy: str, python: str = "") -> str:
+    """Return the interpreter of a policy; of ``module:Class`` at least another process of the one that runs now."""
+    is_module = ":" in policy and not policy.startswith("ros2:") and not is_apart(policy)
+    return python or (sys.executable if is_module else "")
+
+
 def policy_name(policy: str) -> str:
     """Return a policy for names of runs: of one that runs apart the class, and eight digits of its commit.
 

@@ -56,7 +56,12 @@ class OwnProcess:
             raise WorkerLost("a process without pipes")
         with process:
             try:
-                self._check(process.stdout)
+                found = process.stdout.readline().decode(errors="replace").strip()
+                if found != version.name_and_version():
+                    raise BadParameter(
+                        f"{words[0]} has {found or f'no working {version.PACKAGE}'}, not {version.name_and_version()}; "
+                        "install that version in its environment"
+                    )
                 pickle.dump((self.workers, list(jobs), do, on_lost), process.stdin)
                 process.stdin.flush()
                 while (answer := _read(process.stdout)) is not None:
@@ -69,18 +74,6 @@ class OwnProcess:
                 ) from error
             finally:
                 process.kill()
-
-    def _check(self, answers: IO[bytes]) -> None:
-        """Raise unless the other side has this version of this software."""
-        try:
-            found = answers.readline().decode().strip()
-        except UnicodeDecodeError:
-            found = ""
-        if found != version.name_and_version():
-            raise BadParameter(
-                f"{self.python or sys.executable} has {found or f'no working {version.PACKAGE}'}, not "
-                f"{version.name_and_version()}; install that version in its environment"
-            )
 
 
 def executor_of(policy: str, python: str, workers: int, executor: Executor | None = None) -> Executor | None:

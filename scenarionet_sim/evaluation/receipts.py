@@ -154,9 +154,9 @@ def make_receipt(lake: Lake | str | Path, run: str) -> Receipt:
     if "policy" not in description or "snapshot" not in description:
         raise BadParameter(f"{run!r} is no run of `scenarionet sim`, which can be computed again")
     loader = scenarios_of(_evaluation(lake, description, description["database"], description["snapshot"]))
-    digests = _digests(Lake(lake.root, description["snapshot"]), loader.scenario_ids)
+    digests = content_digests(Lake(lake.root, description["snapshot"]), loader.scenario_ids)
     results = evaluation_runs.rows(lake.files, run, "results")
-    trajectories = _trajectories(evaluation_runs.rows(lake.files, run, "rollouts"))
+    trajectories = trajectory_digests(evaluation_runs.rows(lake.files, run, "rollouts"))
     order = {scenario_id: number for number, scenario_id in enumerate(loader.scenario_ids)}
     rows = sorted(results.to_pylist(), key=lambda row: (order[row["scenario_id"]], row["rollout"]))
     kept = {key: value for key, value in description.items() if key not in ("id", "tables")}
@@ -237,7 +237,7 @@ def _evaluation(lake: Lake, told: Values, database: str | tuple[str, ...] | None
     return Evaluation(str(lake.root), database, snapshot, **settings)
 
 
-def _digests(lake: Lake, ids: Sequence[str]) -> dict[str, str]:
+def content_digests(lake: Lake, ids: Sequence[str]) -> dict[str, str]:
     """Digest of the content of scenarios, as far as the lake has them."""
     query = "SELECT scenario_id, content_hash FROM metadata WHERE list_contains($ids, scenario_id)"
     found = lake.sql(query, {"ids": list(ids)}).rows()
@@ -245,7 +245,7 @@ def _digests(lake: Lake, ids: Sequence[str]) -> dict[str, str]:
 
 
 def _check_scenarios(lake: Lake, receipt: Receipt) -> None:
-    there = _digests(lake, [scenario_id for scenario_id, _ in receipt.scenarios])
+    there = content_digests(lake, [scenario_id for scenario_id, _ in receipt.scenarios])
     absent = [scenario_id for scenario_id, _ in receipt.scenarios if scenario_id not in there]
     if absent:
         raise BadParameter(
@@ -261,7 +261,7 @@ def _check_scenarios(lake: Lake, receipt: Receipt) -> None:
         )
 
 
-def _trajectories(rollouts: pa.Table) -> dict[tuple[str, int], str]:
+def trajectory_digests(rollouts: pa.Table) -> dict[tuple[str, int], str]:
     """Digest of the rows of each scenario and rollout."""
     found: dict[tuple[str, int], Any] = {}
     for row in rollouts.drop_columns([name for name in ("run",) if name in rollouts.column_names]).to_pylist():
@@ -283,7 +283,7 @@ def _differences(part: _VerifiedPart) -> list[Difference]:
     rows, rollouts = simulate(part.job)
     schema = tables.load("results").schema
     made = pa.Table.from_pylist([dict(row) for row in rows], schema=schema.remove(schema.get_field_index("run")))
-    trajectories = _trajectories(rollouts) if part.has_trajectories else {}
+    trajectories = trajectory_digests(rollouts) if part.has_trajectories else {}
     now = {(row["scenario_id"], row["rollout"]): _row(row, trajectories) for row in made.to_pylist()}
     stored = {(row["scenario_id"], row["rollout"]): row for row in part.stored}
     differences = []

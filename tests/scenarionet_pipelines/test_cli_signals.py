@@ -176,7 +176,7 @@ COMMANDS = {
     "record": "lake --workers 1", "verify": "lake before", "films": "lake before -o films",
     "add": "lake played --name theirs",
     "search": "lake cut_in --policy idm --name x -p ego_speed=25 -p lateral_time=4", "train": "ppo lake --size small",
-    "experiment": "cross-dataset lake -o out --workers 1",
+    "regress": "lake one --policy constant-planner idm-planner", "experiment": "cross-dataset lake -o out --workers 1",
     "export": "lake one out", "pack": "lake one packed",
     "publish": "lake --iceberg catalog", "check": "lake", "fsck": "lake --deep", "compact": "lake",
     "vacuum": "lake --keep-last 1", "doctor": "lake", "compile": "",

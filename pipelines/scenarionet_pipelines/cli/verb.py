@@ -61,9 +61,9 @@ class Parameter:
         else:
             settings.setdefault("type", str if is_tuple else wanted)
             settings.setdefault("show_default", default is not None)
-            settings["required"] = default is None and not (is_union or is_tuple)
+            settings["required"] = default is None and not is_union and ("nargs" in settings or not is_tuple)
         spellings = self.spellings or ("--" + name.replace("_", "-"),)
-        return click.Option([*spellings, name], multiple=is_tuple, **settings)
+        return click.Option([*spellings, name], multiple=is_tuple and "nargs" not in settings, **settings)
 
 
 def argument(metavar: str | None = None, **settings: Any) -> Any:
