@@ -19,7 +19,7 @@ ALSO_ALLOWED = {"CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "SECURITY.md"
 LAYERS = (
     "errors", "version", "public_names", "cards", "optional_imports", "compiled", "arrays", "schema", "scenario",
     "building", "statistics", "codec", "ingest", "procedural", "converters", "execution", "interchange", "storage",
-    "databases", "query", "operations", "loader", "samples", "forecasts", "quality", "catalogue",
+    "databases", "query", "operations", "loader", "samples", "forecasts", "embeddings", "quality", "catalogue",
     "packs", "export", "publishing", "maintenance", "conversion", "variations", "logical", "lake", "plots",
     "display", "testing",
 )  # fmt: skip

@@ -22,10 +22,10 @@ class Group(NamedTuple):
 
 GROUPS = {
     "db": Group(
-        "Databases and user columns: combine, compare, trace, update, rename, tag.",
+        "Databases and user columns: combine, compare, trace, update, rename, tag, embed.",
         (
             "intersect", "subtract", "diff", "overlap", "stats", "lineage", "rebuild", "rebase", "copy", "rename",
-            "drop", "checkout", "tag", "catalogue",
+            "drop", "checkout", "tag", "embed", "similar", "catalogue",
         ),
     ),
     "runs": Group(

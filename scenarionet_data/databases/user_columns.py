@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -27,6 +28,10 @@ from scenarionet_data.storage.integrity import seals
 
 _FOLDER = "layers"
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
+_VECTOR = re.compile(r"fixed_size_list<\w+: float( not null)?>\[\d+\]")
+_VALUES: dict[str, Any] = {"compression": "zstd"}
+_VECTORS: dict[str, Any] = {"compression": "none", "use_dictionary": False, "row_group_size": 65_536}
+"""Floats hardly compress, and a search reads all of them: without decoding, and in as many threads as there are."""
 _RESERVED = {"weight", "position", "place", "parent"}
 """Columns of database members that ``metadata`` does not have."""
 
@@ -112,13 +117,13 @@ def read(files: LakeFiles, name: str, version: int) -> UserColumn:
     Raises:
         LakeError: Its file is missing or damaged.
     """
-    footer = files.footer(_path(name, version)).metadata or {}
+    footer = files.footer(file_name(name, version)).metadata or {}
     try:
         column = UserColumn(**json.loads(footer[b"scenarionet.layer"]))
         if {field.name: type(getattr(column, field.name)).__name__ for field in fields(column)} != _TYPES:
             raise TypeError("an entry has another type")
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise damaged(files.url(_path(name, version)), "its footer does not describe a user column") from error
+        raise damaged(files.url(file_name(name, version)), "its footer does not describe a user column") from error
     return column
 
 
@@ -129,12 +134,17 @@ def parse(references: Iterable[str]) -> dict[str, int]:
 
 def copy_rows(source: LakeFiles, target: LakeFiles, name: str, version: int, scenario_ids: pa.Array) -> str:
     """Copy a version of a user column, with the values of some scenarios, to another lake; return its file name."""
-    path = _path(name, version)
-    rows = source.read(path)
+    file = file_name(name, version)
+    rows = source.read(file)
     rows = rows.filter(pc.is_in(rows["scenario_id"], value_set=scenario_ids))
     column = replace(read(source, name, version), count=rows.num_rows - rows[name].null_count)
-    target.publish(_write(target, rows, column), path)
-    return path
+    target.publish(_write(target, rows, column), file)
+    return file
+
+
+def is_vector(column: UserColumn) -> bool:
+    """Whether a user column has a vector of float32 for each scenario, all of one length: an embedding."""
+    return bool(_VECTOR.fullmatch(column.type))
 
 
 def check_name(name: str) -> None:
@@ -156,7 +166,7 @@ def publish(files: LakeFiles, rows: pa.Table, column: UserColumn) -> bool:
     """Write a version of a user column unless it exists; return whether this call wrote it."""
     written = _write(files, rows, column)
     try:
-        return files.publish_new(_path(column.name, column.version), written)
+        return files.publish_new(file_name(column.name, column.version), written)
     finally:
         written.unlink(missing_ok=True)
 
@@ -166,10 +176,12 @@ def _write(files: LakeFiles, values: pa.Table, column: UserColumn) -> Path:
     temporary = files.temporary()
     footer = {"scenarionet.layer": json.dumps(asdict(column)), **tables.SEALED}
     with writing(temporary, temporary):
-        pq.write_table(values.replace_schema_metadata(footer), temporary, compression="zstd", write_page_checksum=True)
-        seals.seal(temporary, files.place_to_write(_path(column.name, column.version)))
+        rows, storage = values.replace_schema_metadata(footer), _VECTORS if is_vector(column) else _VALUES
+        pq.write_table(rows, temporary, write_page_checksum=True, **storage)
+        seals.seal(temporary, files.place_to_write(file_name(column.name, column.version)))
     return temporary
 
 
-def _path(name: str, version: int) -> str:
+def file_name(name: str, version: int) -> str:
+    """Return the file of a version of a user column."""
     return f"{_FOLDER}/{name}/{version}.parquet"

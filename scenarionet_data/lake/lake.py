@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from scenarionet_data.cards import HasCard
 from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.databases.user_columns import UserColumn
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.lake.database import Database
 from scenarionet_data.operations.combine import Combining
@@ -119,20 +120,87 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
         """
         return diff(self, before, after)
 
-    def overlap(self, *databases: DatabaseRecord | str, kinds: Sequence[str] | None = None) -> list[DatabaseOverlap]:
+    def overlap(
+        self, *databases: DatabaseRecord | str, kinds: Sequence[str] | None = None, embedding: str | None = None
+    ) -> list[DatabaseOverlap]:
         """Find what two or more databases share, pair by pair: scenarios, contents, logs, seconds of a log, drives.
 
         Args:
             *databases: The databases; this snapshot describes their members.
             kinds: Rules of ``sql/overlaps``, all by default. Only ``near_duplicate`` reads tracks.
+            embedding: Find near-duplicates among the nearest by this user column instead, also those that are moved,
+                turned, noisier, a second later, or lack some road users; see :meth:`embed`.
 
         Returns:
             One result per pair and rule, including empty ones.
 
         Raises:
             UnknownQuery: No such rule.
+            BadParameter: No such embedding, or it has no vector of a member.
         """
-        return overlap(self, *databases, kinds=kinds)
+        if embedding is None:
+            return overlap(self, *databases, kinds=kinds)
+        from scenarionet_data.embeddings.duplicates import embedding_overlap
+
+        if kinds is not None:
+            raise BadParameter("give kinds, or an embedding, whose near-duplicates are a rule of their own")
+        return embedding_overlap(self, databases, embedding)
+
+    # --- embeddings -----------------------------------------------------------------------------------
+
+    def embed(
+        self,
+        name: str,
+        database: DatabaseRecord | str | None = None,
+        *,
+        model: str = "features",
+        replace: bool = False,
+        on_progress: Progress | None = None,
+    ) -> UserColumn:
+        """Add a user column with a vector for each scenario; call :meth:`refresh` to query it.
+
+        Args:
+            name: Name of the column.
+            database: Embed only its members; others have no vector.
+            model: ``"features"``: 64 numbers that are computed by hand, see
+                :mod:`scenarionet_data.embeddings.features`.
+            replace: Add a version if the user column exists.
+            on_progress: Called after each scenario.
+
+        Returns:
+            The user column; its source has the hash of the model.
+
+        Raises:
+            BadParameter: No such model, no scenarios, or a vector that is not finite.
+            UserColumnExists: The user column exists and ``replace`` is False.
+        """
+        from scenarionet_data.embeddings.embed import embed, find_model
+
+        return embed(self, name, find_model(model), database, replace=replace, on_progress=on_progress)
+
+    def similar(
+        self, scenario_id: str, k: int = 10, *, by: str | None = None, database: DatabaseRecord | str | None = None
+    ) -> pl.DataFrame:
+        """Return the scenarios whose vectors lie nearest to that of another, the nearest first.
+
+        Args:
+            scenario_id: The other, which is left out; see :meth:`describe`.
+            k: How many.
+            by: The embedding, by default the only one of the lake.
+            database: Search only its members.
+
+        Returns:
+            scenario_id and distance (Euclidean, of vectors).
+
+        Raises:
+            BadParameter: No such embedding, or the scenario has no vector.
+            ScenarioNotFound: No such scenario.
+        """
+        import polars
+
+        from scenarionet_data.embeddings.search import similar
+
+        return polars.DataFrame(similar(self, scenario_id, k, by, database))
 
     def mine(
         self,

@@ -60,6 +60,9 @@ db checkout lake these@1
 db drop lake these
 db catalogue lake -o catalogue
 db tag lake fast --where "ego_max_speed > 5"
+db embed lake --name v
+db similar lake pg/v2/3 --by v
+db overlap lake busy few --embedding v
 runs compare lake idm replay
 runs verify lake idm --workers 2
 runs films lake idm -o films

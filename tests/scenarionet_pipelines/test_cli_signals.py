@@ -166,6 +166,7 @@ COMMANDS = {
     "browse": "lake --port 0", "report": "lake -o report.html", "filter": "lake --name x", "filters": "",
     "split": "lake --fractions a=0.5 b=0.5", "sample": "lake -n 2 --name x",
     "vary": "lake one --name x -p ego.start=0:1 --number 2 --workers 1", "tag": "lake x --file rows.csv",
+    "embed": "lake --name v", "similar": "lake made/v1/1 --by vectors",
     "merge": "lake one two --name x", "intersect": "lake one two --name x",
     "subtract": "lake one two --name x --allow-empty",
     "diff": "lake one two", "overlap": "lake one two", "lineage": "lake one", "rebuild": "lake one",
@@ -203,6 +204,7 @@ def test_sigterm_at_any_time_ends_every_verb(name, lake, tmp_path):
     for one in ("true", "num_objects > 0"):
         opened.filter(one, name="one", replace=True)
     opened.filter("num_objects > 2", name="two")
+    opened.embed("vectors")
     for before_or_after in ("before", "after") if name in ("runs compare", "runs verify", "runs films") else ():
         evaluate(lake, policy="replay", name=before_or_after)
     ids = opened.sql("SELECT scenario_id FROM metadata")["scenario_id"]

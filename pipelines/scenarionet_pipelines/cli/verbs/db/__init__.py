@@ -151,19 +151,22 @@ class OverlapVerb(LakeVerb):
 
     The rules are SQL files in sql/overlaps: the same scenario, the same content under another id, scenarios from the
     same recording, scenarios that overlap in time, and scenarios with the same ego trajectory. The last one reads
-    tracks.
+    tracks. --embedding finds near-duplicates instead, also those that are moved, turned, noisier, a second later, or
+    lack some road users: among the nearest by a column that `db embed` wrote, by comparing their motion.
     """
 
     examples = (
         "scenarionet db overlap lake busy_train busy_val",
         "scenarionet db overlap lake train val test --only same_log --strict",
+        "scenarionet db overlap lake train val --embedding v",
     )
     databases: tuple[str, ...] = DATABASES
     only: tuple[str, ...] = option("Apply only this rule; repeatable.", metavar="RULE")
+    embedding: str | None = option("Find near-duplicates among the nearest by this embedding.", metavar="NAME")
     strict: bool = option("Exit with code 1 if anything is shared.")
 
     def run(self) -> bool:
-        found = self.open().overlap(*self.databases, kinds=self.only or None)
+        found = self.open().overlap(*self.databases, kinds=self.only or None, embedding=self.embedding)
         is_clean, rows = not any(each.examples for each in found), []
         for each in found:
             # The first example: the shared key and, unless it is the key itself, a scenario of each database.
