@@ -24,9 +24,12 @@ from scenarionet_sim.worlds.world import World
 
 Kept = TypeVar("Kept")
 
-_BEFORE = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 _AFTER = (0.2, 1.0, 3.0)
-"""Seconds before and after a contact at which windows are tried to begin and to end."""
+_SHARES = (0.125, 0.25, 0.5, 0.75)
+"""Where a scenario is tried to end: seconds after a contact; of other failures, shares of its length."""
+
+_LENGTHS = (1.2, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
+"""Lengths of the windows that are tried [s]."""
 
 
 @dataclass(frozen=True)
@@ -143,10 +146,13 @@ def reduce_failure(job: ReductionJob) -> Reduction | None:
     partners = [row for row in others if scenario.tracks.ids[row] == whole.partner]
     if len(others) > len(partners) and not fails_alike(_with_rows(scenario, [ego, *partners])):
         fewest(others, lambda rows: fails_alike(_with_rows(scenario, [ego, *rows])))
-    if math.isfinite(whole.time):
-        fewer, time = found[-1], failures[-1].time
-        windows = (each for before in _BEFORE for after in _AFTER for each in _window(fewer, time, before, after))
-        any(map(fails_alike, windows))  # up to the first, which begins last
+    fewer, time, length = found[-1], failures[-1].time, float(scenario.timestamps[-1])
+    ends = [time + after for after in _AFTER] if math.isfinite(time) else [share * length for share in _SHARES]
+    for end in ends:
+        if any(map(fails_alike, _window(fewer, 0.0, end))):
+            break
+    end = float(found[-1].timestamps[-1])
+    any(fails_alike(each) for length in _LENGTHS for each in _window(found[-1], end - length, end))  # up to the first
     return Reduction(tuple(found), tuple(failures))
 
 
@@ -178,12 +184,11 @@ def _with_rows(scenario: ScenarioDescription, rows: Sequence[int]) -> ScenarioDe
     )
 
 
-def _window(scenario: ScenarioDescription, time: float, before: float, after: float) -> list[ScenarioDescription]:
-    """The scenario around a time, with the ego as it was recorded when it begins; none if it is not there then."""
+def _window(scenario: ScenarioDescription, begin: float, end: float) -> list[ScenarioDescription]:
+    """The scenario between two times, with the ego as it was recorded; none if it is not there, or it is no less."""
     times = scenario.timestamps
-    first = max(int(np.searchsorted(times, time - before)), 0)
-    last = min(int(np.searchsorted(times, time + after)), len(times) - 1)
-    is_shorter = last - first < len(times) - 1
-    if not is_shorter or not scenario.tracks.valid[scenario.ego_index, first]:
+    first = max(int(np.searchsorted(times, begin - 1e-6)), 0)
+    last = min(int(np.searchsorted(times, end - 1e-6)), len(times) - 1)
+    if last - first >= len(times) - 1 or last <= first or not scenario.tracks.valid[scenario.ego_index, first]:
         return []
     return [cut_out(scenario, MomentWindow("failure", first, last), 0.0)]
