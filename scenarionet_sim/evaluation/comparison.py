@@ -49,6 +49,9 @@ CONDITIONS = (
 )
 """Conditions of runs that should be the same: key of the description, title, and value of runs that do not have it."""
 
+MADE = ("reference-", "regression-")
+"""Beginnings of the names of runs that are made beside those of users."""
+
 ALL = "all"
 """Group of all scenarios."""
 
@@ -182,7 +185,7 @@ def compare_runs(
     known = lake.sql("SELECT DISTINCT run FROM results ORDER BY run")["run"].to_list()
     unknown = [run for run in runs if run not in known]
     if unknown:
-        raise BadParameter(f"the lake has no run {unknown[0]!r}; it has {', '.join(known) or 'none'}")
+        raise BadParameter(f"the lake has no run {unknown[0]!r}; it has {runs_in_words(known)}")
     rows = _rows(lake, runs, where, by, judged_by)
     if event is not None:
         ids = lake.select(events=[event]).scenario_ids
@@ -205,6 +208,18 @@ def compare_runs(
         if len(set(values.values())) > 1:
             notes.append(f"{condition} differs: " + ", ".join(f"{run} {value}" for run, value in values.items()))
     return RunComparison(tuple(runs), tuple(metrics), judged_by, tuple(notes), tuple(better), tuple(worse))
+
+
+def runs_in_words(names: Sequence[str]) -> str:
+    """Return the names of runs for a message; those that were made beside others are counted.
+
+    Example:
+        >>> runs_in_words(["before", "after", "reference-idm-0123456789ab", "regression-0123456789ab-0000-01234567"])
+        'before, after, and 2 made by the software'
+    """
+    own = [name for name in names if not name.startswith(MADE)]
+    made = [f"and {len(names) - len(own)} made by the software"] if len(own) < len(names) else []
+    return ", ".join([*own, *made]) or "none"
 
 
 def _rows(lake: Lake, runs: Sequence[str], where: str, by: str | None, judged_by: str) -> pl.DataFrame:

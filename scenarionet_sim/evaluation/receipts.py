@@ -25,6 +25,7 @@ from scenarionet_data.execution.progress import Progress
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.drivers.own_process import executor_of
+from scenarionet_sim.evaluation.comparison import runs_in_words
 from scenarionet_sim.evaluation.evaluation import PART_SIZE, RULE, Evaluation, EvaluationJob, scenarios_of, simulate
 from scenarionet_sim.rollouts.parts import parts_of, run_parts
 
@@ -149,7 +150,7 @@ def make_receipt(lake: Lake | str | Path, run: str) -> Receipt:
     lake = lake if isinstance(lake, Lake) else Lake(lake)
     names = evaluation_runs.names(lake.files)
     if run not in names:
-        raise BadParameter(f"the lake has no run {run!r}; it has {', '.join(names) or 'none'}")
+        raise BadParameter(f"the lake has no run {run!r}; it has {runs_in_words(names)}")
     description = evaluation_runs.describe(lake.files, run)
     if "policy" not in description or "snapshot" not in description:
         raise BadParameter(f"{run!r} is no run of `scenarionet sim`, which can be computed again")

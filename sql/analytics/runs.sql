@@ -1,4 +1,5 @@
 -- Results of simulation runs: shares of rollouts, sums of crashes, means of the other metrics. $run selects one run.
+-- Runs that were made beside others, by sim as references and by runs regress, come last.
 -- run = ""
 SELECT
     run,
@@ -35,4 +36,4 @@ SELECT
 FROM results
 WHERE $run IN ('', run)
 GROUP BY run
-ORDER BY run;
+ORDER BY run SIMILAR TO '(reference|regression)-.*', run;

@@ -9,7 +9,7 @@ from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter, QueryError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
-from scenarionet_sim.evaluation.comparison import LOWER_IS_BETTER, METRICS, RunComparison, compare_runs
+from scenarionet_sim.evaluation.comparison import LOWER_IS_BETTER, METRICS, RunComparison, compare_runs, runs_in_words
 from scenarionet_sim.evaluation.evaluation import RULE
 from tests.fixtures.drives import make_drive
 from tests.fixtures.lakes import write_lake
@@ -127,3 +127,10 @@ def test_runs_of_an_older_rule_or_another_vehicle_model_are_not_compared_without
     (note,) = compare_runs(lake, "older", "new").notes
     assert "what is scored differs: older as in older versions" in note and f"new {RULE}" in note
     assert compare_runs(lake, "new", "bullet").notes == ("the vehicle model differs: new kinematic, bullet bullet",)
+
+
+def test_runs_that_were_made_beside_others_are_counted_and_listed_last():
+    made = ["reference-idm-0123456789ab", "regression-0123456789ab-0000-01234567"]
+    assert runs_in_words(["a", *made, "z"]) == "a, z, and 2 made by the software"
+    assert runs_in_words(["a"]) == "a" and runs_in_words(made) == "and 2 made by the software"
+    assert runs_in_words([]) == "none"

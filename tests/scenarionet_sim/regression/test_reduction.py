@@ -14,7 +14,14 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim import RegressionPlan, drive_again, regress
 from scenarionet_sim.evaluation.evaluation import plan_evaluation
-from scenarionet_sim.regression.reduction import DriveOnce, ReductionJob, fewest, reduce_failure
+from scenarionet_sim.regression.reduction import (
+    DriveOnce,
+    Reduction,
+    ReductionJob,
+    fewest,
+    reduce_failure,
+    smallest_passing,
+)
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 
@@ -99,3 +106,14 @@ def test_the_folder_of_failures_fails_for_the_new_policy_and_passes_for_the_old_
 def test_failures_of_random_policies_are_not_reduced(crowded, tmp_path):
     found = regress(crowded, "both", RegressionPlan("idm-planner", "random"), folder=tmp_path / "failures")
     assert found.reproductions == () and "random, by its seed" in found.notes[0]
+
+
+def test_the_smallest_scenario_that_the_old_policy_passes_is_taken(crowded):
+    """It may fail smaller ones, too: what has been left out may have been what saves it."""
+    evaluation = plan_evaluation(crowded, "both", "constant-planner", tracker="perfect")
+    of_name = {each.id.rpartition("/")[2]: each for each in ScenarioLoader(crowded, "both")}
+    crash, free = of_name["crash"], of_name["free"]
+    failure = DriveOnce(evaluation)(crash)
+    for scenarios, number in (((crash, free, free), 2), ((free, free, crash), 1), ((crash, crash), 0)):
+        reduction = Reduction(scenarios, (failure,) * len(scenarios))
+        assert smallest_passing((evaluation, reduction)) == (scenarios[0].id, number)

@@ -48,6 +48,8 @@ def test_a_planner_that_brakes_late_is_found_and_what_is_known_is_not_simulated_
     worst = judgement.clusters[0]
     assert worst.kind == "collision with a vehicle, ahead" and worst.failures[0].change < 0
     assert (found.old.simulated, found.new.simulated) == (150, 150)
+    evaluate(cut_ins, Lake(cut_ins).database("cut_ins").scenario_ids[:1], policy="constant", name="steady")
+    assert Lake(cut_ins).named_query("runs")["run"][0] == "steady", "after it those that were made beside"
     again = regress(cut_ins, "cut_ins", plan)
     assert (again.old.simulated, again.new.simulated) == (0, 0) and again.judgement == judgement
 
@@ -109,15 +111,15 @@ def test_the_command_exits_with_the_verdict(generated):
     def regressed(*words):
         return run("runs", "regress", generated, "all_of_it", "--quiet", *words)
 
-    same = regressed("--policy", "idm-planner", "idm-planner")
+    same = regressed("--policy", "constant", "constant")
     assert same.exit_code == 0 and "new is no worse" in same.output
-    worse = regressed("--policy", "log-planner", "random", "--primary", "route_completion", "--json")
+    worse = regressed("--policy", "idm", "random", "--primary", "route_completion", "--json")
     told = json.loads(worse.stdout)
     assert worse.exit_code == 1 and told["judgement"]["verdict"] == "worse"
     assert told["sentence"].startswith("new is significantly worse")
-    unknown = regressed("--policy", "idm-planner", "lane-graph", "--level", "0.0001")
+    unknown = regressed("--policy", "idm", "constant", "--level", "0.0001")
     assert unknown.exit_code == 2 and "undecided, about" in unknown.output
-    assert regressed("--policy", "idm-planner").exit_code == 2, "one policy"
+    assert regressed("--policy", "idm").exit_code == 2, "one policy"
 
 
 @pytest.mark.long

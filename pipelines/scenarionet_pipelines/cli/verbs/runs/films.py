@@ -37,6 +37,7 @@ class FilmsVerb(LakeVerb, Progressing):
         from scenarionet_data import ScenarioLoader, resample
         from scenarionet_data.plots import Drawing, Scene
         from scenarionet_sim import rollout_moments
+        from scenarionet_sim.evaluation.comparison import runs_in_words
         from scenarionet_sim.worlds.world import STEP
 
         opened = self.open()
@@ -47,7 +48,7 @@ class FilmsVerb(LakeVerb, Progressing):
         wanted = opened.sql(query, {"run": self.run_name})["scenario_id"].to_list()[: self.limit]
         runs = opened.sql("SELECT DISTINCT run FROM results ORDER BY run")["run"].to_list()
         if self.run_name not in runs:
-            raise BadParameter(f"no run {self.run_name!r} in this lake; there are: {', '.join(runs) or 'none'}")
+            raise BadParameter(f"no run {self.run_name!r} in this lake; there are: {runs_in_words(runs)}")
         folder = Path(self.folder)
         folder.mkdir(parents=True, exist_ok=True)
         paths = {each: folder / f"{each.replace('/', '_')}.{self.suffix}" for each in wanted}
