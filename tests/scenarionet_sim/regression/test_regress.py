@@ -73,6 +73,9 @@ def test_equal_code_on_equal_scenarios_drives_alike_and_only_others_are_simulate
     assert len(driven(fresh.runs)) == 14 and driven(every.runs) == driven(fresh.runs)
     other = find_outcomes(plan_evaluation(generated, None, "constant-planner", traffic="idm"))
     assert other.reused == 0, "other conditions"
+    convert("pg", "12:14", generated, version="v1", options={"density": 3.0}, replace=True)
+    changed = find_outcomes(plan_evaluation(generated, None, "constant-planner"))
+    assert (changed.simulated, changed.reused) == (2, 12), "other content under the same id"
 
 
 def test_a_random_policy_is_found_and_simulated_each_time(generated, monkeypatch):
