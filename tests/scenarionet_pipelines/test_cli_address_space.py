@@ -68,7 +68,7 @@ runs verify lake idm --workers 2
 runs films lake idm -o films
 runs add lake lake --name again
 runs search lake cut_in --policy idm --name border -p ego_speed=25 -p lateral_time=4 --most 60 --resolution 0.2
-runs regress lake few --policy constant idm --margin 0.99 --primary route_completion
+runs regress lake few --policy constant constant --primary route_completion
 runs record lake few
 tables files lake metadata
 tables publish lake --iceberg catalog

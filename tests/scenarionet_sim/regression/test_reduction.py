@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -117,3 +118,17 @@ def test_the_smallest_scenario_that_the_old_policy_passes_is_taken(crowded):
     for scenarios, number in (((crash, free, free), 2), ((free, free, crash), 1), ((crash, crash), 0)):
         reduction = Reduction(scenarios, (failure,) * len(scenarios))
         assert smallest_passing((evaluation, reduction)) == (scenarios[0].id, number)
+
+
+def test_windows_in_which_the_contact_does_not_follow_are_not_taken(tmp_path):
+    """The recorded ego stops after 2 s, the policy goes on: it only meets the car if it begins before."""
+    drive = make_drive("stops", speed=10.0, num_steps=91, others=(STOPPED,))
+    position, velocity = drive.tracks.position.copy(), drive.tracks.velocity.copy()
+    position[0, 20:], velocity[0, 20:] = position[0, 20], 0.0
+    stops = replace(drive, tracks=replace(drive.tracks, position=position, velocity=velocity))
+    lake = write_lake(tmp_path / "lake", [stops])
+    reduction = reduce_failure(
+        ReductionJob(plan_evaluation(lake, None, "constant-planner", tracker="perfect"), stops.id)
+    )
+    assert len({(each.kind, each.partner) for each in reduction.failures}) == 1
+    assert [round(float(each.timestamps[-1]), 1) for each in reduction.scenarios] == [9.0, 5.8, 4.0]
