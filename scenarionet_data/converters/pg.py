@@ -285,7 +285,7 @@ def map_features(road_map: RoadMap) -> MapBuilder:
                 MapFeatureType.LANE_SURFACE_STREET,
                 polyline=lane.samples[0] * side,
                 polygon=lane.outline(half) * side,
-                speed_limit=road_map.road.speed_limit,
+                speed_limit=lane.speed_limit or road_map.road.speed_limit,
                 width=(half, half),
                 entry_lanes=entries[lane.id],
                 exit_lanes=exits[lane.id],

@@ -12,17 +12,19 @@ from shapely import Polygon
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.procedural import sections
+from scenarionet_data.procedural.bottlenecks import bidirection, bottleneck, split
 from scenarionet_data.procedural.drawn_map import DrawnMap
 from scenarionet_data.procedural.drive import drive
 from scenarionet_data.procedural.flow import LATEST, flow
 from scenarionet_data.procedural.graph import LaneGraph, make_graph, signal_rows
-from scenarionet_data.procedural.intersection import intersection, t_intersection
+from scenarionet_data.procedural.intersection import intersection, t_intersection, u_turn
 from scenarionet_data.procedural.options import BLOCK_NAMES, LETTERS, GeneratorOptions
 from scenarionet_data.procedural.parking import add_parking
 from scenarionet_data.procedural.path import Pose
-from scenarionet_data.procedural.population import WARM_UP, Obstacle, Population, boxes, place_construction, populate
+from scenarionet_data.procedural.plazas import TOLL_ROOM, parking_lot, toll_gate
+from scenarionet_data.procedural.population import WARM_UP, Population, boxes, place_construction, populate
 from scenarionet_data.procedural.right_of_way import CAUTION, GO, STOP
-from scenarionet_data.procedural.roadmap import Block, Road, RoadMap, Socket
+from scenarionet_data.procedural.roadmap import Block, Obstacle, Road, RoadMap, Socket
 from scenarionet_data.procedural.roundabout import roundabout
 from scenarionet_data.procedural.sections import add_road, ids_of
 from scenarionet_data.procedural.sidewalks import add_crossings, people_on
@@ -57,6 +59,7 @@ def generate(seed: int, options: GeneratorOptions, drawn: DrawnMap | None = None
     road_map = make_map(options, rng) if drawn is None else drawn.with_ends(rng)
     graph = make_graph(road_map)._replace(flows=options.version != "v1")
     graph, obstacles = place_construction(road_map, graph, options.construction, rng)
+    obstacles += [each for block in road_map.blocks for each in block.obstacles]
     _, rows = signal_rows(road_map.lanes)
     if options.version == "v1":
         population = populate(road_map, graph, options, rng)
@@ -112,8 +115,16 @@ _PLAIN: dict[str, Callable[[Block, Socket, np.random.Generator], None]] = {
     "on_ramp": sections.on_ramp,
     "off_ramp": sections.off_ramp,
     "roundabout": roundabout,
+    "parking_lot": parking_lot,
+    "toll_gate": toll_gate,
 }
-_CROSSING = {"intersection": intersection, "t_intersection": t_intersection}
+_CROSSING = {
+    "intersection": intersection,
+    "t_intersection": t_intersection,
+    "u_turn": u_turn,
+    "bidirection": bidirection,
+}
+_BOTTLENECKS = {"split": split, "bottleneck": bottleneck}
 _ATTEMPTS = 30
 _MAPS = 200
 _MAX_RING_LANES = 2
@@ -147,7 +158,9 @@ def make_map(options: GeneratorOptions, rng: np.random.Generator) -> RoadMap:
     raise BadParameter(
         f"{options.sequence or f'{options.num_blocks} of blocks={options.blocks!r}'} "
         f"on roads of {options.min_lanes} to {options.max_lanes} "
-        f"lanes never fit together (a roundabout has at most {_MAX_RING_LANES} lanes); allow other blocks, or fewer"
+        f"lanes never fit together (a roundabout has at most {_MAX_RING_LANES} lanes, shared lanes and car parks have "
+        f"one each way, a bottleneck needs another number of lanes, a toll gate lanes of {TOLL_ROOM:g} m); "
+        "allow other blocks, or fewer"
     )
 
 
@@ -155,11 +168,18 @@ def _draw_block(
     options: GeneratorOptions, rng: np.random.Generator, empty: Block, end: Socket, surface: list[Polygon]
 ) -> Block:
     """Return the first random block that fits the end and the surface of the roads so far, or else ``empty``."""
-    forward, weights = len(end.forward), dict(options.weights)
+    forward, backward, weights = len(end.forward), len(end.backward), dict(options.weights)
+    fewest, most = sorted((forward, backward))
+    room = {"split": options.max_lanes - most, "bottleneck": fewest - options.min_lanes}
     for name, is_excluded in (
         ("fork", forward >= options.max_lanes),
         ("merge", forward <= options.min_lanes),
-        ("roundabout", forward != len(end.backward) or forward > _MAX_RING_LANES),
+        ("roundabout", forward != backward or forward > _MAX_RING_LANES),
+        ("split", room["split"] < 1),
+        ("bottleneck", room["bottleneck"] < 1),
+        ("bidirection", most > 1),
+        ("parking_lot", most > 1),
+        ("toll_gate", options.lane_width < TOLL_ROOM),
     ):
         weights[name] *= not is_excluded
     total = sum(weights.values())
@@ -168,6 +188,8 @@ def _draw_block(
         block = Block(name, empty.index, empty.road)
         if name in _CROSSING:
             _CROSSING[name](block, end, rng, bool(rng.random() < options.lights))
+        elif name in _BOTTLENECKS:
+            _BOTTLENECKS[name](block, end, rng, room[name])
         else:
             _PLAIN[name](block, end, rng)
         common = shapely.area(shapely.intersection(np.array(block.footprint)[:, None], np.array(surface)))

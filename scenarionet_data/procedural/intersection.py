@@ -9,18 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from shapely import Polygon
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.procedural.path import Pose, connect
+from scenarionet_data.procedural.path import Pose, connect, turn_around
 from scenarionet_data.procedural.roadmap import Block, Lane, Socket
 from scenarionet_data.procedural.sections import EDGE, add_road
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 CORNER = 8.0  # [m] radius of a curb return
 LEAD = 5.5  # [m] from the stop line to where turning starts: room for the crosswalk
+LEAD_BACK, TIGHTEST = 8.0, 5.0  # [m] the same, and the least radius, for those who turn around
 CROSSWALK = (1.5, 4.5)  # [m] a crosswalk's near and far side, from the stop line
 
 
@@ -56,6 +58,12 @@ def intersection(block: Block, socket: Socket, rng: np.random.Generator, has_lig
     _cross(block, socket, rng, arms=(0, 1, 2, 3), leave=int(rng.integers(1, 4)), has_lights=has_lights)
 
 
+def u_turn(block: Block, socket: Socket, rng: np.random.Generator, has_lights: bool) -> None:
+    """Add a crossing of four roads on which traffic may turn around; the ego leaves by any of the other three."""
+    leave = int(rng.integers(1, 4))
+    _cross(block, socket, rng, arms=(0, 1, 2, 3), leave=leave, has_lights=has_lights, turns_around=True)
+
+
 def t_intersection(block: Block, socket: Socket, rng: np.random.Generator, has_lights: bool) -> None:
     """Add a junction of three roads; the missing arm and the arm the ego leaves by are random."""
     missing = int(rng.integers(1, 4))
@@ -63,12 +71,10 @@ def t_intersection(block: Block, socket: Socket, rng: np.random.Generator, has_l
     _cross(block, socket, rng, arms=arms, leave=int(rng.choice(arms[1:])), has_lights=has_lights)
 
 
-def _cross(
-    block: Block, socket: Socket, rng: np.random.Generator, arms: tuple[int, ...], leave: int, has_lights: bool
-) -> None:
+def _cross(block: Block, socket: Socket, rng: np.random.Generator, *, arms: tuple[int, ...], **how: Any) -> None:
     approach = add_road(block, "a", socket, ((rng.uniform(25.0, 55.0), 0.0),))
     side = int(rng.integers(1, len(socket.forward) + 1))
-    cross(block, approach, arms, side, lambda: rng.uniform(25.0, 60.0), leave=leave, has_lights=has_lights)
+    cross(block, approach, arms, side, lambda: rng.uniform(25.0, 60.0), **how)
 
 
 def cross(
@@ -80,6 +86,7 @@ def cross(
     *,
     leave: int = 2,
     has_lights: bool = False,
+    turns_around: bool = False,
 ) -> None:
     """Add a crossing to the end of a road.
 
@@ -91,9 +98,10 @@ def cross(
         length: Returns the length of the next arm [m].
         leave: The arm that is the exit of the block.
         has_lights: Whether lights control it.
+        turns_around: Whether leftmost lanes lead back as well; it needs all four arms.
     """
     placed = _place_arms(block, approach, arms, side)
-    turns = _add_turns(block, placed, has_lights)
+    turns = _add_turns(block, placed, has_lights, turns_around)
     for turn in turns:
         if turn.start == 0:
             block.link(approach.forward[turn.start_lane], (turn.lane.id,))
@@ -134,15 +142,20 @@ def _place_arms(block: Block, approach: Socket, numbers: tuple[int, ...], side: 
     return arms
 
 
-def _add_turns(block: Block, arms: list[Arm], has_lights: bool) -> list[Turn]:
+def _add_turns(block: Block, arms: list[Arm], has_lights: bool, turns_around: bool) -> list[Turn]:
     """Add the turning lanes."""
     through = _through_axis(arms)
     return [
         _add_turn(block, start, i, end, j, has_lights, through)
         for start in arms
         for i in range(start.num_in)
-        for end, j in _targets(start, i, arms)
+        for end, j in _targets(start, i, arms) + _back(start) * (turns_around and i == 0)
     ]
+
+
+def _back(arm: Arm) -> list[tuple[Arm, int]]:
+    """Where those who turn around leave: the outermost lane for which they need not swing out, or the leftmost."""
+    return [(arm, min(arm.num_out - 1, 2))]
 
 
 def _through_axis(arms: list[Arm]) -> int:
@@ -173,12 +186,12 @@ def _add_turn(block: Block, start: Arm, i: int, end: Arm, j: int, has_lights: bo
     width = block.road.lane_width
     first = start.pose.moved(0.0, (i + 0.5) * width, math.pi)
     last = end.pose.moved(0.0, -(j + 0.5) * width)
-    rank = {1: 1, 2: 2, 3: 0}[(end.number - start.number) % 4]
+    rank = {0: 0, 1: 1, 2: 2, 3: 0}[(end.number - start.number) % 4]
     if not has_lights and start.number % 2 == through:
         rank += 3
     lane = block.add_lane(
         f"x{start.number}{i}-{end.number}{j}",
-        connect(first, last, LEAD),
+        turn_around(first, last, LEAD_BACK, TIGHTEST) if start is end else connect(first, last, LEAD),
         junction=block.index,
         rank=rank,
         axis=start.number % 2 if has_lights else -1,

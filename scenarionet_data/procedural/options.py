@@ -18,11 +18,19 @@ BLOCK_NAMES = (
     "off_ramp",
     "fork",
     "merge",
+    "bidirection",
+    "split",
+    "bottleneck",
+    "parking_lot",
+    "toll_gate",
+    "u_turn",
 )
 
 VERSIONS = "v1", "v2"
-LETTERS = dict(zip("SCXTOrRYy", BLOCK_NAMES, strict=True))
-"""Names of blocks by MetaDrive's letters: straight, curve, crossings, roundabout, ramps in and out, fork and merge."""
+LETTERS = dict(zip("SCXTOrRFfBYyP$U", BLOCK_NAMES, strict=True))
+"""Names of blocks by MetaDrive's letters. Its bottlenecks Y and y change both directions, our fork and merge one."""
+_DEFAULT = "straight=2 curve=4 intersection=1.2 t_intersection=1.2 roundabout=1.2 on_ramp=2 off_ramp=2 fork=2 merge=2"
+_ALL = f"{_DEFAULT} bidirection=1.2 split=2 bottleneck=2 parking_lot=1.2 toll_gate=1.2 u_turn=1.2"
 
 
 def _option(default: Any, doc: str) -> Any:
@@ -42,13 +50,12 @@ class GeneratorOptions:
     )
     num_blocks: int = _option(2, "Road blocks after the straight road the ego starts on.")
     blocks: str = _option(
-        "straight=2 curve=4 intersection=1.2 t_intersection=1.2 roundabout=1.2 on_ramp=2 off_ramp=2 fork=2 merge=2",
-        "How often each kind of block is drawn, as name=weight; kinds left out are never drawn.",
+        _DEFAULT, "How often each kind is drawn, as name=weight; kinds left out never are; all: every kind, at times."
     )
     sequence: str = field(
         default="",
         metadata={
-            "doc": "The blocks in their order, by MetaDrive's letters SCXTOrRYy; empty: random ones.",
+            "doc": "The blocks in their order, by MetaDrive's letters SCXTOrRFfBYyP$U; empty: random ones.",
             "is_added": True,
         },
     )
@@ -84,7 +91,7 @@ class GeneratorOptions:
             BadParameter: ``blocks`` is not a list of name=weight with a positive sum.
         """
         weights = dict.fromkeys(BLOCK_NAMES, 0.0)
-        for word in self.blocks.replace(",", " ").split():
+        for word in (_ALL if self.blocks == "all" else self.blocks).replace(",", " ").split():
             name, _, text = word.partition("=")
             if name not in weights or not text.replace(".", "", 1).isdigit():
                 raise BadParameter(f"blocks: {word!r}; wanted name=weight with a name of {', '.join(BLOCK_NAMES)}")

@@ -9,8 +9,7 @@ import shapely
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.procedural.graph import NONE, LaneGraph
-from scenarionet_data.procedural.population import Obstacle
-from scenarionet_data.procedural.roadmap import NO_JUNCTION, Block, Lane, RoadMap
+from scenarionet_data.procedural.roadmap import NO_JUNCTION, Block, Lane, Obstacle, RoadMap
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 
 DEPTH = 2.3

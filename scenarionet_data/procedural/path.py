@@ -124,6 +124,20 @@ def connect(start: Pose, end: Pose, lead: float) -> RoadPath:
     return RoadPath(start, tuple(piece for piece in pieces if piece[0] > 1e-9))
 
 
+def turn_around(start: Pose, end: Pose, lead: float, radius: float) -> RoadPath:
+    """Connect two poses beside each other, of opposite headings, by a straight and a half-turn to the left.
+
+    Where they are less than two radii apart, the path swings out to the right before the turn, and back after it: to
+    the side, arcs of ``radius`` over an angle a make 2 r cos(a) - 2 r (1 - cos(a)). The radius is ``radius`` or more.
+    """
+    apart = (end.y - start.y) * math.cos(start.heading) - (end.x - start.x) * math.sin(start.heading)
+    radius = max(radius, apart / 2.0)
+    swing = math.acos(min(1.0, (apart / radius + 2.0) / 4.0))
+    out = bend(-swing, radius)
+    pieces = ((lead, 0.0), out, bend(math.pi + 2.0 * swing, radius), out, (lead, 0.0))
+    return RoadPath(start, tuple(piece for piece in pieces if piece[0] > 1e-9))
+
+
 def _advance(x: float, y: float, heading: float, length: float, curvature: float) -> tuple[float, float, float]:
     """Pose after ``length`` on a circle, or straight on."""
     turn = curvature * length

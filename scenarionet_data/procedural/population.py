@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, RecordArray
 from scenarionet_data.procedural.graph import LANE_CHANGE_COST, NONE, LaneGraph, close_lane
 from scenarionet_data.procedural.options import GeneratorOptions
-from scenarionet_data.procedural.roadmap import NO_JUNCTION, RoadMap
+from scenarionet_data.procedural.roadmap import NO_JUNCTION, Obstacle, RoadMap
 from scenarionet_data.procedural.vehicles import VEHICLE
 from scenarionet_data.scenario.vocabulary import ObjectType
 
@@ -71,17 +70,6 @@ class Population:
         """Return some of the vehicles and people (N,)."""
         kinds, wheeled = np.array(self.kinds)[chosen].tolist(), chosen[: len(self.vehicles)]
         return Population(kinds, self.size[chosen], self.vehicles[wheeled], self.arrivals[wheeled])
-
-
-class Obstacle(NamedTuple):
-    """A stationary object: type, name, position [m], heading [rad], and length, width and height [m]."""
-
-    type: ObjectType
-    word: str
-    x: float
-    y: float
-    heading: float
-    size: tuple[float, float, float]
 
 
 def populate(
@@ -207,9 +195,10 @@ def place_construction(
     lanes, cost = graph.lanes, graph.routes.cost[0]
     is_candidate = (lanes.junction == NO_JUNCTION) & (lanes.right == NONE) & np.isfinite(cost)
     is_candidate &= (lanes.length > TAPER + WORKS + 3.0) & (lanes.conflicts_begin == lanes.conflicts_end)
+    crowded = {lane.id for block in road_map.blocks if block.obstacles for lane in block.lanes}
     candidates, closable = [], []
     for row, lane in enumerate(road_map.lanes):
-        if not is_candidate[row] or lane.id in road_map.start:
+        if not is_candidate[row] or lane.id in road_map.start or lane.id in crowded:
             continue
         candidates.append(row)
         after = graph.successors[lanes.successors_begin[row] : lanes.successors_end[row]]

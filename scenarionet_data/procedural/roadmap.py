@@ -10,14 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from shapely import Polygon
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.procedural.path import Pose, RoadPath
-from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 
 NO_JUNCTION = -1
 LINE_SPACING = 2.0  # [m] between the points of lines and lanes
@@ -120,6 +120,17 @@ class Area:
     controlled_lanes: tuple[str, ...] = ()
 
 
+class Obstacle(NamedTuple):
+    """A stationary object: type, name, position [m], heading [rad], and length, width and height [m]."""
+
+    type: ObjectType
+    word: str
+    x: float
+    y: float
+    heading: float
+    size: tuple[float, float, float]
+
+
 @dataclass(frozen=True)
 class Socket:
     """An open end of a road.
@@ -145,6 +156,7 @@ class Block:
         road: Lane width and speed limit.
         links: (lane, its successor).
         footprint: Polygons of the road surface, to keep blocks apart.
+        obstacles: What stands on it.
         exit: Open end for the next block.
     """
 
@@ -156,6 +168,7 @@ class Block:
     areas: list[Area] = field(default_factory=list)
     links: list[tuple[str, str]] = field(default_factory=list)
     footprint: list[Polygon] = field(default_factory=list)
+    obstacles: list[Obstacle] = field(default_factory=list)
     exit: Socket | None = None
 
     def add_lane(self, tag: str, path: RoadPath, **attributes: object) -> Lane:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from shapely import Polygon
 
+from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.procedural.path import PathPieces, Pose, RoadPath, bend, shift
 from scenarionet_data.procedural.roadmap import LINE_SPACING, Block, Lane, Socket
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -16,7 +17,16 @@ DIVIDER = MapFeatureType.ROAD_LINE_SOLID_DOUBLE_YELLOW
 SEPARATOR = MapFeatureType.ROAD_LINE_BROKEN_SINGLE_WHITE
 
 
-def add_road(block: Block, tag: str, socket: Socket, pieces: PathPieces, *, edge: RoadPath | None = None) -> Socket:
+def add_road(
+    block: Block,
+    tag: str,
+    socket: Socket,
+    pieces: PathPieces,
+    *,
+    edge: RoadPath | Float64 | None = None,
+    other_edge: RoadPath | Float64 | None = None,
+    separator: MapFeatureType = SEPARATOR,
+) -> Socket:
     """Continue every lane of ``socket`` along ``pieces``.
 
     Args:
@@ -25,6 +35,8 @@ def add_road(block: Block, tag: str, socket: Socket, pieces: PathPieces, *, edge
         socket: Start of the section.
         pieces: Of the reference line.
         edge: The right edge, if not parallel to the reference line.
+        other_edge: That of the other direction, in its direction.
+        separator: Type of the lines between lanes.
 
     Returns:
         The open end.
@@ -32,8 +44,13 @@ def add_road(block: Block, tag: str, socket: Socket, pieces: PathPieces, *, edge
     line = RoadPath(socket.pose, pieces)
     width = block.road.lane_width
     divider = block.add_line(f"{tag}divider", DIVIDER, line)
-    forward = _add_side(block, f"{tag}f", line, len(socket.forward), divider, edge)
-    backward = _add_side(block, f"{tag}b", line.reversed(), len(socket.backward), divider, None)
+    forward, backward = (
+        _add_side(block, f"{tag}{side}", base, len(lanes), (divider, separator), outer)
+        for side, base, lanes, outer in (
+            ("f", line, socket.forward, edge),
+            ("b", line.reversed(), socket.backward, other_edge),
+        )
+    )
     for before, lane in zip(socket.forward, forward, strict=True):
         block.link(before, (lane.id,))
     for after, lane in zip(socket.backward, backward, strict=True):
@@ -47,15 +64,22 @@ def ids_of(lanes: list[Lane]) -> tuple[tuple[str, ...], ...]:
     return tuple((lane.id,) for lane in lanes)
 
 
-def _add_side(block: Block, tag: str, line: RoadPath, count: int, divider: str, edge: RoadPath | None) -> list[Lane]:
-    """Add ``count`` lanes on the right of ``line``, in its direction."""
+def _add_side(
+    block: Block,
+    tag: str,
+    line: RoadPath,
+    count: int,
+    lines: tuple[str, MapFeatureType],
+    edge: RoadPath | Float64 | None,
+) -> list[Lane]:
+    """Add ``count`` lanes on the right of ``line``, in its direction, for a divider and a type of ``lines`` between."""
     width = block.road.lane_width
-    lanes, boundaries = list[Lane](), [divider]
+    lanes, boundaries = list[Lane](), [lines[0]]
     for i in range(count):
         lanes.append(block.add_lane(f"{tag}{i}", line.offset(-(i + 0.5) * width)))
         if i:
-            boundaries.append(block.add_line(f"{tag}line{i}", SEPARATOR, line.offset(-i * width)))
-    boundaries.append(block.add_line(f"{tag}edge", EDGE, edge or line.offset(-count * width)))
+            boundaries.append(block.add_line(f"{tag}line{i}", lines[1], line.offset(-i * width)))
+    boundaries.append(block.add_line(f"{tag}edge", EDGE, line.offset(-count * width) if edge is None else edge))
     for i, lane in enumerate(lanes):
         lane.left_boundaries, lane.right_boundaries = (boundaries[i],), (boundaries[i + 1],)
         lane.left = lanes[i - 1].id if i else None

@@ -19,18 +19,26 @@ def draw(seed, **options):
     return make_map(GeneratorOptions(**options), np.random.Generator(np.random.PCG64(seed)))
 
 
+LANES = {"B": (1, 1), "P": (1, 1), "Y": (1, 3), "Yy": (1, 3), "$": (1, 3), "U": (1, 3)}
+"""Fewest and most lanes for sequences of blocks that are drawn only on demand."""
+MAPS = [(seed, {}) for seed in range(25)] + [
+    (seed, {"sequence": sequence, "min_lanes": fewest, "max_lanes": most})
+    for sequence, (fewest, most) in LANES.items()
+    for seed in range(4)
+]
 SOME = [(name, seed) for name in BLOCK_NAMES for seed in range(3)]
 
 
 def one(name, seed):
-    options = {"min_lanes": 1, "max_lanes": 3} if name != "merge" else {"min_lanes": 1, "max_lanes": 2}
+    most = {"merge": 2, "bidirection": 1, "parking_lot": 1}.get(name, 3)
+    options = {"min_lanes": 1, "max_lanes": most}
     weights = f"{name}=1 straight=0.001"
     return draw(seed, num_blocks=1, blocks=weights, **options)
 
 
-@pytest.mark.parametrize("seed", range(25))
-def test_successive_lanes_join_smoothly(seed):
-    road_map = draw(seed)
+@pytest.mark.parametrize(("seed", "options"), MAPS)
+def test_successive_lanes_join_smoothly(seed, options):
+    road_map = draw(seed, **options)
     lanes = {lane.id: lane for lane in road_map.lanes}
     assert len(lanes) == len(road_map.lanes)
     for before, after in road_map.links:
@@ -39,9 +47,9 @@ def test_successive_lanes_join_smoothly(seed):
         assert abs(np.angle(np.exp(1j * (end.heading - start.heading)))) < 1e-9
 
 
-@pytest.mark.parametrize("seed", range(25))
-def test_lanes_overlap_only_at_splits_merges_and_crossings(seed):
-    road_map = draw(seed)
+@pytest.mark.parametrize(("seed", "options"), MAPS)
+def test_lanes_overlap_only_at_splits_merges_and_crossings(seed, options):
+    road_map = draw(seed, **options)
     lanes = road_map.lanes
     shapes = [shapely.make_valid(shapely.Polygon(lane.outline(road_map.road.lane_width / 2))) for lane in lanes]
     entries, exits = {}, {}
@@ -57,9 +65,9 @@ def test_lanes_overlap_only_at_splits_merges_and_crossings(seed):
             assert first.intersection(second).area < 0.2, (a.id, b.id)
 
 
-@pytest.mark.parametrize("seed", range(25))
-def test_ids_refer_to_the_map(seed):
-    road_map = draw(seed)
+@pytest.mark.parametrize(("seed", "options"), MAPS)
+def test_ids_refer_to_the_map(seed, options):
+    road_map = draw(seed, **options)
     lanes = {lane.id for lane in road_map.lanes}
     lines = [line.id for block in road_map.blocks for line in block.lines]
     areas = [area.id for block in road_map.blocks for area in block.areas]
@@ -83,6 +91,8 @@ def test_every_block_type_leads_to_the_goal(name, seed):
 
 def test_every_block_type_is_drawn():
     names = {block.name for seed in range(60) for block in draw(seed).blocks}
+    assert names == {"start", *BLOCK_NAMES[:9]}
+    names = {block.name for seed in range(150) for block in draw(seed, blocks="all").blocks}
     assert names == {"start", *BLOCK_NAMES}
 
 
@@ -130,7 +140,7 @@ def test_fork_adds_a_lane_and_merge_removes_one():
     assert merged.blocks[1].name in ("merge", "straight")
 
 
-@pytest.mark.parametrize("sequence", ["S", "SXO", "CrRT", "YSyC"])
+@pytest.mark.parametrize("sequence", ["S", "SXO", "CrRT", "FSfC", "$UYy"])
 def test_a_sequence_of_letters_names_the_blocks(sequence):
     names = [block.name for block in draw(3, sequence=sequence, num_blocks=7, min_lanes=1, max_lanes=2).blocks]
     assert names == ["start", *(LETTERS[letter] for letter in sequence)]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarionet_data.procedural.path import Pose, RoadPath, bend, connect, shift
+from scenarionet_data.procedural.path import Pose, RoadPath, bend, connect, shift, turn_around
 
 pieces = st.lists(st.tuples(st.floats(1.0, 60.0), st.floats(-0.05, 0.05)), min_size=1, max_size=4).map(tuple)
 poses = st.builds(Pose, st.floats(-100, 100), st.floats(-100, 100), st.floats(-3, 3))
@@ -65,3 +65,22 @@ def test_connect_reaches_the_end_pose(start, before, after, turn, side):
 def test_bend_has_the_length_of_its_arc():
     assert bend(math.pi / 2, 10.0) == pytest.approx((5 * math.pi, 0.1))
     assert bend(-math.pi / 2, 10.0)[1] == -0.1
+
+
+@given(poses, st.floats(2.8, 12.0), st.floats(0.0, 9.0))
+def test_turning_around_reaches_the_pose_beside(start, apart, lead):
+    end = start.moved(0.0, apart, math.pi)
+    path = turn_around(start, end, lead, 5.0)
+    assert math.hypot(path.end.x - end.x, path.end.y - end.y) < 1e-9
+    assert math.cos(path.end.heading - end.heading) == pytest.approx(1.0)
+    assert path.max_curvature <= 0.2 + 1e-12
+
+
+def test_turning_around_swings_out_only_where_it_has_to():
+    half_circle = turn_around(Pose(0.0, 0.0, 0.0), Pose(0.0, 12.0, math.pi), 8.0, 5.0)
+    assert half_circle.length == pytest.approx(2 * 8.0 + math.pi * 6.0)
+    narrow = turn_around(Pose(0.0, 0.0, 0.0), Pose(0.0, 3.5, math.pi), 8.0, 5.0)
+    swing = math.acos(0.675)  # 2 r cos(a) - 2 r (1 - cos(a)) = 3.5 m with r = 5 m
+    points = narrow.sample(0.01)[0]
+    assert points[:, 1].min() == pytest.approx(-2 * 5.0 * (1 - 0.675), abs=1e-3)
+    assert points[:, 0].max() == pytest.approx(8.0 + 2 * 5.0 * math.sin(swing) + 5.0, abs=1e-3)
