@@ -211,6 +211,7 @@ docs-site: install .venv/.installed-docs  ## Build the documentation site into s
 
 pictures: install  ## Make the films and the pictures of cameras and the browser in the documentation again (needs Chromium).
 	$(BIN)/python docs/make_camera_pictures.py
+	$(BIN)/python docs/make_block_pictures.py
 	$(BIN)/python docs/make_films.py
 	$(BIN)/python docs/make_page_pictures.py
 
