@@ -59,7 +59,8 @@ def generate(seed: int, options: GeneratorOptions, drawn: DrawnMap | None = None
     road_map = make_map(options, rng) if drawn is None else drawn.with_ends(rng)
     graph = make_graph(road_map)._replace(flows=options.version != "v1")
     graph, obstacles = place_construction(road_map, graph, options.construction, rng)
-    obstacles += [each for block in road_map.blocks for each in block.obstacles]
+    for block in road_map.blocks:
+        obstacles += block.obstacles
     _, rows = signal_rows(road_map.lanes)
     if options.version == "v1":
         population = populate(road_map, graph, options, rng)

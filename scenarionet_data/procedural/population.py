@@ -195,7 +195,10 @@ def place_construction(
     lanes, cost = graph.lanes, graph.routes.cost[0]
     is_candidate = (lanes.junction == NO_JUNCTION) & (lanes.right == NONE) & np.isfinite(cost)
     is_candidate &= (lanes.length > TAPER + WORKS + 3.0) & (lanes.conflicts_begin == lanes.conflicts_end)
-    crowded = {lane.id for block in road_map.blocks if block.obstacles for lane in block.lanes}
+    crowded = set[str]()
+    for block in road_map.blocks:
+        if block.obstacles:
+            crowded.update(lane.id for lane in block.lanes)
     candidates, closable = [], []
     for row, lane in enumerate(road_map.lanes):
         if not is_candidate[row] or lane.id in road_map.start or lane.id in crowded:

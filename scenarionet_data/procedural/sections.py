@@ -44,13 +44,9 @@ def add_road(
     line = RoadPath(socket.pose, pieces)
     width = block.road.lane_width
     divider = block.add_line(f"{tag}divider", DIVIDER, line)
-    forward, backward = (
-        _add_side(block, f"{tag}{side}", base, len(lanes), (divider, separator), outer)
-        for side, base, lanes, outer in (
-            ("f", line, socket.forward, edge),
-            ("b", line.reversed(), socket.backward, other_edge),
-        )
-    )
+    lines = divider, separator
+    forward = _add_side(block, f"{tag}f", line, len(socket.forward), lines, edge)
+    backward = _add_side(block, f"{tag}b", line.reversed(), len(socket.backward), lines, other_edge)
     for before, lane in zip(socket.forward, forward, strict=True):
         block.link(before, (lane.id,))
     for after, lane in zip(socket.backward, backward, strict=True):
