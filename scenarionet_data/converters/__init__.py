@@ -25,6 +25,7 @@ _BUILTIN = {
     "lyft": "scenarionet_data.converters.lyft:Lyft",
     "nuplan": "scenarionet_data.converters.nuplan:NuPlan",
     "nuscenes": "scenarionet_data.converters.nuscenes:NuScenes",
+    "openscenario": "scenarionet_data.interchange.openscenario.reader:OpenScenario",
     "pg": "scenarionet_data.converters.pg:Procedural",
     "pufferdrive": "scenarionet_data.interchange.pufferdrive.reader:PufferDrive",
     "scenarionet": "scenarionet_data.converters.scenarionet:ScenarioNetPickles",

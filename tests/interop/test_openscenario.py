@@ -12,9 +12,14 @@ import pytest
 from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.interchange import writer_for
 from scenarionet_data.interchange.base import Losses
+from scenarionet_data.interchange.files import write_files
+from scenarionet_data.interchange.openscenario.reader import OpenScenario
+from scenarionet_data.testing import ConverterConformance
+from scenarionet_sim.evaluation.adding import add_run
 from tests.interop.test_opendrive import ROOT, SOURCES, TOOLS, run
 
 PLAYER = os.environ.get("SCENARIONET_ESMINI")
+needs_esmini = pytest.mark.skipif(PLAYER is None, reason="set SCENARIONET_ESMINI to the player esmini")
 DATA = os.environ.get("SCENARIONET_TEST_DATA")
 
 pytestmark = pytest.mark.interop
@@ -49,7 +54,7 @@ def test_schema(scenarios, tmp_path, version):
     assert run(TOOLS / "python", ROOT / "tests/interop/validates.py", schema, *paths) == ""
 
 
-@pytest.mark.skipif(PLAYER is None, reason="set SCENARIONET_ESMINI to the player esmini")
+@needs_esmini
 def test_esmini_plays_what_was_recorded(scenarios, tmp_path):
     """At every recorded step every object is there, within 0.05 m (p99) and 0.10 m, and 1 degree.
 
@@ -88,7 +93,7 @@ def play(path: Path, scenario) -> dict[tuple[int, int], tuple[float, float, floa
         lines = [[word.strip() for word in line] for line in csv.reader(file)]
     head = next(number for number, line in enumerate(lines) if line[0].startswith("Index"))
     titles = [title.split("#1 ")[-1].split(" [")[0] for title in lines[head][2:] if title.startswith("#1 ")]
-    x, y, heading = map(titles.index, ("World_Position_X", "World_Position_Y", "World_Heading_Angle"))
+    columns = [*map(titles.index, ("World_Position_X", "World_Position_Y", "World_Heading_Angle", "bb_x"))]
     found = {}
     for line in lines[head + 1 :]:
         step = round(float(line[1]) / scenario.dt)
@@ -96,5 +101,70 @@ def play(path: Path, scenario) -> dict[tuple[int, int], tuple[float, float, floa
             break
         for start in range(2, len(line) - len(titles) + 1, len(titles)):
             state = line[start : start + len(titles)]
-            found[names[state[0]], step] = tuple(float(state[column]) for column in (x, y, heading))
+            x, y, heading, ahead = (float(state[column]) for column in columns)
+            found[names[state[0]], step] = x + ahead * np.cos(heading), y + ahead * np.sin(heading), heading
     return found
+
+
+@needs_esmini
+class TestReader(ConverterConformance):
+    converter = OpenScenario()
+    damaged_glob = "*.xosc"
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def raw(cls, scenarios, tmp_path_factory):
+        folder = tmp_path_factory.mktemp("raw")
+        generated = [scenario for scenario in scenarios if scenario.dataset == "pg"]
+        for number, scenario in enumerate(generated[:3]):
+            (folder / str(number)).mkdir()
+            write(scenario, folder / str(number))
+        return folder
+
+
+@needs_esmini
+def test_samples_become_scenarios_with_the_positions_of_the_log(tmp_path):
+    """Of all files that esmini plays, each permutation of each file of distributions among them."""
+    if not DATA:
+        pytest.skip("samples: set SCENARIONET_TEST_DATA to the folder with exchange/openscenario")
+    raw = Path(DATA) / "exchange" / "openscenario"
+    report = convert("openscenario", str(raw), tmp_path / "lake")
+    found = {scenario.source.file: scenario for scenario in ScenarioLoader(tmp_path / "lake")}
+    told = Lake(tmp_path / "lake").sql("SELECT message FROM quarantine")["message"].to_list()
+    assert all("esmini does not play it: " in reason for reason in told)
+    files = [path for path in raw.rglob("*.xosc") if "<Catalog " not in path.read_text("utf-8")]
+    distributions = [path for path in files if "<ParameterValueDistribution>" in path.read_text("utf-8")]
+    assert len(found) - sum("_of_" in name for name in found) + report.quarantined == len(files) - len(distributions)
+    assert sum("_of_" in name for name in found) >= 100
+    most = 0.0
+    for path in files:
+        if path in distributions or path.relative_to(raw).as_posix() not in found:
+            continue
+        scenario = found[path.relative_to(raw).as_posix()]
+        run(PLAYER, "--osc", path, "--headless", "--fixed_timestep", "0.1", "--traj_filter", "0", "--csv_logger",
+            tmp_path / "log.csv", "--disable_stdout", cwd=tmp_path)  # fmt: skip
+        lines = [
+            [word.strip() for word in line] for line in csv.reader((tmp_path / "log.csv").read_text().splitlines())
+        ]
+        for line in lines[7 : 7 + scenario.num_timesteps]:
+            for first in range(2, len(line) - 30, 31):
+                name, box, x, y, heading = (line[first + at] for at in (0, 5, 11, 12, 24))
+                row, step = scenario.tracks.index(name.removeprefix("object-")), int(line[0])
+                middle = np.array([float(x), float(y)]) + float(box) * np.array(
+                    [np.cos(float(heading)), np.sin(float(heading))]
+                )
+                most = max(most, np.abs(scenario.tracks.position[row, step, :2] + scenario.origin[:2] - middle).max())
+    assert most < 1e-3
+
+
+@needs_esmini
+def test_what_esmini_plays_comes_back_as_a_run(tmp_path):
+    convert("pg", "0:4", tmp_path / "lake")
+    lake = Lake(tmp_path / "lake")
+    write_files(ScenarioLoader(lake), tmp_path / "files", writer_for("openscenario"))
+    convert("openscenario", str(tmp_path / "files"), tmp_path / "played")
+    added = add_run(lake, tmp_path / "played", "esmini")
+    assert (added.scenarios, added.broken, added.unknown_objects) == (4, [], 0)
+    results = lake.sql("SELECT * FROM results WHERE run = 'esmini'")
+    assert results["final_displacement"].max() < 0.1
+    assert results["success"].all()

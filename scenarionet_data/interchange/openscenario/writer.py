@@ -17,6 +17,8 @@ from scenarionet_data.interchange.opendrive.writer import write_map
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor, ObjectType
 
+PREFIX = "object-"
+"""Of the names of objects other than the ego, which are their ids."""
 _VERSIONS = ("1.2", "1.3")
 _CATEGORIES = {
     ObjectType.VEHICLE: ("Vehicle", "car"),
@@ -79,7 +81,7 @@ class OpenScenarioWriter:
                 Xml.SubElement(phase, "TrafficSignalState", trafficSignalId=str(number), state=color)
         network.append(element)
         entities = Xml.SubElement(root, "Entities")
-        names = ["Ego" if track == scenario.ego_id else f"object-{track}" for track in scenario.tracks.ids]
+        names = ["Ego" if track == scenario.ego_id else f"{PREFIX}{track}" for track in scenario.tracks.ids]
         seen = [row for row in range(len(scenario.tracks)) if scenario.tracks.valid[row].any()]
         for row in seen:
             entities.append(_entity(scenario, row, names[row], losses))
@@ -115,7 +117,10 @@ def _entity(scenario: ScenarioDescription, row: int, name: str, losses: Losses) 
     if tag == "Vehicle":
         Xml.SubElement(element, "Performance", maxSpeed="100", maxAcceleration="20", maxDeceleration="20")
         axles = Xml.SubElement(element, "Axles")
-        for axle, share in (("FrontAxle", 0.3), ("RearAxle", -0.3)):
+        # The reference point of a vehicle is its rear axle. It is put in the middle of the box, whose path is exact:
+        # players turn a standing vehicle by its path, which would swing the box around a rear axle elsewhere.
+        losses.approximate("rear axles of vehicles, which are in their middle", 1, 0.3 * length, "m")
+        for axle, share in (("FrontAxle", 0.6), ("RearAxle", 0.0)):
             Xml.SubElement(
                 axles, axle, maxSteering="0.6", wheelDiameter="0.6", trackWidth=_number(0.9 * width),
                 positionX=_number(share * length), positionZ="0.3",

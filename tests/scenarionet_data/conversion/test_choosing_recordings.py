@@ -86,6 +86,7 @@ WRITE: dict[str, Callable[[Path], Path | str]] = {
     "lyft": lambda raw: lyft.write_dataset(raw, num_scenes=3, num_frames=20),
     "nuplan": _nuplan,
     "nuscenes": _nuscenes,
+    "openscenario": lambda raw: _training(raw, "openscenario"),
     "pg": _pg,
     "pufferdrive": lambda raw: _training(raw, "pufferdrive"),
     "scenarionet": scenarionet_pickles.write_vintages,
