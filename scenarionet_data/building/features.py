@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building.tracks import METRES, WIDTHS, rounded
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.canonical_json import to_json
 from scenarionet_data.scenario.defects import Defect
 from scenarionet_data.scenario.description import ID_LISTS, MapFeatures, strings
@@ -169,6 +170,8 @@ class MapBuilder:
             is_intersection: None if unknown.
             extras: JSON-serialisable.
         """
+        if not isinstance(feature_type, int | np.integer):
+            raise BadParameter(f"feature_type={feature_type!r}; expected one such as MapFeatureType.CROSSWALK")
         self._rows.append(
             {
                 "id": str(feature_id),

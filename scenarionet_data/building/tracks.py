@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64
 from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.canonical_json import to_json
 from scenarionet_data.scenario.description import Tracks, strings
 
@@ -61,11 +62,16 @@ def make_tracks(
         extras: (N,) JSON-serialisable mappings.
     """
     valid = np.ascontiguousarray(valid, dtype=np.bool_)
+    if valid.ndim != 2:
+        raise BadParameter(f"valid: expected truth values of shape (objects, timesteps), found shape {valid.shape}")
     position = _source(position, (*valid.shape, 3), np.float64)
     heading = _source(heading, valid.shape, np.float64)
     velocity = _source(velocity, (*valid.shape, 2), np.float64)
     poses = tuple(np.zeros(array.shape, np.float32) for array in (position, heading, velocity))
     fill_poses(position, heading, velocity, valid, origin, _STEPS, poses)
+    codes = np.asarray(object_type)
+    if codes.dtype.kind not in "iu":
+        raise BadParameter(f"object_type={object_type!r}; expected codes, such as [ObjectType.VEHICLE]")
     size, sizes = np.asarray(size), np.zeros(position.shape, np.float32)
     with np.errstate(over="ignore"):  # overflow becomes infinity, which validation reports
         size = _source(size[:, None, :] if size.ndim == 2 else size, position.shape, np.float32)
@@ -81,7 +87,7 @@ def make_tracks(
         valid=valid,
         is_interpolated=valid & np.asarray(is_interpolated, np.bool_),
         ids=strings(ids),
-        object_type=np.asarray(object_type, dtype=np.uint8),
+        object_type=codes.astype(np.uint8),
         source_type=none if source_type is None else np.array(source_type, dtype=object),
         is_size_assumed=flags[0],
         is_type_assumed=flags[1],
@@ -115,7 +121,10 @@ class StateGrid:
 
 def _source(values: npt.ArrayLike, shape: tuple[int, ...], kind: type[Float]) -> npt.NDArray[Float]:
     """Input of a kernel: contiguous and read-only, so that one compiled signature serves all converters."""
-    source = np.ascontiguousarray(np.broadcast_to(values, shape), kind)
+    try:
+        source = np.ascontiguousarray(np.broadcast_to(values, shape), kind)
+    except (TypeError, ValueError) as error:
+        raise BadParameter(f"states of tracks: expected numbers of shape {shape}, found {np.shape(values)}") from error
     source.flags.writeable = False
     return source
 
@@ -214,7 +223,10 @@ def make_origin(position: Array, valid: Bool, has_z: bool) -> Float64:
     Returns:
         (3,) float64 [m].
     """
-    first = np.round(np.asarray(position, dtype=np.float64)[int(np.argmax(valid))])
+    position = np.asarray(position, dtype=np.float64)
+    if position.shape != (len(position) if position.ndim else 0, 3):
+        raise BadParameter(f"position: expected the ego's (timesteps, 3), found shape {position.shape}")
+    first = np.round(position[int(np.argmax(valid))])
     return np.array([first[0], first[1], first[2] if has_z else 0.0], dtype=np.float64) + 0.0
 
 

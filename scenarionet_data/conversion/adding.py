@@ -18,6 +18,7 @@ from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.quality.audit import audit
 from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.settings import check_is
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.files.places import LakeFilesLike, open_files
 from scenarionet_data.storage.snapshots import manifests
@@ -47,6 +48,7 @@ def add_scenarios(
         InvalidScenario: A dataset, version or split cannot be the name of a folder; nothing is added.
         LakeError: The lake cannot be written.
     """
+    check_is("check", check, bool, "True or False")
     started, files, report = time.monotonic(), open_files(lake), ConversionReport()
     files.sweep()
     known = {

@@ -22,6 +22,7 @@ from scenarionet_data.ingest.options import Options
 from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.settings import check_settings
 
 if TYPE_CHECKING:
     from scenarionet_data.building import MapBuilder
@@ -51,6 +52,9 @@ class Budgets:
     step_speed: float = 60.0
     link_gap: float = 5.0
     outliers: float = 0.01
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
     @classmethod
     def from_noise(

@@ -6,7 +6,7 @@ give equal bytes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from pathlib import Path
 from typing import Any, cast
 
@@ -24,6 +24,7 @@ from scenarionet_data.interchange.files import write_files
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike
 from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.settings import check_is
 from scenarionet_data.storage.files.places import is_url, local_path
 
 
@@ -60,6 +61,10 @@ def export(
         InvalidScenario: None of the scenarios could be written, with the first reason.
         LakeError: The disk is full, or ``directory`` is not writable.
     """
+    check_is("replace", replace, bool | np.bool_, "True or False")
+    check_is("original", original, bool | np.bool_, "True or False")
+    check_is("executor", executor, Callable | None, "a function, such as ProcessExecutor(2)")
+    check_is("on_progress", on_progress, Callable | None, "a function, such as ProcessExecutor(2)")
     if file_format != "scenarionet":
         return write_files(
             cast(Sequence[ScenarioDescription], scenarios),

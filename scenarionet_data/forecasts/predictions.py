@@ -15,6 +15,7 @@ from scenarionet_data.arrays.geometry import rotate
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.samples.dataset import SampleKey
 from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.places import local_path
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,14 @@ def make_predictions(keys: Sequence[SampleKey], modes: Array, probabilities: Arr
         pose: (B, 4) the samples' ``pose``.
         dt: Time between positions [s].
     """
-    modes, pose = np.asarray(modes, np.float64), np.asarray(pose, np.float64)
+    modes, pose = (np.asarray(each, np.float64) for each in (modes, pose))
+    count = len(pose) if pose.ndim else 0
+    found = modes.shape, np.shape(probabilities), pose.shape, len(keys) if isinstance(keys, Sequence) else 0
+    if modes.ndim != 4 or found != ((count, *modes.shape[1:3], 2), modes.shape[:2], (count, 4), count):
+        raise BadParameter(
+            f"{found[3]} keys, modes {found[0]}, probabilities {found[1]}, pose {found[2]}; expected a key of each "
+            "sample, (samples, modes, steps, 2), (samples, modes) and (samples, 4)"
+        )
     mirrored = modes * np.stack([np.ones(len(pose)), pose[:, 3]], axis=-1)[:, None, None]
     there = rotate(mirrored, pose[:, 2, None, None]) + pose[:, None, None, :2]
     count, num_modes = there.shape[:2]
@@ -118,4 +126,6 @@ def _targets(rows: pa.Table, path: str) -> Iterator[Prediction]:
 
 def write_predictions(path: Path | str, rows: Sequence[pa.Table]) -> None:
     """Write predictions of batches, see :func:`make_predictions`, to a Parquet file."""
-    pq.write_table(pa.concat_tables(rows), path)
+    if not rows or not all(isinstance(each, pa.Table) for each in rows):
+        raise BadParameter("rows: expected at least one table of make_predictions in a list; batches without samples?")
+    pq.write_table(pa.concat_tables(rows), local_path(path, "a file of predictions"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import compress
 from pathlib import Path
@@ -22,6 +22,7 @@ from scenarionet_data.operations.filter import find_scenarios
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.query.statements import check_expression, quoted
 from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.settings import check_is
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.read.metadata_rows import ScenarioIndex
@@ -72,6 +73,7 @@ def score(lake: LakeLike, predictions: Sequence[Prediction] | Path | str) -> For
     Raises:
         BadParameter: The file does not hold predictions.
     """
+    check_is("predictions", predictions, Iterable | Path, "predictions or their file")
     listed = read_predictions(predictions) if isinstance(predictions, str | Path) else list(predictions)
     scorer, by_scenario, known = _TargetScorer(), *_by_scenario(lake, listed)
     for each in listed:
@@ -96,6 +98,7 @@ def summary(lake: LakeLike, scores: ForecastScores, by: str = "object_type", *, 
         QueryError: ``by`` is not one expression, or DuckDB rejects it.
         UnknownEvent: No such event.
     """
+    check_is("scores", scores, ForecastScores, "what score(lake, predictions) returns")
     check_expression(by)
     given = {"scores": scores.table}
     if event is not None:
@@ -144,6 +147,7 @@ def _by_scenario(
     """Predictions by scenario, and those scenarios, in order, that the lake has."""
     found: dict[str, list[Prediction]] = defaultdict(list)
     for each in predictions:
+        check_is("prediction", each, Prediction, "what read_predictions returns")
         found[each.scenario_id].append(each)
     view = open_view(lake)
     _, is_known = ScenarioIndex(view.files, view.snapshot).find(pa.array(list(found), pa.string()))

@@ -10,9 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter, CorruptSource
 from scenarionet_data.ingest.input_properties import InputProperties
 from scenarionet_data.ingest.options import Options
+from scenarionet_data.scenario.settings import check_is
 
 OptionsType = TypeVar("OptionsType", bound=Options)
 
@@ -103,8 +105,10 @@ def fingerprint(paths: Iterable[Path], sample: int = 65536) -> str:
     Raises:
         CorruptSource: A file cannot be opened: no permission, or a link that leads nowhere.
     """
+    check_is("paths", paths, Iterable, "several Paths")
     digest = hashlib.blake2b(digest_size=8)
     for path in paths:
+        check_is("path", path, Path, "a Path")
         try:
             with path.open("rb") as file:
                 size = os.fstat(file.fileno()).st_size
@@ -127,6 +131,12 @@ def bucket(items: Iterable[RawItem], size: int = 64) -> dict[str, tuple[RawItem,
     Returns:
         Bucket name to its items, both sorted.
     """
+    items = list(items) if isinstance(items, Iterable) else [items]
+    for item in items:
+        if not isinstance(item, RawItem):
+            raise BadParameter(f"items: expected RawItems, found {item!r}")
+    if not is_count(size, 1):
+        raise BadParameter(f"size={size!r}; expected a whole number of 1 or more")
     ordered = sorted(items, key=lambda item: item.name)
     count = 1
     while count * size < len(ordered):

@@ -19,12 +19,13 @@ from scenarionet_data.operations.events import mine
 from scenarionet_data.operations.filter import Filtering
 from scenarionet_data.operations.lineage import LineageTree, lineage_tree
 from scenarionet_data.operations.mining import Defined, Mined, find_moments, keep_moments, kept_definitions
-from scenarionet_data.operations.moments import Moments, RelationSteps
+from scenarionet_data.operations.moments import Moments, RelationSteps, spans_of
 from scenarionet_data.operations.overlap import DatabaseOverlap, overlap
 from scenarionet_data.operations.rebuild import RebuildResult, rebase, rebuild
 from scenarionet_data.operations.sample import Sampling
 from scenarionet_data.operations.split import Splitting
 from scenarionet_data.operations.tagging import Tagging
+from scenarionet_data.scenario.settings import check_is
 
 if TYPE_CHECKING:  # loading, packs and export import numba, which takes 0.5 s that a query does not need
     import polars as pl
@@ -229,9 +230,7 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
             database: Search only its members.
         """
         view = self if database is None else self.restrict_to(database)
-        if not isinstance(found, RelationSteps | Moments):
-            raise BadParameter(f"expected moments, such as following() & turning(), found {found!r}; see moments.py")
-        return find_moments(view, found if isinstance(found, Moments) else found.lasting())
+        return find_moments(view, spans_of(found))
 
     def keep_moments(
         self,
@@ -260,8 +259,8 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
         """
         if definitions is None:
             return keep_moments(self, name, kept_definitions(self, name), database, on_progress)
-        spans = {key: each if isinstance(each, Moments) else each.lasting() for key, each in definitions.items()}
-        wanted = {key: Defined(each) for key, each in spans.items()}
+        check_is("definitions", definitions, Mapping, 'moments by name, as {"close": relation("near_objects")}')
+        wanted = {key: Defined(spans_of(each)) for key, each in definitions.items()}
         return keep_moments(self, name, wanted, database, on_progress)
 
     # --- scenarios ------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter, DatabaseInUse
 from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, several
 from scenarionet_data.query.lake_view import LakeView
+from scenarionet_data.scenario.settings import check_is
 
 
 class Combining(LakeView, Pool[AnyDatabase]):
@@ -73,6 +74,7 @@ class Combining(LakeView, Pool[AnyDatabase]):
         Raises:
             DatabaseInUse: Other databases depend on it and ``force`` is False.
         """
+        check_is("force", force, bool, "True or False")
         name, version = records.parse_reference(database)
         records.check_exists(self.files, name, version)  # a damaged one is dropped as well
         if not force:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Generic, Self, TypeVar
 
+import numpy as np
 import pyarrow as pa
 
 from scenarionet_data import version
@@ -181,6 +182,8 @@ class DatabaseQuery:
             BadParameter: Fewer members than ``min_count``.
             DatabaseExists: The database exists, and ``replace`` is False.
         """
+        if not isinstance(replace, bool | np.bool_):
+            raise BadParameter(f"replace={replace!r}; expected True or False")
         records.check_free(self.view.files, name, replace=replace)
         with closing(members), writer.database_writers(self.view.files, [name]) as writers:
             database = writers[name]

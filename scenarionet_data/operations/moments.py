@@ -19,6 +19,7 @@ from scenarionet_data.operations.narrowing import TRACK as _TRACK
 from scenarionet_data.operations.narrowing import narrowed_roles, together
 from scenarionet_data.query.named_sql import EVENTS, RELATIONS, NamedSql
 from scenarionet_data.query.statements import quoted, words
+from scenarionet_data.scenario.settings import check_is
 
 _SWAPPED = {_TRACK: _OTHER, _OTHER: _TRACK}
 
@@ -73,6 +74,7 @@ class Moments:
 
     def _related(self, other: Moments, when: str, span: str) -> Moments:
         """Join two kinds of moments on the scenario and the roles that both have."""
+        other = spans_of(other)
         sql = (
             f"SELECT DISTINCT {_columns(_joined(self.roles, other.roles))}, {span}\n"
             f"FROM (\n{self.sql}\n) AS a JOIN (\n{other.sql}\n) AS b "
@@ -102,6 +104,7 @@ class RelationSteps:
 
     def __and__(self, other: RelationSteps) -> RelationSteps:
         """Return the steps at which both hold, of the same objects in the roles that both have."""
+        _check_steps(other, "&")
         if self.denied is not None and other.denied is None:
             return other & self
         if other.denied is not None and set(other.roles) <= set(self.roles):
@@ -119,6 +122,7 @@ class RelationSteps:
         Raises:
             BadParameter: They have different roles.
         """
+        _check_steps(other, "|")
         if self.roles != other.roles:
             raise BadParameter(
                 f"| wants the same roles on both sides, found {_named(self.roles)} and {_named(other.roles)}; "
@@ -169,6 +173,23 @@ class RelationSteps:
             f"FROM runs GROUP BY {columns}, run"
         )
         return Moments(_timed(sql), self.roles).lasting(seconds)
+
+
+def spans_of(found: RelationSteps | Moments) -> Moments:
+    """Return moments; of steps, the spans in which they follow each other.
+
+    Raises:
+        BadParameter: It is neither.
+    """
+    if not isinstance(found, RelationSteps | Moments):
+        raise BadParameter(f"expected moments, such as following() & turning(), found {found!r}; see moments.py")
+    return found if isinstance(found, Moments) else found.lasting()
+
+
+def _check_steps(other: object, sign: str) -> None:
+    if isinstance(other, Moments):
+        raise BadParameter(f"{sign} combines steps, such as relation('following'), and these are spans; use overlaps")
+    check_is("steps", other, RelationSteps, f"steps, such as relation('following'), on the right of {sign}")
 
 
 def relation(name: str, parameters: Mapping[str, Any] | None = None) -> RelationSteps:

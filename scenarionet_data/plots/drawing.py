@@ -119,6 +119,8 @@ def scenario_figure(
         size: Length of the longer side [pixel], or [1/100 inch] for pdf and svg.
         view, width, ratio, color_by, limit, moments, has_legend: See :func:`draw_scenario`.
     """
+    if not is_count(size, 1):
+        raise BadParameter(f"size={size!r}; expected a whole number of 1 or more")
     figure = new_figure(1.0, 1.0, dpi=DPI, facecolor=GROUND)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     draw_scenario(

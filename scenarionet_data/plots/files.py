@@ -36,6 +36,8 @@ def write_figure(path: Path | str, figure: Figure) -> None:
     path = local_path(path, "a picture")
     if path.suffix not in PICTURES:
         raise BadParameter(f"{path}: a picture's name ends with one of {', '.join(PICTURES)}")
+    if not hasattr(figure, "savefig"):
+        raise BadParameter(f"figure={figure!r}; expected one of matplotlib, such as scenario_figure(scenario)")
     with _whole(path) as file:
         figure.savefig(file)
 

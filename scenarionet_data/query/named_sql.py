@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import difflib
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any, TypeAlias
 
+from scenarionet_data.arrays.dtypes import is_number
 from scenarionet_data.errors import BadParameter, QueryError, UnknownEvent, UnknownFilter, UnknownQuery, UnknownRelation
 from scenarionet_data.schema.package_data import SQL
 
@@ -53,7 +55,7 @@ class NamedSql:
                 is_valid = not isinstance(value, str) and isinstance(value, Iterable)
                 value = list(value) if is_valid else value
             elif isinstance(default, float):
-                is_valid = isinstance(value, Real) and not isinstance(value, bool)
+                is_valid = is_number(value) and not math.isnan(value)
                 value = float(value) if is_valid else value
             elif isinstance(default, int) and not isinstance(default, bool):
                 is_valid = isinstance(value, Integral) and not isinstance(value, bool)

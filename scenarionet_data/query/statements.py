@@ -48,6 +48,17 @@ def only_select(connection: duckdb.DuckDBPyConnection, sql: str, given: Mapping[
     return f"SELECT * FROM (\n{text}\n)"
 
 
+def can_decode(path: str) -> bool:
+    """Whether DuckDB decodes all values of a Parquet file."""
+    import duckdb
+
+    try:
+        duckdb.connect().execute("SELECT count(COLUMNS(*)) FROM read_parquet(?)", [path])
+    except duckdb.Error:
+        return False
+    return True
+
+
 def check_expression(where: str) -> None:
     """Raise for everything but a single SQL expression.
 

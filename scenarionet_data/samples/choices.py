@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
@@ -78,7 +78,8 @@ class Agents:
         _require_numbers(self, "radius")
         _require(self.radius > 0, "radius", "a distance above 0 m", self.radius)
         kinds = ", ".join(kind.name for kind in ObjectType)
-        _require(isinstance(self.types, Iterable), "types", "a tuple of ObjectTypes", self.types)
+        is_several = isinstance(self.types, Collection) and len(self.types) > 0
+        _require(is_several, "types", "a tuple of ObjectTypes", self.types)
         _require(all(isinstance(kind, ObjectType) for kind in self.types), "types", f"ObjectTypes: {kinds}", self.types)
 
 

@@ -14,8 +14,9 @@ from urllib.parse import quote
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Int8, Object, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Int8, Object, UInt8, is_count
 from scenarionet_data.arrays.ragged import Ragged
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 _SCENARIO_ID = re.compile(r"[A-Za-z0-9._%-]+/[A-Za-z0-9._%-]+/[A-Za-z0-9._%@-]+")
@@ -34,7 +35,10 @@ def make_scenario_id(dataset: str, version: str, source_id: str, start: str | in
         >>> make_scenario_id("argoverse2", "v2", "log 7", 315966)
         'argoverse2/v2/log%207@315966'
     """
-    parts = "/".join(quote(str(part), safe="").replace("~", "%7E") for part in (dataset, version, source_id))
+    for part in (dataset, version, source_id, "" if isinstance(start, int | None) else start):
+        if not isinstance(part, str):
+            raise BadParameter(f"{part!r} in an id; expected texts, and as start a text, a whole number, or None")
+    parts = "/".join(quote(part, safe="").replace("~", "%7E") for part in (dataset, version, source_id))
     return parts if start is None else f"{parts}@{quote(str(start), safe='')}"
 
 
@@ -159,6 +163,8 @@ class Lights(ScenarioPart):
     @classmethod
     def empty(cls, num_timesteps: int) -> Lights:
         """No lights over ``num_timesteps`` timesteps."""
+        if not is_count(num_timesteps):
+            raise BadParameter(f"num_timesteps={num_timesteps!r}; expected a whole number of 0 or more")
         none = np.zeros(0, dtype=object)
         codes = np.zeros(0, np.uint8)
         return cls(

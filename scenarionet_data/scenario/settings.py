@@ -29,6 +29,22 @@ _KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {
 """By annotation: whether a value is one, and what is expected."""
 
 
+def check_is(name: str, value: Any, kind: Any, expected: str) -> None:
+    """Raise unless a value is of a kind, before something inside of it fails.
+
+    Args:
+        name: Name of the parameter.
+        value: Its value.
+        kind: A class or several, as for ``isinstance``.
+        expected: What is expected, for the message.
+
+    Raises:
+        BadParameter: It is not.
+    """
+    if not isinstance(value, kind):
+        raise BadParameter(f"{name}={value!r}; expected {expected}")
+
+
 def check_settings(settings: Any) -> None:
     """Raise unless all settings that are numbers, truth values, texts or settings are what their annotations say.
 

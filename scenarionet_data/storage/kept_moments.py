@@ -107,7 +107,7 @@ def claim(files: LakeFiles, name: str, definition: str, description: Mapping[str
         BadParameter: A name has other characters than letters, digits, ".", "_" and "-".
     """
     for text in (name, definition):
-        if not _NAME.fullmatch(text):
+        if not isinstance(text, str) or not _NAME.fullmatch(text):
             raise BadParameter(f"{text!r} is no name of moments; use letters, digits, '.', '_' and '-'")
     while True:
         newest = newest_version(files, name, definition)

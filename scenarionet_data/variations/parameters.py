@@ -18,6 +18,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64, is_count
 from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_data.scenario.settings import check_is
 
 Method = Literal["random", "sobol", "latin"]
 """Points of the unit cube: independent, Sobol's sequence (scrambled), or a Latin hypercube."""
@@ -155,6 +156,8 @@ def parse_parameters(given: Mapping[str, Any]) -> tuple[VariedParameter, ...]:
     """
     if not given or not isinstance(given, Mapping):
         raise BadParameter(f"parameters {given!r}: a variation changes something, for example ego.speed=0.8:1.2")
+    for name in given:
+        check_is("name", name, str, "a text such as 'ego.speed'")
     return tuple(VariedParameter(name, distribution_text(value)) for name, value in given.items())
 
 

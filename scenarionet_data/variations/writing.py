@@ -25,7 +25,7 @@ from scenarionet_data.ingest.shard import RawItem, Shard, bucket
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import ScenarioDescription, is_scenario_id, make_scenario_id
-from scenarionet_data.scenario.settings import check_settings
+from scenarionet_data.scenario.settings import check_is, check_settings
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
@@ -181,7 +181,8 @@ def vary(
     """
     if not isinstance(space, VariationSpace):
         raise BadParameter(f"space: wanted VariationSpace({{'ego.speed': (0.8, 1.2)}}), found {space!r}")
-    if not re.fullmatch(r"[A-Za-z0-9._-]+", str(name)):
+    check_is("name", name, str, "a text")
+    if not re.fullmatch(r"[A-Za-z0-9._-]+", name):
         raise BadParameter(f"name {name!r}: use letters, digits, '.', '_' and '-'")
     parameters = parse_parameters(space.parameters)
     windows: dict[str, list[MomentWindow]] = {}

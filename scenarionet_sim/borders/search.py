@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from operator import add
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from scenarionet_data.arrays.dtypes import Float64, is_count
 from scenarionet_data.errors import BadParameter, QueryError
 from scenarionet_data.logical import LogicalScenario, read_logical
 from scenarionet_data.scenario.description import make_scenario_id
-from scenarionet_data.scenario.settings import check_settings
+from scenarionet_data.scenario.settings import check_is, check_settings
 from scenarionet_data.variations.parameters import DistributedParameter, distribution_text
 from scenarionet_sim.borders.lattice import MIXED, Lattice, LatticePoint
 from scenarionet_sim.evaluation.evaluation import evaluate
@@ -69,6 +70,8 @@ class SearchSpace:
 
     def __post_init__(self) -> None:
         check_settings(self)
+        check_is("parameters", self.parameters, Mapping, "distributions by name")
+        check_is("monotone", self.monotone, tuple | list, "names of parameters, such as ('gap',)")
         if not 0.001 <= self.resolution <= 0.25 or not is_count(self.most, 1):
             raise BadParameter(
                 f"resolution={self.resolution}, most={self.most}: wanted a share from 0.001 to 0.25, and 1 or more"
@@ -137,7 +140,7 @@ class SearchReport:
 
 
 def search(
-    lake: Lake | str,
+    lake: Lake | Path | str,
     space: SearchSpace,
     *,
     name: str,
@@ -161,6 +164,9 @@ def search(
         DuplicateScenario: There is a search of that name over other values.
         QueryError: ``failure`` is no condition.
     """
+    check_is("lake", lake, Lake | str | Path, "a lake, its path or its URL")
+    check_is("space", space, SearchSpace, "SearchSpace('cut_in', 'idm')")
+    check_is("name", name, str, "a text")
     if not name.replace("_", "").replace("-", "").isalnum():
         raise BadParameter(f"name {name!r}: use letters, digits, '_' and '-'")
     root = str(lake.root if isinstance(lake, Lake) else lake)

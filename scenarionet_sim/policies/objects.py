@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool
+from scenarionet_data.scenario.settings import check_is
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.worlds.world import World
 
@@ -22,6 +23,7 @@ def all_objects(world: World) -> Bool:
 
 def ego(world: World) -> Bool:
     """Select the recording vehicle."""
+    check_is("world", world, World, "World.from_scenario(scenario)")
     is_ego: Bool = np.arange(world.num_objects) == world.ego
     return is_ego
 
@@ -33,6 +35,7 @@ def others(world: World) -> Bool:
 
 def vehicles(world: World) -> Bool:
     """Select every vehicle, including the ego."""
+    check_is("world", world, World, "World.from_scenario(scenario)")
     is_vehicle: Bool = world.object_type == ObjectType.VEHICLE
     return is_vehicle
 

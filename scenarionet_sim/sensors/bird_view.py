@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int16, Int32, is_count
+from scenarionet_data.arrays.dtypes import Array, Float64, Int16, Int32
 from scenarionet_data.compiled.checking import unchecked
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.vocabulary import (
@@ -103,7 +103,7 @@ class BirdView(Sensor):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(is_count(self.size, 1), f"BirdView needs size >= 1, found size={self.size}")
+        require(1 <= self.size <= 8192, f"size={self.size}; a bird's view has 1 to 8192 pixels along a side")
         require(self.resolution > 0, f"BirdView needs a resolution above 0 m, found resolution={self.resolution}")
         require(self.history >= 0, f"BirdView needs history >= 0, found history={self.history}")
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32, is_count
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.settings import check_settings
 from scenarionet_sim.cameras.channels import CHANNELS
 from scenarionet_sim.cameras.cuda.availability import require_cuda
 from scenarionet_sim.cameras.drawing import Optics, Rig, draw, poses_on, scaled_down
@@ -53,6 +54,10 @@ class Mount:
     yaw: float = 0.0
     pitch: float = 0.0
     roll: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        require(max(map(abs, astuple(self))) < 1e6, f"{self}; expected levels [m] and angles [rad] below a million")
 
 
 @dataclass(frozen=True)
@@ -148,9 +153,6 @@ class Camera(Sensor):
             require(min(self.intrinsics[:2]) > 0, f"intrinsics={self.intrinsics}; focal levels must be above 0")
         most = 4 if self.lens == "fisheye" else 5
         require(len(self.distortion) <= most, f"a {self.lens} has at most {most} coefficients of distortion")
-        placed = np.array(astuple(self.mount))
-        is_near = placed.dtype.kind in "if" and np.abs(placed).max() < 1e6
-        require(is_near, f"mount={self.mount}; expected finite levels [m] and angles [rad]")
         require(self.range > 0 and self.exposure > 0, "a camera's range and exposure must be above 0")
         require(min(self.noise, self.jitter) >= 0, "a camera's noise and jitter must be at least 0")
         require(1 <= self.supersampling <= 4, f"supersampling={self.supersampling}; expected 1 to 4")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP, UInt8, UInt32
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, IntP, UInt8, UInt32, is_count
 from scenarionet_data.compiled.checking import unchecked
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.arrays.structures import Series
@@ -186,6 +186,8 @@ class Simulation:
         Raises:
             BadParameter: The world has another timestep length.
         """
+        if not is_count(slot) or slot >= len(self.batch):
+            raise BadParameter(f"slot={slot!r}; expected a whole number from 0 to {len(self.batch) - 1}")
         self.reset_slots([slot], [world], start)
 
     def reset_slots(

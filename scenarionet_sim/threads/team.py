@@ -10,7 +10,8 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 from typing import TypeVar
 
-from scenarionet_data.arrays.dtypes import Int64
+from scenarionet_data.arrays.dtypes import Int64, is_count
+from scenarionet_data.errors import BadParameter
 from scenarionet_sim.threads.sharing import JOIN, LEADER, LEAVE, STAY, STAY_OUT, Team, ranges_of
 
 Returned = TypeVar("Returned")
@@ -40,6 +41,8 @@ class Threads:
     """
 
     def __init__(self, count: int) -> None:
+        if not is_count(count, 1):
+            raise BadParameter(f"threads={count!r}; expected at least 1")
         self.count = count
         self._pool: ThreadPoolExecutor | None = None
         self._process = 0

@@ -12,7 +12,10 @@ import pytest
 from scenarionet_data import (
     Agents,
     Augmentation,
+    Budgets,
     Lake,
+    Lights,
+    MapBuilder,
     Polylines,
     SampleLayout,
     Samples,
@@ -21,9 +24,14 @@ from scenarionet_data import (
     Targets,
     TimeWindow,
     VariationSpace,
+    bucket,
     convert,
+    fingerprint,
     fsck,
+    make_origin,
+    make_scenario_id,
     make_scorecard,
+    make_tracks,
     plots,
     resample,
     upgrade,
@@ -32,6 +40,8 @@ from scenarionet_data import (
     verify_pack,
 )  # isort: skip
 from scenarionet_data.errors import BadParameter, QueryError, ScenarioNotFound
+from scenarionet_data.forecasts import make_predictions, score, summary, write_predictions
+from scenarionet_data.operations.moments import event, relation
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario, renamed
 from tests.fixtures.waiting import HANGS_AFTER
@@ -42,6 +52,13 @@ WINDOW = (0.4, 1.2)
 @pytest.fixture(scope="module")
 def lake(tmp_path_factory):
     return write_lake(tmp_path_factory.mktemp("mistakes") / "lake", [make_scenario(k, num_steps=31) for k in range(3)])
+
+
+def tracks_of(object_type=(0,), **others):
+    """Tracks of one object over three timesteps."""
+    states = {"position": np.zeros((1, 3, 3)), "heading": np.zeros((1, 3)), "velocity": np.zeros((1, 3, 2))}
+    size, valid = np.ones((1, 3)), np.ones((1, 3), np.bool_)
+    return make_tracks(["a"], object_type, **{**states, **others}, size=size, valid=valid, origin=np.zeros(3))
 
 
 def test_obvious_meanings(lake):
@@ -179,6 +196,57 @@ def test_obvious_meanings(lake):
         (lambda lake, samples: plots.Drawing().save(None, None), "expected a path, found None"),
         (lambda lake, samples: plots.write_figure(None, None), "expected a path, found None"),
         (lambda lake, samples: plots.TopDown(plots.Scene.of(lake.loader()[0]), "x"), "window='x'; expected a Window"),
+        (lambda lake, samples: plots.write_figure("x.png", None), "figure=None; expected one of matplotlib"),
+        (lambda lake, samples: plots.scenario_figure(lake.loader()[0], size="x"), "size='x'; expected a whole number"),
+        (lambda lake, samples: lake.filter(name="s", replace="y"), "replace='y'; expected True or False"),
+        (lambda lake, samples: lake.drop("s", force="y"), "force='y'; expected True or False"),
+        (lambda lake, samples: lake.export(None, "o", replace="y"), "replace='y'; expected True or False"),
+        (lambda lake, samples: lake.export(None, "o", executor="y"), r"executor='y'; expected .* ProcessExecutor\(2\)"),
+        (lambda lake, samples: lake.add(lake.loader()[:1], check="y"), "check='y'; expected True or False"),
+        (lambda lake, samples: make_scenario_id(None, "1", "x"), "None in an id; expected texts"),
+        (lambda lake, samples: make_scenario_id("pg", "1", 3), "3 in an id; expected texts"),
+        (
+            lambda lake, samples: make_scenario_id("pg", "1", "x", [1]),
+            r"\[1\] in an id; .* as start a text",
+        ),
+        (lambda lake, samples: fingerprint(None), "paths=None; expected several Paths"),
+        (lambda lake, samples: fingerprint("x"), "path='x'; expected a Path"),
+        (lambda lake, samples: bucket(None), "items: expected RawItems, found None"),
+        (lambda lake, samples: bucket([1]), "items: expected RawItems, found 1"),
+        (lambda lake, samples: bucket([], size=0), "size=0; expected a whole number of 1 or more"),
+        (lambda lake, samples: Budgets("x"), "velocity_median='x'; expected a finite number"),
+        (lambda lake, samples: Agents(types=()), "types: expected a tuple of ObjectTypes"),
+        (lambda lake, samples: Lights.empty("x"), "num_timesteps='x'; expected a whole number"),
+        (lambda lake, samples: lake.keep_moments("a", None), "no moments are kept under the name 'a'"),
+        (lambda lake, samples: lake.keep_moments("a", {"x": "cut_in"}), "expected moments.*found 'cut_in'"),
+        (lambda lake, samples: lake.keep_moments("a", {3: event("cut_in")}), "3 is no name of moments"),
+        (lambda lake, samples: relation("following") & 3, r"steps=3; expected steps, .* on the right of &"),
+        (lambda lake, samples: relation("following") | None, r"steps=None; expected steps, .* on the right of \|"),
+        (lambda lake, samples: relation("following") & event("cut_in"), "& combines steps, .* use overlaps"),
+        (lambda lake, samples: event("cut_in").during(None), "expected moments, such as following"),
+        (lambda lake, samples: event("cut_in").before("x", within=1.0), "expected moments, such as following"),
+        (lambda lake, samples: relation("has_velocity", {"min_velocity": math.nan}), "wants float, found nan"),
+        (lambda lake, samples: VariationSpace({3: 1.1}), "name=3; expected a text such as 'ego.speed'"),
+        (
+            lambda lake, samples: vary(lake, None, VariationSpace({"ego.speed": 1.1}), name=None),
+            "name=None; expected a",
+        ),
+        (lambda lake, samples: make_tracks([], [], *[np.zeros((1, 3))] * 4, None, origin=0), r"valid: .* shape \(1,\)"),
+        (lambda lake, samples: tracks_of(position=np.zeros((1, 3, 2))), r"shape \(1, 3, 3\), found \(1, 3, 2\)"),
+        (lambda lake, samples: tracks_of(object_type=["car"]), r"object_type=\['car'\]; expected codes, such as"),
+        (lambda lake, samples: make_origin(None, None, True), r"position: expected the ego's \(timesteps, 3\)"),
+        (lambda lake, samples: make_origin(np.zeros((1, 3, 3)), np.ones(3), True), r"found shape \(1, 3, 3\)"),
+        (lambda lake, samples: MapBuilder().add("a", "LANE"), "feature_type='LANE'; expected one such as MapFea"),
+        (lambda lake, samples: make_predictions(None, None, None, None, None), "0 keys, modes .*; expected a key of"),
+        (
+            lambda lake, samples: make_predictions([], np.zeros((0, 3, 2)), np.zeros((0, 1)), np.zeros((0, 4)), 0.1),
+            r"modes \(0, 3, 2\), .*; expected a key of each sample, \(samples, modes, steps, 2\)",
+        ),
+        (lambda lake, samples: write_predictions("x.parquet", []), "rows: expected at least one table"),
+        (lambda lake, samples: write_predictions("x.parquet", [1]), "rows: expected at least one table"),
+        (lambda lake, samples: score(lake, None), "predictions=None; expected predictions or their file"),
+        (lambda lake, samples: score(lake, [1]), "prediction=1; expected what read_predictions returns"),
+        (lambda lake, samples: summary(lake, "x"), r"scores='x'; expected what score\(lake, predictions\) returns"),
     ],
 )
 def test_a_mistake_is_a_sentence(wrong, message, lake):

@@ -74,6 +74,6 @@ def check_is_file(path: Path) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """The message of the operating system, without what Arrow adds to it."""
+    """The message of the operating system, without what Arrow adds to it and without the internals of Parquet."""
     number = getattr(error, "errno", None)
-    return os.strerror(number) if number else str(error)
+    return os.strerror(number) if number else "its headers are damaged" if "thrift" in str(error) else str(error)

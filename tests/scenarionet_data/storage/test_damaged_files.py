@@ -10,6 +10,7 @@ import pytest
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import LakeError, SchemaMismatch
 from scenarionet_data.schema import tables
+from scenarionet_data.storage.files.errors import reading
 from scenarionet_data.storage.integrity import seals
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.made import raw_of, run
@@ -47,6 +48,17 @@ def test_loading_damaged_pages_names_the_file(lake):
     path.write_bytes(data)
     with pytest.raises(LakeError, match=f"cannot read {path}"):
         ScenarioLoader(lake)[0]
+
+
+def test_internals_of_parquet_are_not_said(lake):
+    """Thrift's words in a footer that is none."""
+    path = one(lake, "tracks")
+    data = path.read_bytes()
+    size = int.from_bytes(data[-8:-4], "little")
+    path.write_bytes(data[: -8 - size] + bytes([0x1F]) * size + data[-8:])
+    with pytest.raises(LakeError) as caught, reading(path):
+        pq.read_metadata(path)
+    assert str(caught.value).startswith(f"cannot read {path}: its headers are damaged; `scenarionet")
 
 
 @pytest.mark.parametrize("table", ["tracks", "lights", "maps"])

@@ -39,6 +39,7 @@ from scenarionet_sim import (
     ScenarioNetVectorEnv,
     Scenarios,
     SceneLidar,
+    SearchSpace,
     Simulation,
     Surrounding,
     Termination,
@@ -47,9 +48,12 @@ from scenarionet_sim import (
     World,
     camera_ring,
     compare_runs,
+    ego,
     evaluate,
     record,
     rollout_moments,
+    search,
+    vehicles,
 )
 from scenarionet_sim.environments.config import EnvConfig, MultiAgentConfig, VectorConfig
 from tests.fixtures.lakes import write_lake
@@ -180,7 +184,7 @@ def test_cameras(options):
     [
         {"channels": (["rgb"],)},
         {"fov": None},
-        {"mount": Mount(x="a")},
+        {"mount": "front"},
         {"intrinsics": (1.0, 2.0)},
         {"distortion": 3.0},
         {"seed": -1},
@@ -209,6 +213,26 @@ def test_frames_of_something_else(only):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
+        (lambda lake, world: Mount("x"), "x='x'; expected a finite number"),
+        (lambda lake, world: Mount(pitch=math.nan), "pitch=nan; expected a finite number"),
+        (lambda lake, world: Mount(z=1e7), "Mount.*z=10000000.0.*; expected levels .* below a million"),
+        (lambda lake, world: BirdView(size=10**6), "size=1000000; a bird's view has 1 to 8192 pixels"),
+        (lambda lake, world: ego(None), r"world=None; expected World.from_scenario\(scenario\)"),
+        (lambda lake, world: vehicles("x"), r"world='x'; expected World.from_scenario"),
+        (lambda lake, world: Simulation([world]).reset(9), "slot=9; expected a whole number from 0 to 0"),
+        (lambda lake, world: Simulation([world]).reset("x"), "slot='x'; expected a whole number"),
+        (lambda lake, world: Simulation([world], threads="x"), "threads='x'; expected at least 1"),
+        (
+            lambda lake, world: SearchSpace("cut_in", "idm", parameters=3),
+            "parameters=3; expected distributions",
+        ),
+        (lambda lake, world: SearchSpace("cut_in", "idm", monotone="gap"), "monotone='gap'; expected names of"),
+        (
+            lambda lake, world: search(None, SearchSpace("cut_in", "idm"), name="x"),
+            "lake=None; expected a lake",
+        ),
+        (lambda lake, world: search(lake, None, name="x"), "space=None; expected SearchSpace"),
+        (lambda lake, world: search(lake, SearchSpace("cut_in", "idm"), name=None), "name=None; expected a text"),
         (lambda lake, world: Idm("vehicles"), "objects='vehicles'; expected a function of a world"),
         (lambda lake, world: Idm(headway=math.nan), "headway=nan; expected a finite number"),
         (lambda lake, world: Reward(displacement=math.nan), "displacement=nan; expected a finite number"),
