@@ -89,7 +89,7 @@ def regression_lines(found: RegressionReport) -> Iterator[str]:
     judgement = found.judgement
     for name, policy in (("old", found.old), ("new", found.new)):
         counts = f"{policy.simulated:,} simulated, {policy.reused:,} known before"
-        yield f"{name}: {policy.policy}, {policy.determinism}: {counts}"
+        yield f"{name}: {policy.policy}, {policy.determinism}: {counts} (runs {', '.join(policy.runs)})"
     rows = [_row(judgement.primary, "decides")]
     rows += [_row(each, word) for each in judgement.others if (word := each.significantly(judgement.level))]
     yield from table(rows, ["", "old", "new", "change [95 %]", "p", ""])
