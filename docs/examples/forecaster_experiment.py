@@ -9,7 +9,7 @@ so an interrupted experiment continues.
 
 from __future__ import annotations
 
-from forecaster import ForecasterConfig, Predictor, TensorBatch, measure, train  # first: says how to install torch
+from scenarionet_data.forecasts.forecaster import ForecasterConfig, measure, train  # first: says how to install torch
 
 # isort: split
 from dataclasses import asdict, dataclass, field
@@ -23,7 +23,8 @@ import pyarrow.parquet as pq
 import torch
 
 from scenarionet_data import Lake, Samples
-from scenarionet_data.arrays.dtypes import Array, Float64
+from scenarionet_data.arrays.dtypes import Array
+from scenarionet_data.forecasts.forecaster_scores import constant_velocity, kalman_filter
 
 
 @dataclass(frozen=True)
@@ -88,51 +89,6 @@ def make_databases(lake: Lake, experiment: Experiment) -> tuple[dict[str, str], 
         lake.merge(*names, name="forecast_all_train")
     training = dict(zip((*sources, "all"), (*names, "forecast_all_train"), strict=True))
     return training, {source: f"forecast_{source}_test" for source in sources}
-
-
-def constant_velocity(config: ForecasterConfig) -> Predictor:
-    """Return the predictor that keeps the current velocity."""
-    times = config.dt * np.arange(1, config.num_future + 1)
-
-    def predict(batch: TensorBatch) -> Array:
-        velocity = batch["history"][:, 0, -1, 3:5].numpy()
-        path: Array = velocity[:, None, None] * times[:, None]
-        return path
-
-    return predict
-
-
-def kalman_filter(config: ForecasterConfig, noise: float = 0.1, acceleration: float = 1.0) -> Predictor:
-    """Return the predictor that keeps the velocity estimated from the observed positions.
-
-    Args:
-        config: Timesteps.
-        noise: Standard deviation of a position [m].
-        acceleration: Standard deviation of the acceleration [m/s^2], constant within a timestep.
-    """
-    dt, times = config.dt, config.dt * np.arange(1, config.num_future + 1)
-    move = np.array([[1.0, dt], [0.0, 1.0]])
-    drift = acceleration**2 * np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
-
-    def predict(batch: TensorBatch) -> Array:
-        positions = batch["history"][:, 0, :, :2].double().numpy()
-        valid = batch["history_valid"][:, 0].numpy()
-        state: Float64 = np.stack([positions[:, -1], batch["history"][:, 0, -1, 3:5].double().numpy()], axis=1)
-        first = valid.argmax(axis=1)
-        state[:, 0] = positions[np.arange(len(first)), first]
-        spread = np.tile(np.diag([noise**2, 25.0]), (len(state), 1, 1))
-        for step in range(positions.shape[1]):
-            later = step > first
-            state[later] = move @ state[later]
-            spread[later] = move @ spread[later] @ move.T + drift
-            seen = valid[:, step]
-            gain = spread[seen, :, 0] / (spread[seen, 0, 0] + noise**2)[:, None]
-            state[seen] += gain[:, :, None] * (positions[seen, step] - state[seen, 0])[:, None]
-            spread[seen] -= gain[:, :, None] * spread[seen, 0][:, None]
-        path: Array = state[:, None, None, 0] + state[:, None, None, 1] * times[:, None]
-        return path
-
-    return predict
 
 
 def _rows(name: str, seed: int, test: str, samples: Samples, mean: Array, end: Array) -> pa.Table:

@@ -32,7 +32,9 @@ GROUPS = {
         "Runs of drivers: compare, test, film, verify, add from elsewhere, search failures, record, experiment.",
         ("compare", "regress", "films", "verify", "add", "search", "record", "experiment"),
     ),
-    "forecast": Group("Predicted trajectories: score them, submit them to challenges.", ("score", "submit")),
+    "forecast": Group(
+        "Predicted trajectories: train a forecaster, score, submit to challenges.", ("fit", "score", "submit")
+    ),
     "tables": Group("The Parquet files of a lake for other engines and catalogs.", ("files", "publish")),
     "maintain": Group(
         "Lakes and this installation: check, verify, repair, compact, clean up.",

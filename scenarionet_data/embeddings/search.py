@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 from scenarionet_data.arrays.dtypes import Float32
 from scenarionet_data.databases import user_columns
 from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.databases.user_columns import UserColumn
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.operations.database_query import check_whole
 from scenarionet_data.query.lake_view import LakeView
@@ -18,20 +19,24 @@ from scenarionet_data.query.statements import quoted
 _MORE = 8  # times as many candidates as are asked for, until enough of them are of the database
 
 
+def embeddings_of(view: LakeView) -> list[str]:
+    """Return the names of the embeddings of a lake, sorted."""
+    return [record.name for record in _records(view) if user_columns.is_vector(record)]
+
+
 def embedding_of(view: LakeView, name: str | None = None) -> str:
     """Return the name of an embedding; by default the only one of the lake.
 
     Raises:
         BadParameter: There is none of this name, or several to choose from; the message lists them.
     """
-    records = [user_columns.read(view.files, each, version) for each, version in view.user_columns.items()]
-    found = {record.name: record for record in records if user_columns.is_vector(record)}
+    found = embeddings_of(view)
     if name in found or (name is None and len(found) == 1):
-        return name or next(iter(found))
+        return name or found[0]
     listed = f"there are {', '.join(found)}" if found else "there is none yet: scenarionet db embed LAKE --name NAME"
     if name is None:
         raise BadParameter(f"{view.root}: which embedding? {listed}")
-    wrong = next((f", but of type {record.type}" for record in records if record.name == name), "")
+    wrong = next((f", but of type {record.type}" for record in _records(view) if record.name == name), "")
     what = f"{name!r} is a user column{wrong}" if wrong else f"no embedding {name!r} here"
     raise BadParameter(f"{view.root}: {what}; {listed}")
 
@@ -87,6 +92,10 @@ def vectors(view: LakeView, name: str, scenario_ids: pa.Array) -> Float32:
             "embed them with the others: scenarionet db embed --replace"
         )
     return np.asarray(found.flatten()).reshape(len(found), -1)
+
+
+def _records(view: LakeView) -> list[UserColumn]:
+    return [user_columns.read(view.files, *column) for column in sorted(view.user_columns.items())]
 
 
 def _file(view: LakeView, name: str) -> str:

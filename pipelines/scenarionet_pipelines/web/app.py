@@ -40,7 +40,7 @@ _IMMUTABLE = {"cache-control": "private, max-age=86400, immutable"}
 _NO_STORE = {"cache-control": "no-store"}
 
 _READING = (
-    "about", "rows", "facts", "scene", "thumbnail", "histogram", "events", "runs", "run", "clip", "camera"
+    "about", "rows", "facts", "scene", "thumbnail", "histogram", "events", "similar", "runs", "run", "clip", "camera"
 )  # fmt: skip
 """Requests below ``/api`` that change nothing."""
 
@@ -120,6 +120,11 @@ class LakeRoutes:
     async def events(self, request: Request) -> Response:
         """Return the occurrences of an event in a scenario, in seconds."""
         question = partial(OpenLake.events, scenario_id=_id(request), event=request.query_params.get("event", ""))
+        return JSONResponse(await self._workers.ask(question, request.is_disconnected), headers=_NO_STORE)
+
+    async def similar(self, request: Request) -> Response:
+        """Return the scenarios that are nearest to one by an embedding."""
+        question = partial(OpenLake.similar, scenario_id=_id(request))
         return JSONResponse(await self._workers.ask(question, request.is_disconnected), headers=_NO_STORE)
 
     def facts(self, request: Request) -> Response:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from scenarionet_data import Lake
+from scenarionet_data.embeddings.search import embeddings_of, similar
 from scenarionet_data.errors import BadParameter, ScenarioNetError
 from scenarionet_data.execution.worker import follow_parent
 from scenarionet_data.query.named_sql import EVENTS
@@ -28,6 +29,7 @@ TIMELINE_EVENTS = [name for name in EVENTS.names() if name not in ("closest_appr
 Learnt = TypeVar("Learnt")
 
 _MAX_VIEWS = 8
+_MOST_ALIKE = 12
 _ROOM = 2**29
 """Memory of a question beside DuckDB's, for expressions and the rows of its answer [bytes]."""
 
@@ -70,6 +72,12 @@ class OpenLake:
         found = self._view(f"scenario {scenario_id}", [scenario_id]).mine(event)
         names = "track_id", "other_id", "first_timestep", "last_timestep", "value"
         return [{name: plain(value) for name, value in row.items()} for row in found.select(names).to_dicts()]
+
+    def similar(self, scenario_id: str) -> dict[str, Any]:
+        """Return the nearest scenarios with their distances, by the first embedding of the lake if it has one."""
+        known = embeddings_of(self.lake)
+        found = similar(self.lake, scenario_id, _MOST_ALIKE, known[0], None).to_pylist() if known else []
+        return {"by": known[0] if known else None, "similar": found}
 
     def save(self, name: str, where: str, database: str) -> tuple[str, int]:
         """Save the scenarios that satisfy a condition as a database; return its reference and number of scenarios."""

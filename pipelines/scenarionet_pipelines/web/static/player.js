@@ -9,6 +9,7 @@ import { find, make, fill } from "/static/elements.js";
 import { described, featureFacts, objectFacts, scenarioFacts } from "/static/facts.js";
 import { plural } from "/static/format.js";
 import { press } from "/static/keyboard.js";
+import { moreLike } from "/static/like.js";
 import { Legend } from "/static/legend.js";
 import { Runs } from "/static/runs.js";
 import { unpack } from "/static/scene.js";
@@ -78,6 +79,7 @@ class Player {
       make("h2", {}, "Object"), this.chosen,
       make("details", { open: true }, make("summary", {}, "Runs"), this.runs.element),
       make("details", { open: true }, make("summary", {}, plural(scene.numObjects, "object")), this.objectList()),
+      moreLike(lake, scene.id),
       make("details", {}, make("summary", {}, "Scenario"), scenarioFacts(lake, facts)),
     );
     const screen = make("div", { class: "screen" }, make("div", { class: "views" }, this.picture, this.camera.element), this.controls.bar, this.timeline.element);

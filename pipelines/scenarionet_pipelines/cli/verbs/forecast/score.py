@@ -22,6 +22,9 @@ class ScoreVerb(LakeVerb, Distributed):
     PREDICTIONS is a Parquet file with a row per target and mode (schemas/predictions.toml); the scores are those of
     Argoverse, nuScenes and the Waymo Open Motion challenge.
 
+    --model scores a forecaster that `forecast fit` trained, beside constant velocity, a Kalman filter and six constant
+    velocities, on all moving road users of --database.
+
     Rollouts are scored as the Waymo Open Sim Agents Challenge does. Beside the submission stand the ceiling, the score
     of the recordings themselves, and the floor, the score of constant velocity, on the same scenarios. The lake needs
     the Waymo scenarios of the submission.
@@ -30,6 +33,7 @@ class ScoreVerb(LakeVerb, Distributed):
     examples = (
         "scenarionet forecast score lake predictions.parquet --by has_intersection -o scores.parquet",
         "scenarionet forecast score lake predictions.parquet --event cut_in",
+        "scenarionet forecast score lake --model driven_train-forecaster-seed0 --database driven_val",
         "scenarionet forecast score lake --rollouts submission.tar.gz",
         "scenarionet forecast score lake --rollouts submission.binproto --configuration sim-agents-2024 --json",
         "scenarionet forecast score lake --run all-constant-noisy-wosac -o submission.binproto",
@@ -40,6 +44,8 @@ class ScoreVerb(LakeVerb, Distributed):
         metavar="SQL",
     )
     event: str | None = option("Of predictions: group them by whether it happens, for example cut_in.", metavar="EVENT")
+    model: str | None = option("Score the forecaster of this training run, on --database.", metavar="RUN")
+    database: str | None = option("With --model: database that is predicted.", metavar="DATABASE")
     rollouts: str | None = option(
         "Score a submission: a binary SimAgentsChallengeSubmission, a folder of them, or a .tar.gz archive.",
         metavar="PATH",
@@ -60,18 +66,36 @@ class ScoreVerb(LakeVerb, Distributed):
     )
 
     def run(self) -> bool:
-        if sum(each is not None for each in (self.predictions, self.rollouts, self.run_name)) != 1 or (
-            self.output and self.rollouts is not None
+        kinds = (self.predictions, self.model, self.rollouts, self.run_name)
+        if sum(each is not None for each in kinds) != 1 or (
+            self.output and (self.rollouts is not None or self.model is not None)
         ):
             raise click.UsageError(
-                "give one of PREDICTIONS, --rollouts and --run; -o belongs to the first and the last"
+                "give one of PREDICTIONS, --model, --rollouts and --run; -o belongs to the first and the last"
             )
+        if (self.model is None) != (self.database is None):
+            raise click.UsageError("--model and --database belong together")
+        if self.model is not None and self.database is not None:
+            self.score_model(self.model, self.database)
+            return True
         if self.by and self.event:
             raise click.UsageError("give one of --by and --event")
         if self.predictions is None:
             return self.score_rollouts()
         self.score_predictions(self.predictions)
         return True
+
+    def score_model(self, model: str, database: str) -> None:
+        """Score a trained forecaster and predictors that learn nothing, and print a row for each."""
+        try:
+            from scenarionet_data.forecasts.forecaster_scores import score_forecaster
+        except ModuleNotFoundError as error:
+            from scenarionet_data.errors import MissingDependency
+
+            raise MissingDependency("a forecaster needs torch", "learn") from error
+        found = score_forecaster(self.open(), model, database)
+        head = ("predictor", "modes", "minADE [m]", "minFDE [m]", "miss rate", "targets")
+        self.say({"scores": [asdict(each) for each in found]}, table([tuple(vars(each).values()) for each in found], head))
 
     def score_predictions(self, predictions: str) -> None:
         """Score a file of predictions, print means, and write the scores of each target to a Parquet file."""

@@ -1,6 +1,6 @@
 """A compact transformer that predicts trajectories, from the lake to a checkpoint, in one file and torch.
 
-    python -m forecaster lake driven_train --test driven_val --epochs 8
+    scenarionet forecast fit lake driven_train --test driven_val -p epochs=8
 
 Agents and polylines of the map are tokens; K mode queries read them and give K trajectories with probabilities. The
 closest trajectory to the recorded one is trained (winner takes all), as in MTR and Wayformer. Checkpoints and metrics
@@ -14,18 +14,21 @@ from scenarionet_data.samples.training import SampleStream, collate  # first: sa
 # isort: split
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-import click
 import numpy as np
 import pyarrow as pa
 import torch
 from torch import Tensor, nn
 
-from scenarionet_data import Agents, Augmentation, Lake, Polylines, Samples, Shuffling, Targets, TimeWindow
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.forecasts import make_predictions
+from scenarionet_data.errors import BadParameter, LakeError
+from scenarionet_data.forecasts.predictions import make_predictions
+from scenarionet_data.query.lake_view import LakeView
+from scenarionet_data.samples.choices import Agents, Augmentation, Polylines, Targets, TimeWindow
+from scenarionet_data.samples.dataset import Samples
+from scenarionet_data.samples.order import Shuffling
 from scenarionet_data.storage import checkpoints, evaluation_runs
 
 _TYPES = 256  # codes of objects and of map features are below
@@ -64,7 +67,7 @@ class ForecasterConfig:
     decay: float = 1e-2
     rotation: float = 0.3
 
-    def samples(self, lake: Lake, database: str, *, is_training: bool, seed: int = 0) -> Samples:
+    def samples(self, lake: LakeView, database: str, *, is_training: bool, seed: int = 0) -> Samples:
         """Return the samples of a database: one per moving road user and moment."""
         augmentation = Augmentation(rotation=self.rotation, flip=0.5, seed=seed) if is_training else Augmentation()
         return Samples(
@@ -86,6 +89,29 @@ class ForecasterConfig:
     def num_future(self) -> int:
         """Timesteps of the future."""
         return round(self.future / self.dt)
+
+
+def make_config(given: Mapping[str, str]) -> ForecasterConfig:
+    """Return settings with some values as texts.
+
+    Raises:
+        BadParameter: There is no such setting, or a value is not a positive number of its type.
+    """
+    kinds = {each.name: type(each.default) for each in fields(ForecasterConfig)}
+    values = {}
+    for name, text in given.items():
+        if name not in kinds:
+            raise BadParameter(f"a forecaster has no setting {name!r}; it has {', '.join(kinds)}")
+        try:
+            values[name] = kinds[name](text)
+        except ValueError as error:
+            raise BadParameter(f"{name}: wanted {kinds[name].__name__}, found {text!r}") from error
+        if not 0 < values[name] < np.inf:
+            raise BadParameter(f"{name}: wanted a number above 0, found {text}")
+    config = ForecasterConfig(**values)
+    if config.size % config.heads:
+        raise BadParameter(f"size: wanted a multiple of heads, {config.heads}, found {config.size}")
+    return config
 
 
 class Forecaster(nn.Module):
@@ -200,7 +226,7 @@ def displacements(modes: Array, truth: Array, valid: Array) -> tuple[Array, Arra
 
 
 def train(
-    lake: Lake,
+    lake: LakeView,
     database: str,
     config: ForecasterConfig,
     *,
@@ -228,7 +254,7 @@ def train(
     optimizer = torch.optim.AdamW(model.parameters(), lr=config.rate, weight_decay=config.decay)
     total = max(1, config.epochs * len(stream))
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: 0.5 + 0.5 * np.cos(np.pi * step / total))
-    description = {"database": lake.database(database).reference, "forecaster": asdict(config), "seed": seed}
+    description = {"database": lake.record(database).reference, "forecaster": asdict(config), "seed": seed}
     claimed = evaluation_runs.claim(lake.files, run, ("training",), description | {"tests": list(tests)})
     begun = checkpoints.load(lake.files, run)
     if begun is not None:
@@ -256,18 +282,29 @@ def train(
     return model
 
 
-def load(lake: Lake, run: str, config: ForecasterConfig) -> Forecaster:
-    """Return the trained forecaster of a run.
+def load(lake: LakeViewView, run: str) -> tuple[Forecaster, ForecasterConfig]:
+    """Return the trained forecaster of a run, and its settings.
 
     Raises:
-        FileNotFoundError: The run has no checkpoint.
+        LakeError: There is no such run, it is not of a forecaster of this layout, it has no checkpoint yet, or its
+            weights are not finite.
     """
+    described = evaluation_runs.describe(lake.files, run)
     found = checkpoints.load(lake.files, run)
-    if found is None:
-        raise FileNotFoundError(f"run {run} has no checkpoint; train it first")
-    model = Forecaster(config)
-    _restore(model, None, None, found)
-    return model
+    if "forecaster" not in described or found is None:
+        what = "has no checkpoint yet" if "forecaster" in described else "is not of a forecaster"
+        raise LakeError(f"run {run} of {lake.root} {what}; train one: scenarionet forecast fit")
+    broken = [name for name, values in found.arrays.items() if not np.isfinite(values).all()]
+    if broken:
+        raise LakeError(f"run {run}: weights are not finite, for example {broken[0]}; train it again under another name")
+    try:
+        config = ForecasterConfig(**described["forecaster"])
+        model = Forecaster(config)
+        _restore(model, None, None, found)
+    except (TypeError, RuntimeError) as error:
+        reason = str(error).splitlines()[-1].strip()
+        raise LakeError(f"run {run}: a forecaster of another layout, {reason}; train it again with this version") from error
+    return model, config
 
 
 def _means(model: Forecaster, samples: Samples) -> dict[str, float]:
@@ -306,34 +343,3 @@ def _restore(model: nn.Module, optimizer: Any, schedule: Any, found: checkpoints
     schedule.load_state_dict(schedule.state_dict() | {"last_epoch": found.facts["updates"]})
     for group, rate in zip(optimizer.param_groups, [schedule.lr_lambdas[0](found.facts["updates"])], strict=True):
         group["lr"] = rate * group["initial_lr"]
-
-
-@click.command()
-@click.argument("lake")
-@click.argument("database")
-@click.option("--test", "tests", multiple=True, help="Database that it is measured on after each epoch; repeatable.")
-@click.option("--run", help="Name of the run; made of database and seed by default.")
-@click.option("--seed", default=0, show_default=True)
-@click.option("--epochs", default=ForecasterConfig.epochs, show_default=True)
-def main(lake: str, database: str, tests: tuple[str, ...], run: str | None, seed: int, epochs: int) -> None:
-    """Train a forecaster on DATABASE of LAKE; call it again to continue an interrupted run."""
-    config = ForecasterConfig(epochs=epochs)
-
-    def report(rows: list[dict[str, Any]]) -> None:
-        for row in rows:
-            numbers = ", ".join(f"{name} {value:.3f}" for name, value in json.loads(row["learned"]).items())
-            click.echo(f"epoch {row['round']}/{epochs}  {row['test'] or 'training'}: {numbers}")
-
-    train(
-        Lake(lake),
-        database,
-        config,
-        run=run or f"{database}-forecaster-seed{seed}",
-        seed=seed,
-        tests=tests,
-        on_epoch=report,
-    )
-
-
-if __name__ == "__main__":
-    main()
