@@ -37,9 +37,7 @@ def test_messages_name_extras_that_exist():
 
 
 @pytest.mark.integration
-@pytest.mark.parametrize(
-    "program", ["camera_driver", "driving_pictures", "forecaster", "forecaster_experiment", "lane_pose"]
-)
+@pytest.mark.parametrize("program", ["camera_driver", "driving_pictures", "forecaster_experiment", "lane_pose"])
 def test_examples_say_how_to_install_torch(program):
     folder = ROOT / "docs" / "examples"
     check_first_error((folder / f"{program}.py").read_text("utf-8"), folder)

@@ -12,10 +12,12 @@ from scenarionet_data.arrays.dtypes import Float32
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.databases.user_columns import UserColumn
 from scenarionet_data.embeddings import features
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.operations.tagging import Tagging
+from scenarionet_data.query.lake_view import LakeView
+from scenarionet_data.storage import evaluation_runs
 
 
 class Model(Protocol):
@@ -25,8 +27,8 @@ class Model(Protocol):
     def source(self) -> str:
         """Its name, and a hash of all that its vectors depend on."""
 
-    def vectors(self, loader: ScenarioLoader) -> Iterator[Float32]:
-        """Yield the vector (d,) float32 of each scenario in order."""
+    def vectors(self, lake: LakeView, loader: ScenarioLoader) -> Iterator[Float32 | None]:
+        """Yield the vector (d,) float32 of each scenario in order, None for one that it cannot embed."""
 
 
 class FeatureModel:
@@ -34,20 +36,32 @@ class FeatureModel:
 
     source = f"features {features.standard().digest}"
 
-    def vectors(self, loader: ScenarioLoader) -> Iterator[Float32]:
+    def vectors(self, lake: LakeView, loader: ScenarioLoader) -> Iterator[Float32 | None]:  # noqa: ARG002
         """Yield the features (64,) of each scenario."""
         return map(features.vector, loader)
 
 
-def find_model(name: str) -> Model:
-    """Return a model by name.
+def find_model(lake: LakeView, name: str) -> Model:
+    """Return a model: ``features``, or the encoder of the forecaster that a run of the lake has trained.
 
     Raises:
-        BadParameter: There is none.
+        BadParameter: The lake has no such run.
+        LakeError: The run is not of a forecaster, of another layout, or damaged.
+        MissingDependency: It is a run, and torch is not installed.
     """
-    if name != "features":
-        raise BadParameter(f"no model {name!r} that embeds scenarios; there is features")
-    return FeatureModel()
+    if name == "features":
+        return FeatureModel()
+    runs = evaluation_runs.names(lake.files)
+    if name not in runs:
+        raise BadParameter(
+            f"{lake.root}: no model {name!r} that embeds scenarios; there is features, and each run of this lake that "
+            f"trained a forecaster: {', '.join(runs) or 'none yet'}"
+        )
+    try:
+        from scenarionet_data.embeddings.encoder import EncoderModel
+    except ModuleNotFoundError as error:
+        raise MissingDependency("the encoder of a forecaster needs torch", "learn") from error
+    return EncoderModel(lake, name)
 
 
 def embed(
@@ -68,16 +82,21 @@ def embed(
     ids = list(loader.scenario_ids)
     if not ids:
         raise BadParameter(f"{lake.root}: there are no scenarios to embed; convert some, or name another database")
-    rows = []
-    for scenario_id, vector in zip(ids, model.vectors(loader), strict=True):
+    rows, known = [], []
+    for number, (scenario_id, vector) in enumerate(zip(ids, model.vectors(lake, loader), strict=True), 1):
+        if on_progress is not None:
+            on_progress(number, len(ids), number)
+        if vector is None:
+            continue
         if not np.isfinite(vector).all():
             raise BadParameter(
                 f"{scenario_id}: the model gives {int((~np.isfinite(vector)).sum())} of {len(vector)} numbers that are "
                 "not finite; its weights or the scenario are damaged: train it again, or scenarionet maintain check"
             )
         rows.append(np.asarray(vector, np.float32))
-        if on_progress is not None:
-            on_progress(len(rows), len(ids), len(rows))
+        known.append(scenario_id)
+    if not rows:
+        raise BadParameter(f"the model can embed none of {len(ids)} scenarios: they are too short for it")
     values = pa.FixedSizeListArray.from_arrays(pa.array(np.concatenate(rows)), len(rows[0]))
-    table = pa.table({"scenario_id": pa.array(ids, pa.string()), name: values})
+    table = pa.table({"scenario_id": pa.array(known, pa.string()), name: values})
     return lake.tag(name, table, source=f"embedding by {model.source}", replace=replace)

@@ -14,7 +14,7 @@ from scenarionet_data.samples.training import SampleStream, collate  # first: sa
 # isort: split
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -73,12 +73,27 @@ class ForecasterConfig:
         return Samples(
             lake,
             database,
-            window=TimeWindow(self.history, self.future, self.dt, stride=self.stride),
-            agents=Agents(self.agents, self.radius),
-            polylines=Polylines(self.polylines, points=10, spacing=2.0, radius=self.radius),
+            window=self.window,
+            agents=self.nearby_agents,
+            polylines=self.nearby_polylines,
             targets=Targets("moving"),
             augmentation=augmentation,
         )
+
+    @property
+    def window(self) -> TimeWindow:
+        """History and future, and how often."""
+        return TimeWindow(self.history, self.future, self.dt, stride=self.stride)
+
+    @property
+    def nearby_agents(self) -> Agents:
+        """Road users around the target."""
+        return Agents(self.agents, self.radius)
+
+    @property
+    def nearby_polylines(self) -> Polylines:
+        """The map around the target."""
+        return Polylines(self.polylines, points=10, spacing=2.0, radius=self.radius)
 
     @property
     def num_history(self) -> int:
@@ -97,8 +112,10 @@ def make_config(given: Mapping[str, str]) -> ForecasterConfig:
     Raises:
         BadParameter: There is no such setting, or a value is not a positive number of its type.
     """
-    kinds = {each.name: type(each.default) for each in fields(ForecasterConfig)}
-    values = {}
+    kinds: dict[str, type[int] | type[float]] = {
+        name: int if isinstance(value, int) else float for name, value in asdict(ForecasterConfig()).items()
+    }
+    values: dict[str, Any] = {}
     for name, text in given.items():
         if name not in kinds:
             raise BadParameter(f"a forecaster has no setting {name!r}; it has {', '.join(kinds)}")
@@ -137,12 +154,16 @@ class Forecaster(nn.Module):
 
     def forward(self, batch: TensorBatch) -> tuple[Tensor, Tensor]:
         """Return (B, K, F, 2) positions in the frame of the target [m], and (B, K) logits."""
-        tokens, is_absent = self._tokens(batch)
-        seen = self.encoder(tokens, src_key_padding_mask=is_absent)
+        seen, is_absent = self.encode(batch)
         queries = self.queries + seen[:, :1]
         modes = self.decoder(queries, seen, memory_key_padding_mask=is_absent)
         velocity = batch["history"][:, 0, -1, None, None, 3:5]
         return velocity * self.time + _METRES * self.path(modes).unflatten(-1, (-1, 2)), self.logit(modes).squeeze(-1)
+
+    def encode(self, batch: TensorBatch) -> tuple[Tensor, Tensor]:
+        """Return (B, A + L, size) encoded tokens, the target's first, and which of them stand for nothing."""
+        tokens, is_absent = self._tokens(batch)
+        return self.encoder(tokens, src_key_padding_mask=is_absent), is_absent
 
     @torch.no_grad()
     def modes(self, batch: TensorBatch) -> Array:
@@ -282,7 +303,7 @@ def train(
     return model
 
 
-def load(lake: LakeViewView, run: str) -> tuple[Forecaster, ForecasterConfig]:
+def load(lake: LakeView, run: str) -> tuple[Forecaster, ForecasterConfig]:
     """Return the trained forecaster of a run, and its settings.
 
     Raises:
@@ -296,14 +317,18 @@ def load(lake: LakeViewView, run: str) -> tuple[Forecaster, ForecasterConfig]:
         raise LakeError(f"run {run} of {lake.root} {what}; train one: scenarionet forecast fit")
     broken = [name for name, values in found.arrays.items() if not np.isfinite(values).all()]
     if broken:
-        raise LakeError(f"run {run}: weights are not finite, for example {broken[0]}; train it again under another name")
+        raise LakeError(
+            f"run {run}: weights are not finite, for example {broken[0]}; train it again under another name"
+        )
     try:
         config = ForecasterConfig(**described["forecaster"])
         model = Forecaster(config)
         _restore(model, None, None, found)
     except (TypeError, RuntimeError) as error:
         reason = str(error).splitlines()[-1].strip()
-        raise LakeError(f"run {run}: a forecaster of another layout, {reason}; train it again with this version") from error
+        raise LakeError(
+            f"run {run}: a forecaster of another layout, {reason}; train it again with this version"
+        ) from error
     return model, config
 
 

@@ -90,7 +90,8 @@ def _most_probable(model: Forecaster) -> Predictor:
         path: Array = modes[torch.arange(len(modes)), logits.argmax(dim=1)][:, None].numpy()
         return path
 
-    return predict
+    found: Predictor = predict
+    return found
 
 
 def fan(config: ForecasterConfig) -> Predictor:

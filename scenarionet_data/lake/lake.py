@@ -164,7 +164,8 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
             name: Name of the column.
             database: Embed only its members; others have no vector.
             model: ``"features"``: 64 numbers that are computed by hand, see
-                :mod:`scenarionet_data.embeddings.features`.
+                :mod:`scenarionet_data.embeddings.features`; or a run of this lake that trained a forecaster, whose
+                encoder says of the ego what its vector is.
             replace: Add a version if the user column exists.
             on_progress: Called after each scenario.
 
@@ -177,7 +178,7 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
         """
         from scenarionet_data.embeddings.embed import embed, find_model
 
-        return embed(self, name, find_model(model), database, replace=replace, on_progress=on_progress)
+        return embed(self, name, find_model(self, model), database, replace=replace, on_progress=on_progress)
 
     def similar(
         self, scenario_id: str, k: int = 10, *, by: str | None = None, database: DatabaseRecord | str | None = None

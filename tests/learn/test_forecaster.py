@@ -13,16 +13,26 @@ from scenarionet_data import Lake, convert
 pytestmark = pytest.mark.learn
 torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
 
-import forecaster as forecasters  # noqa: E402
-from forecaster import ForecasterConfig, displacements, load, measure, predict, train  # noqa: E402
-from forecaster_experiment import (  # noqa: E402
-    Experiment,
-    constant_velocity,
-    interval,
-    kalman_filter,
-    run_experiment,
-    write_page,
+from forecaster_experiment import Experiment, interval, run_experiment, write_page  # noqa: E402
+
+from scenarionet_data.errors import BadParameter, LakeError  # noqa: E402
+from scenarionet_data.forecasts import forecaster as forecasters  # noqa: E402
+from scenarionet_data.forecasts.forecaster import (  # noqa: E402
+    ForecasterConfig,
+    displacements,
+    load,
+    make_config,
+    measure,
+    predict,
+    train,
 )
+from scenarionet_data.forecasts.forecaster_scores import (  # noqa: E402
+    constant_velocity,
+    fan,
+    kalman_filter,
+    score_forecaster,
+)
+from scenarionet_data.storage import checkpoints, evaluation_runs  # noqa: E402
 
 CONFIG = ForecasterConfig(epochs=2, size=32, layers=1, agents=4, polylines=8, stride=2.0)
 
@@ -48,7 +58,8 @@ def test_interrupted_run_continues_to_the_same_weights(lake):
     with pytest.raises(Killed):
         train(lake, "driven", CONFIG, run="parts", tests=("driven",), on_epoch=kill)
     continued = train(lake, "driven", CONFIG, run="parts", tests=("driven",))
-    stored = load(lake, "parts", CONFIG)
+    stored, config = load(lake, "parts")
+    assert config == CONFIG
     for name, value in whole.state_dict().items():
         assert torch.equal(value, continued.state_dict()[name]) and torch.equal(value, stored.state_dict()[name])
     curve = lake.sql(
@@ -115,3 +126,82 @@ def test_experiment_compares_sources(lake, tmp_path, monkeypatch):
     write_page(tmp_path / "page.md", rows, experiment, "abc123")
     page = (tmp_path / "page.md").read_text("utf-8")
     assert "`abc123`" in page and "| all | " in page and "| `seeds` | (0, 1) |" in page
+
+
+def test_forecaster_is_scored_beside_those_that_learn_nothing(lake):
+    train(lake, "driven", CONFIG, run="scored")
+    found = {each.name: each for each in score_forecaster(lake, "scored", "driven")}
+    samples = CONFIG.samples(lake, "driven", is_training=False)
+    mean, end = measure(constant_velocity(CONFIG), samples)
+    constant = found["constant velocity"]
+    assert constant.min_ade == pytest.approx(np.nanmean(mean)) and constant.min_fde == pytest.approx(np.nanmean(end))
+    known = end[np.isfinite(end)]
+    assert (constant.miss_rate, constant.targets) == (pytest.approx((known > 2.0).mean()), len(known))
+    assert found["scored"].min_ade <= found["scored, most probable"].min_ade
+    assert found["six constant velocities"].min_ade <= constant.min_ade  # it is one of the six
+    assert [each.modes for each in found.values()] == [CONFIG.modes, 1, 1, 1, 6]
+
+
+def test_fan_has_slower_and_turned_paths():
+    history = torch.zeros((1, 1, 11, 5))
+    history[0, 0, -1, 3] = 10.0
+    ends = fan(ForecasterConfig(future=1.0))({"history": history})[0, :, -1]
+    assert ends == pytest.approx(
+        np.array([(10, 0), (8, 0), (12, 0), (5, 0), (9.848, 1.736), (9.848, -1.736)]), abs=1e-3
+    )
+
+
+def test_encoder_embeds_scenarios(lake):
+    train(lake, "driven", CONFIG, run="encoder")
+    record = lake.embed("encoded", model="encoder")
+    assert record.type.endswith("[32]") and record.count == len(lake)
+    assert record.source.startswith("embedding by the encoder of run encoder ")
+    again = lake.embed("encoded", model="encoder", replace=True)
+    assert again.source == record.source
+    opened = Lake(lake.root)
+    first = opened.sql("SELECT scenario_id FROM metadata ORDER BY 1")["scenario_id"][0]
+    assert len(opened.similar(first, 3, by="encoded")) == 3
+
+
+def test_runs_that_cannot_be_loaded_are_sentences(lake, tmp_path):
+    with pytest.raises(LakeError, match="nobody"):
+        load(lake, "nobody")
+    evaluation_runs.claim(lake.files, "driver", ("training",), {"algorithm": "ppo"})
+    with pytest.raises(
+        LakeError, match=r"run driver of .* is not of a forecaster; train one: scenarionet forecast fit"
+    ):
+        load(lake, "driver")
+    evaluation_runs.claim(lake.files, "begun", ("training",), {"forecaster": {}})
+    with pytest.raises(LakeError, match="has no checkpoint yet"):
+        load(lake, "begun")
+    train(lake, "driven", CONFIG, run="good")
+    arrays = dict(checkpoints.load(lake.files, "good").arrays)
+    for name, described, changed, words in (
+        ("wide", {"size": 64}, arrays, "a forecaster of another layout, size mismatch"),
+        ("old", {"colour": "red"}, arrays, "a forecaster of another layout, .*unexpected keyword argument 'colour'"),
+        (
+            "nan",
+            {},
+            {**arrays, "model.queries": arrays["model.queries"] * np.nan},
+            "not finite, for example model.queries",
+        ),
+    ):
+        settings = evaluation_runs.describe(lake.files, "good")["forecaster"] | described
+        evaluation_runs.claim(lake.files, name, ("training",), {"forecaster": settings})
+        checkpoints.save(lake.files, name, checkpoints.Checkpoint(1, {}, changed))
+        with pytest.raises(LakeError, match=words):
+            load(lake, name)
+    with pytest.raises(BadParameter, match="no model 'other' that embeds"):
+        lake.embed("w", model="other")
+
+
+def test_settings_are_checked():
+    assert make_config({"epochs": "2", "rate": "0.01"}) == ForecasterConfig(epochs=2, rate=0.01)
+    for given, words in (
+        ({"colour": "red"}, "no setting 'colour'; it has history, future"),
+        ({"epochs": "two"}, "epochs: wanted int, found 'two'"),
+        ({"stride": "-1"}, "stride: wanted a number above 0"),
+        ({"size": "30"}, "size: wanted a multiple of heads, 4, found 30"),
+    ):
+        with pytest.raises(BadParameter, match=words):
+            make_config(given)

@@ -88,9 +88,17 @@ forecast submit lake predictions.parquet submission.parquet --format argoverse2
 """
 OF_TORCH = (
     "train ppo lake few --size small -p steps=64 --name tiny",
+    "forecast fit lake few -p epochs=1 -p stride=4 --name tiny_forecaster",
     pytest.param("runs experiment cross-dataset lake -o experiment", marks=pytest.mark.long),
 )
-TRIED = [*COMMANDS.strip().splitlines(), *OF_PREDICTIONS.strip().splitlines(), "browse", "train", "runs experiment"]
+TRIED = [
+    *COMMANDS.strip().splitlines(),
+    *OF_PREDICTIONS.strip().splitlines(),
+    "browse",
+    "train",
+    "forecast fit",
+    "runs experiment",
+]
 
 
 def start(folder: Path, words: str, limit: int = NEEDED) -> subprocess.Popen[str]:

@@ -74,7 +74,9 @@ def test_mistakes_are_sentences(lake, scenarios, tmp_path):
         lake.similar(scenarios[0].id, 0)
     with pytest.raises(UserColumnExists):
         lake.embed("v")
-    with pytest.raises(BadParameter, match="no model 'resnet'"):
+    with pytest.raises(
+        BadParameter, match=r"no model 'resnet'.*there is features, and each run of this lake .*: none yet"
+    ):
         lake.embed("w", model="resnet")
     lake.tag("score", {scenarios[0].id: 1.0})
     lake.embed("w", lake.filter(name="two", ids=[scenarios[0].id, scenarios[1].id]))
@@ -106,7 +108,7 @@ def test_vectors_that_are_not_finite_are_refused(lake, scenarios):
     class Broken:
         source = "broken 0"
 
-        def vectors(self, loader):
+        def vectors(self, lake, loader):
             return (np.array([1.0, np.nan], np.float32) for _ in loader)
 
     with pytest.raises(BadParameter, match="the model gives 1 of 2 numbers that are not finite; its weights"):

@@ -16,16 +16,18 @@ class EmbedVerb(LakeVerb, Progressing):
 
     The model `features` is 64 numbers that are computed by hand: motion of the ego, road, traffic, interactions and
     lights, each standardised with a stored mean and scale, so that two lakes have comparable vectors. The column's
-    source, which `db tag LAKE` shows, has a hash of the model.
+    source, which `db tag LAKE` shows, has a hash of the model. With --model RUN, the vector is what the encoder of a
+    forecaster says of the ego, averaged over the scenario.
     """
 
     examples = (
         "scenarionet db embed lake --name v",
         "scenarionet db embed lake busy --name v --replace",
+        "scenarionet db embed lake --name encoded --model driven_train-forecaster-seed0",
     )
     database: str | None = OPTIONAL_DATABASE
     name: str = option("Name of the user column.", metavar="NAME")
-    model: str = option("Model that embeds: features.", default="features", metavar="NAME")
+    model: str = option("Model: features, or a run that `forecast fit` trained.", default="features", metavar="NAME")
     replace: bool = option("Save a new version if the column exists.")
 
     def run(self) -> None:

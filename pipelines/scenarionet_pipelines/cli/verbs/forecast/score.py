@@ -95,7 +95,9 @@ class ScoreVerb(LakeVerb, Distributed):
             raise MissingDependency("a forecaster needs torch", "learn") from error
         found = score_forecaster(self.open(), model, database)
         head = ("predictor", "modes", "minADE [m]", "minFDE [m]", "miss rate", "targets")
-        self.say({"scores": [asdict(each) for each in found]}, table([tuple(vars(each).values()) for each in found], head))
+        self.say(
+            {"scores": [asdict(each) for each in found]}, table([tuple(vars(each).values()) for each in found], head)
+        )
 
     def score_predictions(self, predictions: str) -> None:
         """Score a file of predictions, print means, and write the scores of each target to a Parquet file."""
