@@ -8,8 +8,9 @@ from functools import cache
 from typing import Any
 
 from scenarionet_data.errors import MissingDependency
+from scenarionet_data.interchange.ros.messages import messages
 from scenarionet_sim.bridges.inbox import Inbox
-from scenarionet_sim.bridges.ros2_messages import dds_name, typestore
+from scenarionet_sim.bridges.ros2_names import dds_name
 
 LOOPBACK = (
     "<CycloneDDS><Domain><General><Interfaces><NetworkInterface address='127.0.0.1'/></Interfaces>"
@@ -99,7 +100,7 @@ def idl_type(kind: str) -> Any:
     """Return the type of cyclonedds of a message, from the definition that rosbags has; it reads and writes CDR."""
     from cyclonedds import idl
 
-    _, fields = typestore().fielddefs[kind]
+    _, fields = messages(2).store.fielddefs[kind]
     made: Any = idl.make_idl_struct(
         kind.rpartition("/")[2], dds_name(kind), {name: _idl_field(*field) for name, field in fields}
     )

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from typing import Protocol
 
-_ROOM = 256
+ROOM = 256
 """Messages that are kept; a stack that floods loses its oldest ones."""
 
 
@@ -15,7 +15,7 @@ class Inbox:
     """Messages that threads of a wire put and the simulation takes, oldest first."""
 
     def __init__(self) -> None:
-        self._messages: deque[tuple[str, bytes]] = deque(maxlen=_ROOM)
+        self._messages: deque[tuple[str, bytes]] = deque(maxlen=ROOM)
         self._has_changed = threading.Condition()
 
     def put(self, topic: str, content: bytes) -> None:

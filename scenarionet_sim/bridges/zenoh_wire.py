@@ -14,8 +14,9 @@ from itertools import count
 from typing import Any
 
 from scenarionet_data.errors import MissingDependency, SourceError
+from scenarionet_data.interchange.ros.messages import messages
 from scenarionet_sim.bridges.inbox import Inbox
-from scenarionet_sim.bridges.ros2_messages import dds_name, typestore
+from scenarionet_sim.bridges.ros2_names import dds_name
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 """Where nodes of rmw_zenoh look for a router, which this is without ``ZENOH_SESSION_CONFIG_URI``."""
@@ -25,7 +26,7 @@ _QOS = "::,10:,:,:,,"  # reliable, volatile, keep last 10
 
 def key_expression(domain: int, topic: str, kind: str) -> str:
     """Return the key of a topic: domain, name, type and hash of the type."""
-    return f"{domain}/{topic}/{dds_name(kind)}/{typestore().hash_rihs01(kind)}"
+    return f"{domain}/{topic}/{dds_name(kind)}/{messages(2).store.hash_rihs01(kind)}"
 
 
 class ZenohWire:
@@ -85,10 +86,9 @@ class ZenohWire:
         node = f"@ros2_lv/{domain}/{self._session.zid()}/0"
         named = [("MP", *each) for each in published.items()] + [("MS", *each) for each in subscribed.items()]
         tokens = [f"{node}/0/NN/%/%/scenarionet"]
-        tokens += [
-            f"{node}/{number}/{role}/%/%/scenarionet/%{name}/{dds_name(kind)}/{typestore().hash_rihs01(kind)}/{_QOS}"
-            for number, (role, name, kind) in enumerate(named, 1)
-        ]
+        for number, (role, name, kind) in enumerate(named, 1):
+            mangled, digest = name.replace("/", "%"), messages(2).store.hash_rihs01(kind)
+            tokens.append(f"{node}/{number}/{role}/%/%/scenarionet/%{mangled}/{dds_name(kind)}/{digest}/{_QOS}")
         self._tokens = [self._session.liveliness().declare_token(token) for token in tokens]
 
     def publish(self, topic: str, content: bytes) -> None:

@@ -21,7 +21,7 @@ from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
-from scenarionet_sim.bridges import ros2_planner
+from scenarionet_sim.bridges.stacks import StackPlanner, is_stack
 from scenarionet_sim.drivers.code import PolicyCode
 from scenarionet_sim.drivers.trained import PREFIX, load_driver
 from scenarionet_sim.planners.base import Planner
@@ -70,7 +70,7 @@ MANUAL = ("keyboard", "gamepad")
 
 def drives_alone(policy: str) -> bool:
     """Return whether a policy drives one world at a time: a person's, or a stack in another process."""
-    return policy in MANUAL or policy.startswith(ros2_planner.PREFIX)
+    return policy in MANUAL or is_stack(policy)
 
 
 TRACKERS: dict[str, Tracker] = {"lqr": Lqr(), "perfect": PerfectTracking()}
@@ -167,7 +167,7 @@ def resolve_drivers(
     """Return the drivers of ego and traffic.
 
     Args:
-        policy: A name in DRIVERS or PLANNERS, ``ros2:dds`` or ``ros2:zenoh``, ``module:Class``, ``runs/NAME`` of a
+        policy: A name in DRIVERS or PLANNERS, a stack (``bridges.stacks``), ``module:Class``, ``runs/NAME`` of a
             training run, or, in its process, pinned code (see ``drivers.code``).
         traffic: A name in TRAFFIC.
         backend: A name in BACKENDS: the vehicle of a planner that returns actions.
@@ -188,9 +188,9 @@ def resolve_drivers(
     if policy in PLANNERS:
         planned = Planned(planner=PLANNERS[policy], tracker=follows, backend=vehicle, route=along)
         return Drivers((*others, planned), None)
-    if policy.startswith(ros2_planner.PREFIX):
-        stack = partial(ros2_planner.Ros2Planner, policy.removeprefix(ros2_planner.PREFIX))
-        stack()  # whether there is such a wire
+    if is_stack(policy):
+        stack = partial(StackPlanner, policy)
+        stack()  # whether there is such a stack
         return Drivers((*others, Planned(planner=stack, tracker=follows, backend=vehicle, route=along)), None)
     if ":" not in policy:
         return Drivers((*others, replace(_lookup(DRIVERS, policy, "policy"), route=along)), None)

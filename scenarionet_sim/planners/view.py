@@ -173,7 +173,7 @@ class View:
         skip: Moments at the beginning of the state's history that are not past.
 
     Attributes:
-        world, state, slot: What it shows, for planners that need more; only to read.
+        world, state, slot, row: What it shows, for planners that need more; only to read.
         scenario_id: The scenario.
         dt: Seconds until the planner is asked again.
         time: Seconds since the beginning of the recording.
@@ -191,7 +191,7 @@ class View:
         arc_before: float = math.nan,
         skip: int = 0,
     ) -> None:
-        self.world, self.state, self.slot, self._row = world, state, slot, row
+        self.world, self.state, self.slot, self.row = world, state, slot, row
         self._own = own = state.motion[slot, row].tolist()
         self._speed_before, self._skip, self._arc = speed_before, skip, arc_before
         self.scenario_id, self.dt = world.scenario_id, world.dt
@@ -207,7 +207,7 @@ class View:
         along = math.cos(heading) * own[VX] + math.sin(heading) * own[VY]
         speed = math.copysign(math.hypot(own[VX], own[VY]), along)
         before = speed if self._speed_before is None else self._speed_before
-        length, width, height = self.state.size[self.slot, self._row].tolist()
+        length, width, height = self.state.size[self.slot, self.row].tolist()
         x, y, heading = (own[X], own[Y], heading) if is_scenario else (0.0, 0.0, 0.0)
         return EgoView(x, y, heading, speed, (speed - before) / self.dt, own[YAW_RATE], length, width, height)
 
@@ -216,7 +216,7 @@ class View:
         """The other present objects."""
         state, slot, frame = self.state, self.slot, self.frame
         present = state.present[slot].copy()
-        present[self._row] = False
+        present[self.row] = False
         rows = np.flatnonzero(present)
         motion = state.motion[slot].take(rows, axis=0)
         return ObjectsView(
@@ -231,7 +231,7 @@ class View:
     @cached_property
     def past_poses(self) -> Float64:
         """(K, 3) the vehicle's own x, y [m] and heading [rad] before, latest first; NaN before the episode."""
-        position, heading, present = self._past(np.array([self._row]))
+        position, heading, present = self._past(np.array([self.row]))
         if not len(present):
             return np.zeros((0, 3))
         poses = np.concatenate([position[:, 0], heading], axis=1)
@@ -241,7 +241,7 @@ class View:
     @cached_property
     def route(self) -> RouteView:
         """The way to take."""
-        world, row = self.world, self._row
+        world, row = self.world, self.row
         first, end = world.paths.path_offsets[row : row + 2].tolist()
         lanes, limits, beyond = _lanes_of(world, row)
         stops = slice(world.stops.stop_offsets[row], world.stops.stop_offsets[row + 1])
@@ -265,7 +265,7 @@ class View:
     @cached_property
     def goal(self) -> Array:
         """(2,) end of the route [m]."""
-        end = self.world.paths.path_offsets[self._row + 1] - 1
+        end = self.world.paths.path_offsets[self.row + 1] - 1
         return self.frame.points(self.world.paths.path[end, :2])
 
     @cached_property
@@ -288,7 +288,7 @@ class View:
     @property
     def log(self) -> Float32:
         """(T, 8) the vehicle's own recording in the scenario's frame, columns as in ``World.log``."""
-        return self.world.log[:, self._row]
+        return self.world.log[:, self.row]
 
     def _past(self, rows: IntP) -> tuple[Float64, Float64, Bool]:
         history = self.state.history

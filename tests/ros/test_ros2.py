@@ -14,8 +14,12 @@ import numpy as np
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_sim.bridges import dds_wire, ros2_planner
-from scenarionet_sim.bridges.ros2_messages import ANSWERS, make, typestore
+from scenarionet_data.errors import SourceError
+from scenarionet_data.interchange.ros.messages import messages
+from scenarionet_sim.bridges import dds_wire, stacks
+from scenarionet_sim.bridges.commands import Steer, drive
+from scenarionet_sim.bridges.link import Link
+from scenarionet_sim.bridges.ros_topics import ANSWERS
 from scenarionet_sim.evaluation.evaluation import evaluate
 from scenarionet_sim.planners.base import Action, Planner, Trajectory
 from scenarionet_sim.planners.view import View
@@ -41,21 +45,17 @@ class PursuitHere(Planner):
             self.route = view.route.centreline.tolist()
         heading = 2.0 * math.atan2(math.sin(ego.heading / 2.0), math.cos(ego.heading / 2.0))
         steering, speed = map(float, np.float32(self.driver.command(ego.x, ego.y, heading, ego.speed, self.route)))
-        zeros = {"steering_angle_velocity": 0.0, "acceleration": 0.0, "jerk": 0.0}
-        told = make("ackermann_msgs/AckermannDrive", steering_angle=steering, speed=speed, **zeros)
-        return ros2_planner.drive(
-            "ackermann_cmd", make("ackermann_msgs/AckermannDriveStamped", header=None, drive=told), view
-        )
+        return drive(Steer(steering, speed), view)
 
 
 @contextmanager
 def stack(wire: str, fault: str = "") -> Iterator[subprocess.Popen[bytes]]:
     """A stack that runs."""
-    kind = ANSWERS["ackermann_cmd"]
+    kind = ANSWERS["ackermann_cmd"].kind
     words = [sys.executable, str(HERE / f"stack_{wire}.py"), fault]
     if wire == "zenoh":
         words.append(
-            f"0/ackermann_cmd/ackermann_msgs::msg::dds_::AckermannDriveStamped_/{typestore().hash_rihs01(kind)}"
+            f"0/ackermann_cmd/ackermann_msgs::msg::dds_::AckermannDriveStamped_/{messages(2).store.hash_rihs01(kind)}"
         )
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     process = subprocess.Popen(words, env=environment | {"CYCLONEDDS_URI": dds_wire.LOOPBACK})
@@ -64,6 +64,11 @@ def stack(wire: str, fault: str = "") -> Iterator[subprocess.Popen[bytes]]:
     finally:
         process.kill()
         process.wait()
+
+
+def link_of(wire: str) -> Link:
+    """The link of this process."""
+    return stacks.link(stacks.Stack.parse(f"ros2:{wire}"))
 
 
 @pytest.fixture(scope="module")
@@ -107,8 +112,10 @@ def test_a_stack_drives_to_success_bit_for_bit_as_the_same_policy_here(lake: Lak
 def test_a_fault_is_a_sentence_and_the_run_goes_on(
     lake: Lake, monkeypatch: pytest.MonkeyPatch, wire: str, fault: str, reason: str
 ) -> None:
-    monkeypatch.setattr(ros2_planner.link(wire), "limit", 1.5 if "running" in reason else 6.0)
-    monkeypatch.setattr(ros2_planner.link(wire), "stamp", 0)
+    link = link_of(wire)
+    monkeypatch.setattr(link, "limit", 1.5 if "running" in reason else 6.0)
+    monkeypatch.setattr(link, "stamp", 0)
+    monkeypatch.setattr(link, "_unanswered", None)
     with stack(wire, fault):
         report = evaluate(lake, policy=f"ros2:{wire}", name=f"fault-{fault}")
     assert len(report.broken) == len(SCENARIOS)
@@ -121,13 +128,6 @@ def test_a_flood_of_old_answers_hides_no_new_one(lake: Lake) -> None:
 
 
 def test_a_taken_port_is_a_sentence() -> None:
-    ros2_planner.link("zenoh")
-    with pytest.raises(ros2_planner.SourceError, match="end the router that runs there"):
-        ros2_planner.Link("zenoh")
-
-
-def test_hashes_are_the_published_ones() -> None:
-    """Of rmw_zenoh, docs/design.md."""
-    assert typestore().hash_rihs01("std_msgs/msg/String") == (
-        "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
-    )
+    link_of("zenoh")
+    with pytest.raises(SourceError, match="end the router that runs there"):
+        stacks.TRANSPORTS["ros2:zenoh"](())

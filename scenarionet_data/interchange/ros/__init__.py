@@ -1,0 +1,1 @@
+"""ROS: its messages, and recordings as rosbag and rosbag2."""

@@ -1,0 +1,57 @@
+"""Sensors of a vehicle that a driving stack drives: a camera, a spinning lidar and a planar one."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Collection
+
+import numpy as np
+
+from scenarionet_data.arrays.dtypes import Array, UInt8
+from scenarionet_sim.planners.view import View
+from scenarionet_sim.sensors.base import Sensor
+from scenarionet_sim.sensors.camera import Camera
+from scenarionet_sim.sensors.lidar import Lidar
+from scenarionet_sim.sensors.lidar_presets import HDL_32E
+from scenarionet_sim.worlds.world_batch import WorldBatch
+
+CAMERA = Camera(width=640, height=360)
+LIDAR = HDL_32E
+SCAN = Lidar(rays=360, range=50.0)
+SENSORS: dict[str, Sensor] = {"camera": CAMERA, "lidar": LIDAR, "scan": SCAN}
+
+_QUALITY = 85  # of JPEG
+
+
+class StackSensors:
+    """Sensors of one vehicle through one scenario.
+
+    Args:
+        names: Names in SENSORS.
+    """
+
+    def __init__(self, names: Collection[str]) -> None:
+        self._sensors = {name: sensor for name, sensor in SENSORS.items() if name in names}
+        self._rng = np.random.default_rng(0)
+        self._batch: WorldBatch | None = None
+
+    def look(self, view: View) -> dict[str, Array]:
+        """Return what each sensor observes now, by name."""
+        if not self._sensors:
+            return {}
+        if self._batch is None:
+            self._batch = WorldBatch([view.world] * len(view.state.present))
+        agents = np.array([[view.slot, view.row]], np.int32)
+        return {
+            name: sensor.observe(self._batch, view.state, agents, self._rng, sensor.empty(1))[0]
+            for name, sensor in self._sensors.items()
+        }
+
+
+def jpeg(picture: UInt8) -> UInt8:
+    """Return a picture (H, W, 3) as the bytes of a JPEG file."""
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, "JPEG", quality=_QUALITY)
+    return np.frombuffer(file.getbuffer(), np.uint8)
