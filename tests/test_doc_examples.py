@@ -31,7 +31,7 @@ pytestmark = pytest.mark.integration
 
 
 def test_readme_examples_run(monkeypatch, tmp_path):
-    assert run_blocks("README.md", monkeypatch, tmp_path) == 7
+    assert run_blocks("README.md", monkeypatch, tmp_path) == 8
 
 
 @pytest.mark.long
