@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import ArrayRecord, Bool, Float64, Int32, RecordArray
+from scenarionet_data.arrays.dtypes import ArrayRecord, Bool, Float64, Int32, Int64, RecordArray
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_data.procedural.following import acceleration, room_needed
 from scenarionet_data.procedural.graph import NONE, LaneGraph
@@ -34,7 +34,7 @@ def drive(graph: LaneGraph, vehicles: RecordArray, lights: Int32, dt: float) -> 
     places: RecordArray = np.recarray((count, PLACES), PLACE)
     places.lane, places.s = NONE, 0.0
     motion, valid = np.zeros((count, steps, 4)), np.zeros((count, steps), np.bool_)
-    driven = _drive(graph, vehicles, places, lights, dt, np.zeros(count), motion, valid)
+    driven = _drive(graph, vehicles, places, lights, dt, motion, valid)
     return motion[:, :driven], valid[:, :driven]
 
 
@@ -45,18 +45,16 @@ def _drive(
     places: RecordArray,
     lights: Int32,
     dt: float,
-    wanted: Float64,
     motion: Float64,
     valid: Bool,
 ) -> int:
-    """Fill ``motion`` and ``valid``; ``places`` (N, 3) and ``wanted`` (N,) are working memory.
-
-    Vehicles decide one after the other, and each sees the decisions of those before it.
+    """Fill ``motion`` and ``valid``; ``places`` (N, 3) is working memory.
 
     Returns:
         Number of timesteps written.
     """
     count, steps = valid.shape
+    rows, wanted = np.arange(count), np.zeros(count)
     for i in range(count):
         occupy(graph, vehicles, places, i)
     for i in range(count):
@@ -72,21 +70,40 @@ def _drive(
                 valid[i, t] = True
         if not vehicles[EGO].active:
             return t
-        for i in range(count):
-            if vehicles[i].active:
-                if (t + i) % CONSIDER_EVERY == 0:
-                    consider(graph, vehicles, places, i)
-                reroute(graph, vehicles, i)
-                occupy(graph, vehicles, places, i)
-                update_grant(graph, vehicles, places, lights, t, i)
-        for i in range(count):
-            if vehicles[i].active:
-                wanted[i] = acceleration(graph, vehicles, places, i)
-        for i in range(count):
-            if vehicles[i].active:
-                move(graph, vehicles[i], wanted[i], dt)
-            occupy(graph, vehicles, places, i)
+        advance(graph, vehicles, places, lights, t, rows, wanted, dt)
     return int(steps)
+
+
+@device_function
+def advance(
+    graph: LaneGraph,
+    vehicles: RecordArray,
+    places: RecordArray,
+    lights: Int32,
+    t: int,
+    rows: Int64,
+    wanted: Float64,
+    dt: float,
+) -> None:
+    """Move all vehicles by a timestep.
+
+    They decide one after the other, and each sees the decisions of those before it; ``rows`` are their numbers, by
+    which they take turns to consider lane changes, and ``wanted`` is working memory, (N,) both.
+    """
+    for i in range(len(vehicles)):
+        if vehicles[i].active:
+            if (t + rows[i]) % CONSIDER_EVERY == 0:
+                consider(graph, vehicles, places, i)
+            reroute(graph, vehicles, i)
+            occupy(graph, vehicles, places, i)
+            update_grant(graph, vehicles, places, lights, t, i)
+    for i in range(len(vehicles)):
+        if vehicles[i].active:
+            wanted[i] = acceleration(graph, vehicles, places, i)
+    for i in range(len(vehicles)):
+        if vehicles[i].active:
+            move(graph, vehicles[i], wanted[i], dt)
+            occupy(graph, vehicles, places, i)
 
 
 @device_function

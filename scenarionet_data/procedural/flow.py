@@ -8,12 +8,11 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64, RecordArray
 from scenarionet_data.compiled.decorators import device_function, kernel
-from scenarionet_data.procedural.drive import CONSIDER_EVERY, EGO, GENTLE, move, reroute
+from scenarionet_data.procedural.drive import EGO, GENTLE, advance
 from scenarionet_data.procedural.following import acceleration
 from scenarionet_data.procedural.graph import NONE, LaneGraph
-from scenarionet_data.procedural.lane_change import consider, is_accepted
+from scenarionet_data.procedural.lane_change import is_accepted
 from scenarionet_data.procedural.population import WARM_UP, Population
-from scenarionet_data.procedural.right_of_way import update_grant
 from scenarionet_data.procedural.vehicles import PLACE, PLACES, occupy, record
 from scenarionet_data.procedural.walking import Walkers, record_on_foot, step_on_foot
 from scenarionet_data.statistics.summary import box_gap
@@ -136,20 +135,7 @@ def _flow(
         for i in range(len(people)):
             if people[i].begins <= t and not people[i].gone:
                 step_on_foot(graph, present, places, lights, t, people, i, dt)
-        for i in range(num):
-            if present[i].active:
-                if (t + row[i]) % CONSIDER_EVERY == 0:
-                    consider(graph, present, places, i)
-                reroute(graph, present, i)
-                occupy(graph, present, places, i)
-                update_grant(graph, present, places, lights, t, i)
-        for i in range(num):
-            if present[i].active:
-                wanted[i] = acceleration(graph, present, places, i)
-        for i in range(num):
-            if present[i].active:
-                move(graph, present[i], wanted[i], dt)
-                occupy(graph, present, places, i)
+        advance(graph, present, places, lights, t, row, wanted, dt)
     return begin, steps
 
 

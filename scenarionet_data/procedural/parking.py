@@ -30,16 +30,14 @@ _TAKEN = 0.7
 
 def add_parking(road_map: RoadMap, graph: LaneGraph, share: float, rng: np.random.Generator) -> list[Obstacle]:
     """Add bays beside a share of the rightmost lanes of the map's blocks; return the cars that are parked in them."""
-    surface = shapely.unary_union([shape for block in road_map.blocks for shape in block.footprint])
     lanes, cars, row = graph.lanes, list[Obstacle](), -1
+    is_plain = (lanes.junction == NO_JUNCTION) & (lanes.right == NONE) & (lanes.conflicts_begin == lanes.conflicts_end)
     half = road_map.road.lane_width / 2.0
     for block in road_map.blocks:
         for lane in block.lanes:
             row += 1
             room = lane.path.length - 2.0 * _FROM_ENDS
-            is_plain = lanes.junction[row] == NO_JUNCTION and lanes.right[row] == NONE
-            is_plain &= bool(lanes.conflicts_begin[row] == lanes.conflicts_end[row])
-            if not is_plain or room < _LENGTHS[0] or rng.random() >= share:
+            if not is_plain[row] or room < _LENGTHS[0] or rng.random() >= share:
                 continue
             length = float(rng.uniform(_LENGTHS[0], min(room, _LENGTHS[1])))
             begin = _FROM_ENDS + float(rng.uniform(0.0, room - length))
@@ -49,7 +47,7 @@ def add_parking(road_map: RoadMap, graph: LaneGraph, share: float, rng: np.rando
             bay = shapely.Polygon(np.concatenate([inner, outer[::-1]]))
             if (
                 not bay.is_valid
-                or bay.buffer(-0.1).intersects(surface)
+                or road_map.surface.intersects(bay.buffer(-0.1))
                 or not _lead_around(block, lane.right_boundaries, inner, outer)
             ):
                 continue

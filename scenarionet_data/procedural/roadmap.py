@@ -13,6 +13,7 @@ from itertools import product
 from typing import NamedTuple, Protocol
 
 import numpy as np
+import shapely
 from shapely import Polygon
 
 from scenarionet_data.arrays.dtypes import Float64
@@ -209,6 +210,13 @@ class RoadMap:
     start: tuple[str, ...]
     goal: tuple[str, ...]
     is_mirrored: bool = False
+
+    @cached_property
+    def surface(self) -> shapely.Geometry:
+        """The surface of its roads, prepared for predicates."""
+        surface = shapely.unary_union([shape for block in self.blocks for shape in block.footprint])
+        shapely.prepare(surface)
+        return surface
 
     @property
     def lanes(self) -> list[Lane]:
