@@ -18,7 +18,7 @@ import pyarrow as pa
 
 from scenarionet_data.errors import LakeError, QueryError
 from scenarionet_data.query.damage import damage
-from scenarionet_data.query.statements import error_position, only_select, quoted
+from scenarionet_data.query.statements import error_position, only_select, quoted, quoting_hint
 from scenarionet_data.query.views import Views
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
@@ -207,7 +207,7 @@ class Engine:
                     remedy = f"`scenarionet maintain check {self._files.root}` lists missing and damaged files"
                     message, _, excerpt = str(error).partition("\n")
                     failure = LakeError(f"{message}; {remedy}\n{excerpt}".rstrip())
-                raise failure or QueryError(str(error)) from error
+                raise failure or QueryError(f"{error}{quoting_hint(str(error), sql)}") from error
             except RuntimeError as error:
                 if str(error) == "Query interrupted":  # how DuckDB reports an exception of a signal handler
                     raise KeyboardInterrupt from error

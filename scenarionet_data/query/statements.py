@@ -166,6 +166,13 @@ def explaining(where: str, user_columns: Iterable[str] = ()) -> Iterator[None]:
         raise QueryError(f"no column {word.group()} at character {word.start() + 1} of {where!r}; {similar}") from error
 
 
+def quoting_hint(message: str, sql: str) -> str:
+    """What to add to an error of DuckDB about an unknown column that something is compared with: it may be a text."""
+    found = _UNKNOWN_COLUMN.search(message)
+    is_compared = found and re.search(rf"(?:[=<>]|\bLIKE\b|\bIN\s*\()\s*{re.escape(found[1])}\b", sql, re.IGNORECASE)
+    return f"\na text is written in quotes, '{found[1]}'" if found and is_compared else ""
+
+
 def similar_columns(where: str, user_columns: Iterable[str] = ()) -> str:
     """Suggest columns with names similar to the unknown names in a condition."""
     metadata = tables.load("metadata")

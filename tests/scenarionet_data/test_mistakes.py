@@ -114,6 +114,7 @@ def test_obvious_meanings(lake):
         (lambda lake, samples: lake.select(None), "wanted SQL as text, found None"),
         (lambda lake, samples: lake.select("true", parameters=[1]), "parameters: wanted values by name"),
         (lambda lake, samples: lake.select("dataset = made"), "a text is written in quotes, 'made'"),
+        (lambda lake, samples: lake.sql("FROM metadata WHERE dataset = made"), "a text is written in quotes, 'made'"),
         (lambda lake, samples: lake.select("dataset IN (made, pg)"), "a text is written in quotes, 'made'"),
         (lambda lake, samples: lake.database(3), "wanted a database or its name, found 3"),
         (lambda lake, samples: Lake(lake.root, snapshot="1"), "snapshot: wanted a number or None, found '1'"),

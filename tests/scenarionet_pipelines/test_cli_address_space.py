@@ -17,6 +17,7 @@ import pytest
 
 from scenarionet_data import Lake, Samples, Targets, TimeWindow, convert
 from scenarionet_data.forecasts import make_predictions, write_predictions
+from scenarionet_data.interchange import WRITERS
 from scenarionet_pipelines.cli.address_space import NEEDED
 from tests.fixtures.waiting import HANGS_AFTER
 from tests.scenarionet_pipelines.test_cli import ALL_VERBS
@@ -44,7 +45,16 @@ vary lake few --name varied -p ego.speed=0.9:1.1 --number 2
 sim lake few --policy idm --name idm --workers 2
 sim lake few --policy replay --name replay --workers 1 --no-references
 export lake few pickles
+export lake few commonroad --format commonroad
+export lake few gpudrive --format gpudrive
+export lake few lanelet2 --format lanelet2
+export lake few mcap --format mcap --camera chase --picture-size 64
 export lake few maps --format opendrive --workers 2
+export lake few openscenario --format openscenario
+export lake few pufferdrive --format pufferdrive
+export lake few rerun --format rerun
+export lake few sumo --format sumo
+export lake few waymax --format waymax
 pack lake few packed
 db intersect lake busy few --name common
 db subtract lake busy few --name others --allow-empty
@@ -136,6 +146,11 @@ def predict(folder):
     batch = samples.batch([0])
     rows = make_predictions([samples.key(0)], batch["future"][:, :1, :, :2], np.ones((1, 1)), batch["pose"], 0.1)
     write_predictions(folder / "predictions.parquet", [rows])
+
+
+def test_every_format_is_tried():
+    tried = {line.rpartition("--format ")[2].split()[0] for line in TRIED if line.startswith("export")}
+    assert WRITERS.keys() <= tried
 
 
 def test_every_verb_is_tried():
