@@ -29,8 +29,8 @@ GROUPS = {
         ),
     ),
     "runs": Group(
-        "Runs of drivers: compare, test, film, verify, add from elsewhere, search failures, record, experiment.",
-        ("compare", "regress", "films", "verify", "add", "search", "record", "experiment"),
+        "Runs of drivers: bridge stacks, compare, test, film, verify, add others, search failures, record, experiment.",
+        ("bridge", "compare", "regress", "films", "verify", "add", "search", "record", "experiment"),
     ),
     "forecast": Group(
         "Predicted trajectories: train a forecaster, score, submit to challenges.", ("fit", "score", "submit")

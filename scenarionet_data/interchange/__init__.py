@@ -29,6 +29,8 @@ WRITERS = {
     "openscenario": "scenarionet_data.interchange.openscenario.writer:OpenScenarioWriter",
     "pufferdrive": "scenarionet_data.interchange.pufferdrive.writer:PufferDriveWriter",
     "rerun": "scenarionet_data.interchange.rerun.writer:RerunWriter",
+    "rosbag": "scenarionet_data.interchange.ros.writer:RosbagWriter",
+    "rosbag2": "scenarionet_data.interchange.ros.writer:Rosbag2Writer",
     "sumo": "scenarionet_data.interchange.sumo.writer:SumoWriter",
     "waymax": "scenarionet_data.interchange.waymax.writer:WaymaxWriter",
 }
@@ -52,7 +54,8 @@ def writer_class(name: str) -> type[Any]:
     try:
         kind: type[Any] = getattr(importlib.import_module(module), attribute)
     except ModuleNotFoundError as error:
-        raise MissingDependency(f"the format {name} needs {error.name}", "viewers") from error
+        extra = "ros" if name.startswith("rosbag") else "viewers"
+        raise MissingDependency(f"the format {name} needs {error.name}", extra) from error
     return kind
 
 

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.bench import (
+    bridges,
     cameras,
     cameras_on_card,
     cluster,
@@ -36,7 +37,7 @@ from tests.bench import (
 )
 from tests.bench.measure import Figure
 
-_OF_THEIR_OWN = {"card", "learn"}
+_OF_THEIR_OWN = {"bridges", "card", "learn"}
 """Groups that need an environment of their own, and run only by name."""
 
 
@@ -44,6 +45,7 @@ def main() -> None:
     """Run all groups, or one."""
     recordings = converting.recordings_folder()
     groups: dict[str, Callable[[], Iterator[Figure]]] = {
+        "bridges": bridges.figures,
         "cameras": cameras.figures,
         "card": cameras_on_card.figures,
         "cluster": lambda: cluster.figures(recordings),

@@ -108,6 +108,7 @@ TRIED = [
     "train",
     "forecast fit",
     "runs experiment",
+    "runs bridge",
 ]
 
 

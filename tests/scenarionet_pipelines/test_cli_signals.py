@@ -176,7 +176,7 @@ COMMANDS = {
     "checkout": "lake one@1", "score": "lake forecast.parquet",
     "fit": "lake one -p epochs=1", "sim": "lake --policy replay --workers 2",
     "record": "lake --workers 1", "verify": "lake before", "films": "lake before -o films",
-    "add": "lake played --name theirs",
+    "add": "lake played --name theirs", "bridge": "ros2 lake",
     "search": "lake cut_in --policy idm --name x -p ego_speed=25 -p lateral_time=4", "train": "ppo lake --size small",
     "regress": "lake one --policy constant-planner idm-planner", "experiment": "cross-dataset lake -o out --workers 1",
     "export": "lake one out", "pack": "lake one packed",

@@ -23,6 +23,9 @@ _DEFINITIONS = {
 }
 """Of the package ackermann_msgs 2, which rosbags lacks; that of ROS 1 has the same fields."""
 
+_DEFINITIONS_1 = {"tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n"}
+"""Of the package tf2_msgs of ROS 1, which rosbags lacks."""
+
 _DEFINITIONS_2 = {
     "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n",
     "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
@@ -58,7 +61,7 @@ class RosMessages:
             raise MissingDependency("messages of ROS need rosbags", "ros") from error
         self.version = version
         self.store: Any = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_JAZZY)
-        for name, text in (_DEFINITIONS | (_DEFINITIONS_2 if version == 2 else {})).items():
+        for name, text in (_DEFINITIONS | (_DEFINITIONS_2 if version == 2 else _DEFINITIONS_1)).items():
             self.store.register(get_types_from_msg(text, name))
 
     def encode(self, message: Any) -> bytes:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from scenarionet_data.interchange.base import FormatWriter
 
 _FORMATS = ("scenarionet", *WRITERS)
-_WITH_PICTURES = ("mcap", "rerun")
+_WITH_PICTURES = ("mcap", "rerun", "rosbag", "rosbag2")
 
 
 class ExportVerb(DatabaseVerb, Distributed):
@@ -32,7 +32,8 @@ class ExportVerb(DatabaseVerb, Distributed):
     cannot hold is counted below, and per scenario in DIR/export.jsonl. `-p` sets an option of the format.
 
     With --run, what a run of `scenarionet sim` did goes out instead of the recording, or with --beside its vehicle as
-    another object of the recording. `mcap` (Foxglove) and `rerun` hold pictures of cameras, too (--camera).
+    another object of the recording. `mcap` (Foxglove), `rerun`, `rosbag` and `rosbag2` hold pictures of
+    cameras, too (--camera).
     """
 
     examples = (

@@ -1,0 +1,62 @@
+"""Stacks over their wires: how long an answer takes, and how many pictures and scans they get a second."""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scenarionet_sim.bridges import stacks
+from scenarionet_sim.bridges.link import Link
+from scenarionet_sim.evaluation.evaluation import evaluate
+from tests.bench.measure import Figure
+from tests.fixtures.drives import make_drive
+from tests.fixtures.lakes import write_lake
+from tests.ros.test_ros2 import stack
+
+
+class _Timed(Link):
+    """Keeps how long each answer took [s]."""
+
+    def __init__(self, link: Link) -> None:
+        super().__init__(link.transport, link.limit)
+        self.taken: list[float] = []
+
+    def _answer(self, moment: Any) -> Any:
+        started = time.perf_counter()
+        try:
+            return super()._answer(moment)
+        finally:
+            self.taken.append(time.perf_counter() - started)
+
+
+def figures() -> Iterator[Figure]:
+    """Measure: messages made, sent, answered and read, with a driver of another process."""
+    with tempfile.TemporaryDirectory() as folder:
+        scenarios = [make_drive(f"d{number}", speed=8.0 + number / 10) for number in range(12)]
+        write_lake(Path(folder) / "lake", scenarios)
+        for policy in ("ros2:dds", "ros2:zenoh", "ros2:dds+camera+lidar", "ros2:zenoh+camera+lidar"):
+            wire = policy.removeprefix("ros2:").partition("+")[0]
+            timed = _Timed(stacks.link(stacks.Stack.parse(policy)))
+            before = stacks.link
+            stacks.link = lambda _, timed=timed: timed  # type: ignore[assignment]
+            with stack(wire):
+                evaluate(Path(folder) / "lake", policy=policy, name=f"warm-{wire}-{len(policy)}")
+                timed.taken.clear()
+                started = time.perf_counter()
+                evaluate(Path(folder) / "lake", policy=policy, name=f"{wire}-{len(policy)}")
+                seconds = time.perf_counter() - started
+            stacks.link = before
+            timed.transport.close()
+            stacks.link.cache_clear()
+            if "camera" in policy:
+                yield Figure(f"640 x 360 pictures and scans, {policy}", len(timed.taken) / seconds, "Hz", ">= 20")
+            else:
+                median, last = 1e3 * statistics.median(timed.taken), 1e3 * float(np.quantile(timed.taken, 0.99))
+                yield Figure(f"answer, {policy}, median", median, "ms", "<= 1")
+                yield Figure(f"answer, {policy}, p99", last, "ms", "<= 5")
