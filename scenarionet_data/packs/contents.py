@@ -1,4 +1,4 @@
-"""Contents of a pack: rows of its members, tiles of shared maps, metadata, user columns, and the database."""
+"""Contents of a pack: rows of its members, shared maps, metadata, user columns, moments, and the database."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from scenarionet_data.packs import tiles
 from scenarionet_data.packs.card import CARD, make_card
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.schema import tables
+from scenarionet_data.storage import kept_moments
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import IDENTITY, LakeFiles, sha256
 from scenarionet_data.storage.integrity.seals import Sealed
@@ -90,6 +91,8 @@ class PackWriter:
         for name, version in sorted(existing | self._view.user_columns.items()):
             ids = rows["scenario_id"].combine_chunks()
             path = user_columns.copy_rows(files, self._target, name, version, ids)
+            self.sums[path] = sha256(self._target.path(path))
+        for path in kept_moments.copy_newest(files, self._target, rows):
             self.sums[path] = sha256(self._target.path(path))
         self._write_lists(records)
         ancestors = lineage_tree(self._view, self._database).ancestors()

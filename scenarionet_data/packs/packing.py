@@ -1,7 +1,8 @@
 """Packs: a database with all data of its members, as a small, self-contained lake.
 
-A pack has the members' rows of all tables, the tiles of shared maps in their windows, their rows of user columns, and
-the database under the same ``name@version``. It is a lake with one snapshot, so it can be read like any lake.
+A pack has the members' rows of all tables, the tiles of shared maps in their windows, their rows of user columns, their
+kept moments, and the database under the same ``name@version``. It is a lake with one snapshot, so it can be read like
+any lake.
 ``README.md`` is its card for Hugging Face; ``SHA256SUMS`` lists every file in the format of ``sha256sum -c``.
 """
 
@@ -25,6 +26,7 @@ from scenarionet_data.packs.card import CARD, check_publishable
 from scenarionet_data.packs.contents import SUMS, PackWriter
 from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
 from scenarionet_data.scenario.content_hash import content_hash
+from scenarionet_data.storage import kept_moments
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.lake_files import IDENTITY
 from scenarionet_data.storage.files.local import LocalLakeFiles
@@ -39,6 +41,7 @@ _UPLOADED_FIRST = (
     "metadata/",
     "layers/",
     "databases/",
+    f"{kept_moments.FOLDER}/",
     pack_origins.FILE,
     CARD,
     SUMS,

@@ -154,6 +154,31 @@ def every(files: LakeFiles) -> list[list[KeptMoments]]:
     ]
 
 
+def copy_newest(source: LakeFiles, target: LakeFiles, scenarios: pa.Table) -> list[str]:
+    """Copy the moments of some scenarios, of the newest version of every definition, to a lake that has none.
+
+    Args:
+        source: The lake.
+        target: The other lake.
+        scenarios: scenario_id and content_hash.
+
+    Returns:
+        The files that were written.
+    """
+    written = []
+    for kept in (listed[-1] for listed in every(source) if listed and listed[-1].parts()):
+        parts = [source.read(part).replace_schema_metadata(None) for part in kept.parts()]
+        rows = pa.concat_tables(parts).join(scenarios.select(_KEYS), _KEYS, join_type="left semi")
+        if not rows.num_rows:
+            continue
+        copy = KeptMoments(target, kept.name, kept.definition, kept.version)
+        file = f"{copy.folder}/run.json"
+        target.publish_new(file, seals.seal_json(kept.description()[0], target.place_to_write(file)))
+        copy.publish(rows)
+        written += [file, *copy.parts()]
+    return written
+
+
 def part_files(files: LakeFiles) -> list[str]:
     """Files of the newest version of every definition."""
     return [part for listed in every(files) for kept in listed[-1:] for part in kept.parts()]

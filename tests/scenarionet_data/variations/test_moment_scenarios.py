@@ -10,7 +10,9 @@ import pytest
 
 from scenarionet_data import Lake, Samples, Targets, TimeWindow
 from scenarionet_data.errors import BadParameter, DatabaseExists, EmptyResult, QueryError
+from scenarionet_data.maintenance.fsck import fsck
 from scenarionet_data.operations.moments import event, relation, selected
+from scenarionet_data.packs.verifying import verify_pack
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.variations import MomentChoice, cut_moments
 from scenarionet_data.variations.moment_windows import PartialMomentsWarning
@@ -92,6 +94,19 @@ def test_packs_and_samples_have_the_window(lake, tmp_path):
     found = [samples.key(k) for k in range(len(samples))]
     egos = {each.id: (each.current_timestep, each.ego_id) for each in lake.refresh().loader("cuts")}
     assert {each.scenario_id: (each.timestep, *each.track_ids) for each in found} == egos
+
+
+def test_packs_have_the_kept_moments_of_their_members(lake, tmp_path):
+    lake.keep_moments("other", {"turns": relation("turning")})
+    lake.filter("ends_with(scenario_id, 'd1')", name="one")
+    packed = Lake(lake.pack("one", tmp_path / "pack").path)
+    moments = "SELECT * FROM moments WHERE ends_with(scenario_id, 'd1') ORDER BY ALL"
+    assert packed.sql(moments).equals(lake.sql(moments)) and len(packed.sql("FROM moments")) > 1
+    assert packed.sql("SELECT DISTINCT definition FROM moments_rows ORDER BY 1")["definition"].to_list() == [
+        "alone", "closing", "turns",
+    ]  # fmt: skip
+    assert [(each.definition, each.scenarios) for each in packed.keep_moments("near")] == [("alone", 0), ("closing", 0)]
+    assert verify_pack(packed.root).is_whole and fsck(packed.root, is_deep=True).is_whole
 
 
 def test_an_ego_that_comes_late_or_leaves_shortens_the_margin_but_not_the_moment(lake):
