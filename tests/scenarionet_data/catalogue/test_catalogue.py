@@ -16,6 +16,7 @@ from scenarionet_data.catalogue.gathering import PARAMETERS
 from scenarionet_data.catalogue.packing import FILE
 from scenarionet_data.errors import BadParameter, EmptyResult, ScenarioNotFound
 from scenarionet_data.query.named_sql import CATALOGUE, DISTURBANCES
+from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.planted import KINDS, Noise, planted
 
@@ -90,6 +91,13 @@ def test_a_vehicle_that_vanishes_on_its_way_is_counted_as_left_out(tmp_path):
     assert found.left_out == {
         "a vehicle on its way into the lane was not observed any more": 1,
         "a vehicle was not observed while it came into the lane or left it": 1,
+    }
+
+
+def test_two_hertz_are_named(tmp_path):
+    lake = write_lake(tmp_path / "lake", [make_drive("slow", num_steps=9, dt=0.5, others=(Other(20.0, vx=10.0),))])
+    assert gather_catalogue(lake).left_out == {
+        "timesteps of 0.25 s and more: smoothing over half a second has no effect": 1
     }
 
 
