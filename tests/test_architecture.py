@@ -18,10 +18,10 @@ TOP = {
 ALSO_ALLOWED = {"CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "SECURITY.md", "mkdocs.yml", ".github"}
 LAYERS = (
     "errors", "version", "public_names", "cards", "optional_imports", "compiled", "arrays", "schema", "scenario",
-    "building", "statistics", "codec", "ingest", "procedural", "converters", "execution", "interchange", "storage",
-    "databases", "query", "operations", "loader", "samples", "forecasts", "embeddings", "quality", "catalogue",
-    "packs", "export", "publishing", "maintenance", "conversion", "variations", "logical", "lake", "plots",
-    "display", "testing",
+    "building", "statistics", "codec", "ingest", "procedural", "converters", "execution", "interchange",
+    "criticality", "storage", "databases", "query", "operations", "loader", "samples", "forecasts", "embeddings",
+    "quality", "catalogue", "packs", "export", "publishing", "maintenance", "conversion", "variations", "logical",
+    "lake", "plots", "display", "testing",
 )  # fmt: skip
 """Parts of scenarionet_data; each imports only itself and parts before it."""
 SIMULATOR_LAYERS = (

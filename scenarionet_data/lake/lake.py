@@ -31,6 +31,7 @@ if TYPE_CHECKING:  # loading, packs and export import numba, which takes 0.5 s t
     import polars as pl
 
     from scenarionet_data.conversion.committer import ConversionReport
+    from scenarionet_data.criticality import Limits
     from scenarionet_data.execution.executors import Executor
     from scenarionet_data.execution.progress import Progress
     from scenarionet_data.export import ExportReport
@@ -263,6 +264,50 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
         check_is("definitions", definitions, Mapping, 'moments by name, as {"close": relation("near_objects")}')
         wanted = {key: Defined(spans_of(each)) for key, each in definitions.items()}
         return keep_moments(self, name, wanted, database, on_progress)
+
+    def criticality(
+        self,
+        measures: Sequence[str] | None = None,
+        database: DatabaseRecord | str | Iterable[str] | None = None,
+        limits: Limits | None = None,
+    ) -> pl.DataFrame:
+        """Compute how near the ego and each other object are to a collision, at each timestep.
+
+        Args:
+            measures: Names of measures, see the guide on criticality; all by default.
+            database: Of its members, or of scenario ids.
+            limits: Assumptions of the measures.
+
+        Returns:
+            One row for each scenario, other object and timestep, see :func:`scenarionet_data.criticality.criticality`.
+
+        Raises:
+            BadParameter: No such measure.
+        """
+        import polars
+
+        from scenarionet_data.criticality import criticality
+
+        frames = [criticality(scenario, measures, limits=limits) for scenario in self.loader(database)]
+        return polars.concat(frames) if frames else polars.DataFrame()
+
+    def measure_moments(
+        self, moments: pl.DataFrame, measures: Sequence[str], limits: Limits | None = None
+    ) -> pl.DataFrame:
+        """Add to moments the most critical value of each measure while they last.
+
+        Args:
+            moments: Rows that :meth:`moments` or :meth:`mine` found, or some of the view ``moments``.
+            measures: Names of measures, see the guide on criticality.
+            limits: Assumptions of the measures.
+
+        Raises:
+            BadParameter: No such measure, or a column of that name is there already.
+        """
+        from scenarionet_data.criticality import measure_moments
+
+        ids = moments["scenario_id"].unique(maintain_order=True).to_list()
+        return measure_moments(self.loader(ids) if ids else (), moments, measures, limits)
 
     # --- scenarios ------------------------------------------------------------------------------------
 
