@@ -8,12 +8,12 @@ import shapely
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.criticality.following import stopping_distance
 from scenarionet_data.criticality.registry import measure
-from scenarionet_data.criticality.scene import Scene, Traffic
+from scenarionet_data.criticality.scene import Meeting, SurroundingTraffic
 
 _LEAST_AREA = 0.01  # [m^2] lanes that overlap by less touch each other
 
 
-def distances(scene: Scene) -> Float64:
+def distances(scene: Meeting) -> Float64:
     """Distances between boxes (N, T) [m]; 0 where they overlap, NaN while not both are observed."""
     if "distance" not in scene.found:
         outlines = scene.traffic.outlines
@@ -30,13 +30,13 @@ def _next_step(mark: Bool) -> Int64:
     return first
 
 
-def _until(scene: Scene, step: Int64) -> Float64:
+def _until(scene: Meeting, step: Int64) -> Float64:
     """Return the time from each step to another (N, T); inf for one beyond the last."""
     times = np.append(scene.traffic.seconds, np.inf)
     return np.where(scene.is_met, times[step] - scene.traffic.seconds, np.nan)
 
 
-def _closest(scene: Scene) -> tuple[Float64, Int64]:
+def _closest(scene: Meeting) -> tuple[Float64, Int64]:
     """Return the least distance from each step on while both are observed, and the first step that has it."""
     apart = distances(scene)
     best, when = np.full_like(apart, np.nan), np.zeros(apart.shape, np.int64)
@@ -51,25 +51,25 @@ def _closest(scene: Scene) -> tuple[Float64, Int64]:
 
 
 @measure("dce", "m", "min", "min over t' >= t of the distance between the boxes", "Eggert 2014")
-def distance_of_closest_encounter(scene: Scene) -> Float64:
+def distance_of_closest_encounter(scene: Meeting) -> Float64:
     """Least distance from now on."""
     return _closest(scene)[0]
 
 
 @measure("ttce", "s", "min", "first t' >= t at which the distance is dce, less t", "Eggert 2014")
-def time_to_closest_encounter(scene: Scene) -> Float64:
+def time_to_closest_encounter(scene: Meeting) -> Float64:
     """Time until the distance is least."""
     return _until(scene, _closest(scene)[1])
 
 
 @measure("ttc_star", "s", "min", "first t' >= t at which the boxes overlap, less t", "Lin and Althoff 2023")
-def time_to_overlap(scene: Scene) -> Float64:
+def time_to_overlap(scene: Meeting) -> Float64:
     """Time until the boxes overlap on the recorded trajectories."""
     return _until(scene, _next_step(distances(scene) <= 0))
 
 
 @measure("wttc", "s", "min", "|dp + dv t| = r + r_o + (a + a_o) t^2 / 2, first root", "Wachenfeld et al. 2016")
-def worst_time_to_collision(scene: Scene) -> Float64:
+def worst_time_to_collision(scene: Meeting) -> Float64:
     """Time to the earliest collision that accelerations up to 11.5 m/s^2 can bring about, of discs of their size."""
     t = scene.traffic
     radius = np.hypot(t.length / 6, t.width / 2)
@@ -86,7 +86,6 @@ def worst_time_to_collision(scene: Scene) -> Float64:
 
 def _first_root(p: Float64, q: Float64, r: Float64) -> Float64:
     """Return the least positive root of t^4 + p t^2 + q t + r with r < 0, by Descartes' two quadratics."""
-    q = np.where(np.abs(q) < 1e-9, 1e-9, q)
     # The greatest root of u^3 + 2 p u^2 + (p^2 - 4 r) u - q^2, which is positive.
     a, b, c = 2 * p, p**2 - 4 * r, -(q**2)
     big_q, big_r = (a**2 - 3 * b) / 9, (2 * a**3 - 9 * a * b + 27 * c) / 54
@@ -100,21 +99,23 @@ def _first_root(p: Float64, q: Float64, r: Float64) -> Float64:
         candidates = [
             0.5 * (side * s + sign * np.sqrt(-u - 2 * p - side * 2 * q / s)) for side in (1, -1) for sign in (1, -1)
         ]
+        level = np.sqrt((np.sqrt(p**2 - 4 * r) - p) / 2)  # the root for q = 0, where u vanishes
     times: Float64 = np.fmin.reduce([np.where(each > 0, each, np.nan) for each in candidates])
-    for _ in range(2):  # the last digits
+    times = np.where((np.abs(q) < 1e-6) | np.isnan(times), level, times)
+    for _ in range(3):  # the last digits
         times = times - (((times**2 + p) * times + q) * times + r) / ((4 * times**2 + 2 * p) * times + q)
     return times
 
 
 @measure("delta_v", "m/s", "max", "m_o / (m + m_o) |v - v_o|", "Shelby 2011")
-def delta_v(scene: Scene) -> Float64:
+def delta_v(scene: Meeting) -> Float64:
     """Change of velocity that a collision now would bring to the object, if both moved on together."""
     vx, vy = (each - scene.own(each) for each in (scene.traffic.vx, scene.traffic.vy))
     share = scene.limits.other_mass / (scene.limits.mass + scene.limits.other_mass)
     return np.where(scene.is_met, share * np.hypot(vx, vy), np.nan)
 
 
-def conflict_area(traffic: Traffic, row: int, other: int) -> shapely.Geometry | None:
+def conflict_area(traffic: SurroundingTraffic, row: int, other: int) -> shapely.Geometry | None:
     """Return where lanes that another object drives cross or join those that an object drives; None without.
 
     Lanes that continue, or come from, the same lane do not conflict.
@@ -131,7 +132,7 @@ def conflict_area(traffic: Traffic, row: int, other: int) -> shapely.Geometry | 
     return None if area.is_empty else area
 
 
-def _passes(scene: Scene) -> dict[str, Float64]:
+def _passes(scene: Meeting) -> dict[str, Float64]:
     """Return when the object and the other enter and leave the conflict area from each step on [steps], inf if never.
 
     One enters at the last step before it touches the area, and leaves at the first at which it no longer does.
@@ -159,14 +160,14 @@ def _passes(scene: Scene) -> dict[str, Float64]:
     return scene.found
 
 
-def _seconds(scene: Scene, steps: Float64) -> Float64:
+def _seconds(scene: Meeting, steps: Float64) -> Float64:
     """Return durations in steps as seconds."""
     spacing = float(np.median(np.diff(scene.traffic.seconds)))
     return np.where(scene.is_met, steps * spacing, np.nan)
 
 
 @measure("et", "s", "min", "t_leave - t_enter of the object", "Allen et al. 1978")
-def encroachment_time(scene: Scene) -> Float64:
+def encroachment_time(scene: Meeting) -> Float64:
     """Time that the object is in the area where its lanes and the other's conflict."""
     passes = _passes(scene)
     with np.errstate(invalid="ignore"):
@@ -175,7 +176,7 @@ def encroachment_time(scene: Scene) -> Float64:
 
 
 @measure("pet", "s", "min", "t_enter of the second - t_leave of the first", "Allen et al. 1978")
-def post_encroachment_time(scene: Scene) -> Float64:
+def post_encroachment_time(scene: Meeting) -> Float64:
     """Time from the first leaving the area where their lanes conflict to the second entering it."""
     passes = _passes(scene)
     with np.errstate(invalid="ignore"):
@@ -185,7 +186,7 @@ def post_encroachment_time(scene: Scene) -> Float64:
 
 
 @measure("ags", "s", "min", "t_enter of the other - t_enter of the object, if it is first", "Ashworth 1968")
-def accepted_gap(scene: Scene) -> Float64:
+def accepted_gap(scene: Meeting) -> Float64:
     """Gap that the object accepts: how long after it the other enters the area where their lanes conflict."""
     passes = _passes(scene)
     with np.errstate(invalid="ignore"):
@@ -194,7 +195,7 @@ def accepted_gap(scene: Scene) -> Float64:
 
 
 @measure("psd", "", "min", "distance to the conflict area / msd", "Allen et al. 1978")
-def proportion_of_stopping_distance(scene: Scene) -> Float64:
+def proportion_of_stopping_distance(scene: Meeting) -> Float64:
     """Distance that the object drives until the area where lanes conflict, as a share of that in which it can stop."""
     t, enter = scene.traffic, _passes(scene)["enter"]
     step = np.hypot(np.diff(scene.own(t.x)), np.diff(scene.own(t.y)))[0]
@@ -208,7 +209,7 @@ def proportion_of_stopping_distance(scene: Scene) -> Float64:
 
 
 @measure("ci", "J", "max", "exp(-pet / s) (m v^2 + m_o v_o^2 - |m v + m_o v_o|^2 / (m + m_o)) / 2", "Alhajyaseen 2015")
-def conflict_index(scene: Scene) -> Float64:
+def conflict_index(scene: Meeting) -> Float64:
     """Kinetic energy that a collision at the entries into the conflict area would take, less the longer pet is."""
     t, pet, passes = scene.traffic, post_encroachment_time(scene), _passes(scene)
     is_conflict = scene.is_met & (pet < scene.limits.pet_threshold)

@@ -13,7 +13,7 @@ from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.arrays.geometry import box_corners, wrap_angle
 from scenarionet_data.criticality.encounters import time_to_overlap
 from scenarionet_data.criticality.registry import measure
-from scenarionet_data.criticality.scene import Limits, Scene
+from scenarionet_data.criticality.scene import Assumptions, Meeting
 
 _STEERED = np.pi / 4  # [rad] how far a manoeuvre turns from the lane
 
@@ -35,7 +35,7 @@ class _Masses:
     ay: Float64
     heading: Float64
 
-    def push(self, ax: Float64, ay: Float64, dt: float, limits: Limits) -> None:
+    def push(self, ax: Float64, ay: Float64, dt: float, limits: Assumptions) -> None:
         """Change the accelerations towards wanted ones as fast as jerk allows."""
         most, change = limits.axis_acceleration, limits.jerk * dt
         self.ax = np.minimum(np.maximum(ax, np.maximum(self.ax - change, -most)), np.minimum(self.ax + change, most))
@@ -56,19 +56,19 @@ class _Masses:
         self.heading = np.where(which, np.arctan2(self.vy, self.vx), self.heading)
 
 
-def _begin(scene: Scene) -> _Masses:
+def _begin(scene: Meeting) -> _Masses:
     t, row = scene.traffic, scene.row
     cos, sin = np.cos(t.heading[row]), np.sin(t.heading[row])
     return _Masses(t.x[row], t.y[row], t.vx[row], t.vy[row], t.accel[row] * cos, t.accel[row] * sin, t.heading[row])
 
 
-def _power(speed: Float64, limits: Limits) -> Float64:
+def _power(speed: Float64, limits: Assumptions) -> Float64:
     """Return the strongest acceleration of the engine at a speed."""
     with np.errstate(divide="ignore"):
         return limits.acceleration * np.minimum(1.0, limits.switch_speed / speed)
 
 
-def _straight(scene: Scene, sign: int, dt: float) -> tuple[Float64, Float64, Float64]:
+def _straight(scene: Meeting, sign: int, dt: float) -> tuple[Float64, Float64, Float64]:
     """Return places and headings (begin, step) of braking (-1) or accelerating (1) from each step on; NaN before."""
     limits, count = scene.limits, scene.traffic.x.shape[1]
     masses, start = _begin(scene), np.arange(count)
@@ -93,7 +93,7 @@ def _straight(scene: Scene, sign: int, dt: float) -> tuple[Float64, Float64, Flo
     return states[0], states[1], states[2]
 
 
-def _swerve(scene: Scene, sign: int, dt: float) -> tuple[Float64, Float64, Float64]:
+def _swerve(scene: Meeting, sign: int, dt: float) -> tuple[Float64, Float64, Float64]:
     """Return places and headings (begin, step) of steering to the left (1) or right (-1) from each step on.
 
     Out, back, and on along the lane: as long as it takes at the strongest lateral acceleration to go to the side.
@@ -138,7 +138,7 @@ def _swerve(scene: Scene, sign: int, dt: float) -> tuple[Float64, Float64, Float
     return states[0], states[1], states[2]
 
 
-def _is_hit(scene: Scene, way: tuple[Float64, Float64, Float64], rows: Array) -> Bool:
+def _is_hit(scene: Meeting, way: tuple[Float64, Float64, Float64], rows: Array) -> Bool:
     """Return whether manoeuvres from each step hit each of some objects (others, begin)."""
     t, row = scene.traffic, scene.row
     x, y, heading = way
@@ -159,7 +159,7 @@ def _is_hit(scene: Scene, way: tuple[Float64, Float64, Float64], rows: Array) ->
     return hit
 
 
-def _latest(scene: Scene, way: Callable[[], tuple[Float64, Float64, Float64]]) -> Float64:
+def _latest(scene: Meeting, way: Callable[[], tuple[Float64, Float64, Float64]]) -> Float64:
     """Return until when a manoeuvre avoids the other, by bisection between now and the collision as its authors do.
 
     Infinite without a collision, and minus infinite where it is too late already.
@@ -179,30 +179,30 @@ def _latest(scene: Scene, way: Callable[[], tuple[Float64, Float64, Float64]]) -
     return result
 
 
-def _spacing(scene: Scene) -> float:
+def _spacing(scene: Meeting) -> float:
     return float(np.median(np.diff(scene.traffic.seconds)))
 
 
 @measure("ttb", "s", "min", "latest start of braking at 11.5 m/s^2 that avoids the collision", "Tamke et al. 2011")
-def time_to_brake(scene: Scene) -> Float64:
+def time_to_brake(scene: Meeting) -> Float64:
     """Time until which braking avoids the collision that the recorded trajectory ends in; -inf if it does no longer."""
     return _latest(scene, partial(_straight, scene, -1, _spacing(scene)))
 
 
 @measure("ttk", "s", "min", "latest start of accelerating that avoids the collision", "Tamke et al. 2011")
-def time_to_kickdown(scene: Scene) -> Float64:
+def time_to_kickdown(scene: Meeting) -> Float64:
     """Time until which accelerating avoids the collision."""
     return _latest(scene, partial(_straight, scene, 1, _spacing(scene)))
 
 
 @measure("tts", "s", "min", "latest start of steering 0.8 m to a side that avoids the collision", "Tamke et al. 2011")
-def time_to_steer(scene: Scene) -> Float64:
+def time_to_steer(scene: Meeting) -> Float64:
     """Time until which steering to the left or right avoids the collision."""
     left, right = (_latest(scene, partial(_swerve, scene, sign, _spacing(scene))) for sign in (1, -1))
     return np.maximum(left, right)
 
 
 @measure("ttr", "s", "min", "max(ttb, ttk, tts)", "Tamke et al. 2011")
-def time_to_react(scene: Scene) -> Float64:
+def time_to_react(scene: Meeting) -> Float64:
     """Time until which one of these manoeuvres avoids the collision; of the manoeuvre that can begin last (TTM)."""
     return np.maximum(np.maximum(time_to_brake(scene), time_to_kickdown(scene)), time_to_steer(scene))

@@ -9,28 +9,28 @@ import shapely
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.criticality.registry import measure
-from scenarionet_data.criticality.scene import Scene
+from scenarionet_data.criticality.scene import Meeting
 
 _CONSTANT = 0.1  # [m/s^2] relative accelerations up to this are none
 
 
-def _along(scene: Scene, values: Float64) -> Float64:
+def _along(scene: Meeting, values: Float64) -> Float64:
     """Return the parts of values along headings that are along the path."""
     return values * np.cos(scene.turn)
 
 
-def _across(scene: Scene, values: Float64) -> Float64:
+def _across(scene: Meeting, values: Float64) -> Float64:
     return values * np.sin(scene.turn)
 
 
-def _closing(scene: Scene) -> tuple[Float64, Float64]:
+def _closing(scene: Meeting) -> tuple[Float64, Float64]:
     """Return speed and acceleration of the other along the path, less those of the object."""
     speed, accel = (_along(scene, each) for each in (scene.traffic.speed, scene.traffic.accel))
     return speed - scene.own(speed), accel - scene.own(accel)
 
 
 @measure("hw", "m", "min", "s_o - l_o/2 - (s + l/2); inf unless >= 0 and on the same lane", "Jansson 2005")
-def headway(scene: Scene) -> Float64:
+def headway(scene: Meeting) -> Float64:
     """Distance along the lane from the front of the object to the rear of the other, ahead of it on the same lane."""
     half = scene.traffic.length / 2
     gap = (scene.s - half) - scene.own(scene.s + half)
@@ -40,7 +40,7 @@ def headway(scene: Scene) -> Float64:
 
 
 @measure("thw", "s", "min", "first t' > t with s(t') + l/2 > s_o(t) - l_o/2, less t", "Jansson 2005")
-def time_headway(scene: Scene) -> Float64:
+def time_headway(scene: Meeting) -> Float64:
     """Time until the front of the object is where the rear of the other is now."""
     half = scene.traffic.length / 2
     front = scene.own(scene.s + half)[0]
@@ -65,13 +65,13 @@ def collision_time(gap: Float64, speed: Float64, accel: Float64) -> Float64:
 
 
 @measure("ttc", "s", "min", "hw + dv t + da t^2 / 2 = 0; |da| <= 0.1 m/s^2 is 0", "Jansson 2005, eq. 5.26")
-def time_to_collision(scene: Scene) -> Float64:
+def time_to_collision(scene: Meeting) -> Float64:
     """Time to collision with the one ahead, if both keep their accelerations along the lane."""
     return collision_time(headway(scene), *_closing(scene))
 
 
 @measure("pttc", "s", "min", "hw + dv t - b t^2 / 2 = 0", "Wakabayashi et al. 2003")
-def potential_time_to_collision(scene: Scene) -> Float64:
+def potential_time_to_collision(scene: Meeting) -> Float64:
     """Time to collision if the one ahead brakes as strongly as it can (8 m/s^2) from now on."""
     gap, (speed, _) = headway(scene), _closing(scene)
     time = (speed + np.sqrt(speed**2 + 2 * scene.limits.leader_braking * gap)) / scene.limits.leader_braking
@@ -79,7 +79,7 @@ def potential_time_to_collision(scene: Scene) -> Float64:
 
 
 @measure("ttz", "s", "min", "ttc with the middle of the next crosswalk", "Várhelyi 1998")
-def time_to_crosswalk(scene: Scene) -> Float64:
+def time_to_crosswalk(scene: Meeting) -> Float64:
     """Time until the front of the object is in the middle of a crosswalk on its lane, at its acceleration."""
     t, crosswalks = scene.traffic, scene.traffic.crosswalks
     front = scene.own(scene.s + t.length / 2)[0]
@@ -99,25 +99,25 @@ def _later_sums(values: Float64) -> Float64:
     return np.cumsum(values[:, ::-1], axis=1)[:, ::-1]
 
 
-def _exposure(scene: Scene, excess: Float64) -> Float64:
+def _exposure(scene: Meeting, excess: Float64) -> Float64:
     step = np.append(np.diff(scene.traffic.seconds), np.diff(scene.traffic.seconds)[-1:])
     return np.where(scene.is_met, _later_sums(np.nan_to_num(excess) * step), np.nan)
 
 
 @measure("tet", "s", "max", "sum over t' >= t of dt [ttc(t') <= 2 s]", "Minderhoud and Bovy 2001")
-def time_exposed(scene: Scene) -> Float64:
+def time_exposed(scene: Meeting) -> Float64:
     """Time from now on in which ttc is at most 2 s."""
     return _exposure(scene, np.where(time_to_collision(scene) <= scene.limits.tau, 1.0, 0.0))
 
 
 @measure("tit", "s^2", "max", "sum over t' >= t of (2 s - ttc(t')) dt where positive", "Minderhoud and Bovy 2001")
-def time_integrated(scene: Scene) -> Float64:
+def time_integrated(scene: Meeting) -> Float64:
     """By how much and how long ttc is below 2 s from now on."""
     return _exposure(scene, np.maximum(scene.limits.tau - time_to_collision(scene), 0.0))
 
 
 @measure("dst", "m/s^2", "max", "3 (v - v_o)^2 / (2 (hw - 2 s v_o))", "Schubert et al. 2010, eq. 17")
-def deceleration_to_safety_time(scene: Scene) -> Float64:
+def deceleration_to_safety_time(scene: Meeting) -> Float64:
     """Deceleration that leaves a safety time of 2 s to the one ahead; negative if that is too late."""
     speed, gap = _along(scene, scene.traffic.speed), headway(scene)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -126,7 +126,7 @@ def deceleration_to_safety_time(scene: Scene) -> Float64:
 
 
 @measure("a_long_req", "m/s^2", "min", "min(a_o - min(dv, 0)^2 / (2 hw), 0)", "Jansson 2005, sec. 5.3.5")
-def required_deceleration(scene: Scene) -> Float64:
+def required_deceleration(scene: Meeting) -> Float64:
     """Longitudinal acceleration with which the gap to the one ahead just does not close; 0 if there is none."""
     gap, (speed, _) = headway(scene), _closing(scene)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -136,7 +136,7 @@ def required_deceleration(scene: Scene) -> Float64:
 
 @measure("a_lat_req", "m/s^2", "max", "min over sides of |a_o + 2 (d +- (w + w_o)/2 + dv ttc) / ttc^2|",
          "Jansson 2005, sec. 5.3.8")  # fmt: skip
-def required_swerve(scene: Scene) -> Float64:
+def required_swerve(scene: Meeting) -> Float64:
     """Lateral acceleration with which the object just passes the one ahead at ttc; 0 if they do not collide."""
     ttc = time_to_collision(scene)
     speed, offset = _across(scene, scene.traffic.speed), scene.d - scene.own(scene.d)
@@ -153,19 +153,19 @@ def required_swerve(scene: Scene) -> Float64:
 
 
 @measure("a_req", "m/s^2", "max", "sqrt(a_long_req^2 + a_lat_req^2)", "Jansson 2005, sec. 5.3.10")
-def required_acceleration(scene: Scene) -> Float64:
+def required_acceleration(scene: Meeting) -> Float64:
     """Both required accelerations together."""
     return np.hypot(required_deceleration(scene), required_swerve(scene))
 
 
 @measure("btn", "", "max", "a_long_req / -11.5 m/s^2", "Åsljung et al. 2017")
-def brake_threat_number(scene: Scene) -> Float64:
+def brake_threat_number(scene: Meeting) -> Float64:
     """Required deceleration as a share of the strongest possible; the collision cannot be braked off above 1."""
     return np.abs(required_deceleration(scene)) / scene.limits.acceleration
 
 
 @measure("stn", "", "max", "a_lat_req / 8 m/s^2", "Hosseini et al. 2016")
-def steer_threat_number(scene: Scene) -> Float64:
+def steer_threat_number(scene: Meeting) -> Float64:
     """Required lateral acceleration as a share of the strongest possible."""
     return np.abs(required_swerve(scene)) / scene.limits.lateral_acceleration
 
@@ -180,7 +180,7 @@ def _normal(value: Float64 | float) -> Float64:
 
 
 @measure("cpi", "", "max", "mean over t' >= t of P(available braking < -a_long_req(t'))", "Cunto and Saccomanno 2007")
-def crash_potential(scene: Scene) -> Float64:
+def crash_potential(scene: Meeting) -> Float64:
     """Mean probability from now on that the collision with the one ahead cannot be braked off."""
     needed = np.clip(-np.nan_to_num(required_deceleration(scene)), _LOWEST, _HIGHEST)
     share = np.zeros_like(needed)
@@ -195,19 +195,19 @@ def crash_potential(scene: Scene) -> Float64:
 
 
 @measure("msd", "m", "max", "v^2 / (2 11.5 m/s^2)", "Allen et al. 1978")
-def stopping_distance(scene: Scene) -> Float64:
+def stopping_distance(scene: Meeting) -> Float64:
     """Shortest distance in which the object stops."""
     own = scene.own(_along(scene, scene.traffic.speed)) ** 2 / (2 * scene.limits.acceleration)
     return np.where(scene.is_met, own, np.nan)
 
 
 @measure("long_jerk", "m/s^3", "max", "|da/dt cos(heading - lane)|", "Feng et al. 2017")
-def longitudinal_jerk(scene: Scene) -> Float64:
+def longitudinal_jerk(scene: Meeting) -> Float64:
     """Jerk of the object along its lane."""
     return np.where(scene.is_met, np.abs(scene.own(_along(scene, scene.traffic.jerk))), np.nan)
 
 
 @measure("lat_jerk", "m/s^3", "max", "|da/dt sin(heading - lane)|", "Feng et al. 2017")
-def lateral_jerk(scene: Scene) -> Float64:
+def lateral_jerk(scene: Meeting) -> Float64:
     """Jerk of the object across its lane."""
     return np.where(scene.is_met, np.abs(scene.own(_across(scene, scene.traffic.jerk))), np.nan)

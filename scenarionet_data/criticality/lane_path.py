@@ -23,7 +23,7 @@ _ALIGNED = 0.5  # cosine between the heading of an object and the lane that it d
 
 
 @dataclass(frozen=True)
-class LanePath:
+class DrivenPath:
     """A path with a place along it and beside it for every point near it.
 
     The tangent turns steadily between the points of the path, so that places are continuous in bends: Hery et al.,
@@ -100,7 +100,7 @@ class Held(NamedTuple):
     offset: Float64
 
 
-class Lanes:
+class LaneAreas:
     """The lanes of a map, and which of them objects are on.
 
     Attributes:
@@ -153,7 +153,7 @@ class Lanes:
         for lane in np.unique(lanes).tolist():
             mine = lanes == lane
             points = at[mine]
-            _, aside, way = LanePath(self.centre(lane)).places(x[points], y[points])
+            _, aside, way = DrivenPath(self.centre(lane)).places(x[points], y[points])
             offsets[mine] = np.where(np.cos(heading[points] - way) > _ALIGNED, aside, np.nan)
         kept = np.flatnonzero(np.isfinite(offsets))
         kept = kept[np.lexsort((np.abs(offsets[kept]), at[kept]))]
@@ -189,6 +189,6 @@ class Lanes:
             chain.insert(0, before[0])
         return chain
 
-    def path(self, chain: Sequence[int]) -> LanePath:
+    def path(self, chain: Sequence[int]) -> DrivenPath:
         """Return the path along successive lanes."""
-        return LanePath(smooth_path(np.concatenate([self.centre(lane) for lane in chain])))
+        return DrivenPath(smooth_path(np.concatenate([self.centre(lane) for lane in chain])))

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.criticality.scene import Scene
+from scenarionet_data.criticality.scene import Meeting
 
-Function: TypeAlias = Callable[[Scene], Float64]
+MeasureFunction: TypeAlias = Callable[[Meeting], Float64]
 
 
 @dataclass(frozen=True)
-class Measure:
+class CriticalityMeasure:
     """A measure of criticality.
 
     Attributes:
@@ -32,24 +32,26 @@ class Measure:
     unit: str
     source: str
     worst: str
-    function: Function
+    function: MeasureFunction
 
 
-MEASURES: dict[str, Measure] = {}
+MEASURES: dict[str, CriticalityMeasure] = {}
 """All measures by name."""
 
 
-def measure(name: str, unit: str, worst: str, formula: str, source: str) -> Callable[[Function], Function]:
+def measure(
+    name: str, unit: str, worst: str, formula: str, source: str
+) -> Callable[[MeasureFunction], MeasureFunction]:
     """Add a function to the table of measures; its docstring says what the measure is. Values are computed once."""
 
-    def added(function: Function) -> Function:
-        def once(scene: Scene) -> Float64:
+    def added(function: MeasureFunction) -> MeasureFunction:
+        def once(scene: Meeting) -> Float64:
             if name not in scene.found:
                 scene.found[name] = function(scene)
             return scene.found[name]
 
         doc = " ".join((function.__doc__ or "").split()).rstrip(".")
-        MEASURES[name] = Measure(name, doc, formula, unit, source, worst, once)
+        MEASURES[name] = CriticalityMeasure(name, doc, formula, unit, source, worst, once)
         return once
 
     return added

@@ -6,10 +6,10 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.criticality.registry import measure
-from scenarionet_data.criticality.scene import Limits, Scene
+from scenarionet_data.criticality.scene import Assumptions, Meeting
 
 
-def safe_distance(speed: Float64, leader_speed: Float64, limits: Limits) -> Float64:
+def safe_distance(speed: Float64, leader_speed: Float64, limits: Assumptions) -> Float64:
     """Least longitudinal distance to one ahead in the same direction [m].
 
     Args:
@@ -22,7 +22,7 @@ def safe_distance(speed: Float64, leader_speed: Float64, limits: Limits) -> Floa
     return np.maximum(stop - leader_speed**2 / (2 * limits.rss_leader_braking), 0.0)
 
 
-def safe_lateral_distance(left_speed: Float64, right_speed: Float64, limits: Limits) -> Float64:
+def safe_lateral_distance(left_speed: Float64, right_speed: Float64, limits: Assumptions) -> Float64:
     """Least distance from the side of one object to the other on its right [m].
 
     Args:
@@ -34,13 +34,13 @@ def safe_lateral_distance(left_speed: Float64, right_speed: Float64, limits: Lim
     for towards in (-left_speed, right_speed):
         late = towards + limits.response_time * limits.rss_lateral_acceleration
         reached = reached + 0.5 * (towards + late) * limits.response_time
-        reached = reached + late * np.abs(late) / (2 * limits.rss_lateral_braking)
+        reached = reached + np.maximum(late, 0.0) ** 2 / (2 * limits.rss_lateral_braking)
     distance: Float64 = limits.rss_margin + np.maximum(reached, 0.0)
     return distance
 
 
 @measure("rss", "", "max", "1 if hw < d_long and the sides are nearer than d_lat, else 0", "Shalev-Shwartz et al. 2017")
-def is_unsafe(scene: Scene) -> Float64:
+def is_unsafe(scene: Meeting) -> Float64:
     """Whether the one ahead is nearer than RSS demands, both along the lane and across it."""
     t = scene.traffic
     along, across = t.speed * np.cos(scene.turn), t.speed * np.sin(scene.turn)

@@ -11,7 +11,7 @@ import shapely
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
 from scenarionet_data.arrays.geometry import box_corners
-from scenarionet_data.criticality.lane_path import LanePath, Lanes
+from scenarionet_data.criticality.lane_path import DrivenPath, LaneAreas
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 
@@ -19,7 +19,7 @@ _MOVERS = (ObjectType.VEHICLE, ObjectType.PEDESTRIAN, ObjectType.CYCLIST)
 
 
 @dataclass(frozen=True)
-class Limits:
+class Assumptions:
     """Assumptions of the measures; the defaults are those of CommonRoad-CriMe 0.4.5, and of RSS its authors'.
 
     Attributes:
@@ -79,7 +79,7 @@ def rates(values: Float64, seconds: Float64) -> Float64:
 
 
 @dataclass(frozen=True)
-class Traffic:
+class SurroundingTraffic:
     """All objects of a scenario (N) at all timesteps (T), NaN while they are not observed.
 
     Attributes:
@@ -105,7 +105,7 @@ class Traffic:
     width: Float64
     moves: Bool
     seconds: Float64
-    lanes: Lanes
+    lanes: LaneAreas
     crosswalks: Array
 
     @classmethod
@@ -125,7 +125,7 @@ class Traffic:
             observed(tracks.position[..., 0]), observed(tracks.position[..., 1]), heading, speed * cos, speed * sin,
             speed, accel, rates(accel, scenario.timestamps),
             observed(tracks.size[..., 0]), observed(tracks.size[..., 1]),
-            np.isin(tracks.object_type, _MOVERS), scenario.timestamps, Lanes(scenario.map),
+            np.isin(tracks.object_type, _MOVERS), scenario.timestamps, LaneAreas(scenario.map),
             _crosswalks(scenario.map),
         )  # fmt: skip
 
@@ -158,7 +158,7 @@ def _crosswalks(features: MapFeatures | None) -> Array:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Meeting:
     """An object among the others: what measures are functions of. Arrays are (N, T), with the object itself a row.
 
     Attributes:
@@ -168,9 +168,9 @@ class Scene:
         found: Measures that were computed.
     """
 
-    traffic: Traffic
+    traffic: SurroundingTraffic
     row: int
-    limits: Limits = field(default_factory=Limits)
+    limits: Assumptions = field(default_factory=Assumptions)
     found: dict[str, Float64] = field(default_factory=dict)
 
     def own(self, values: Float64) -> Float64:
@@ -187,11 +187,11 @@ class Scene:
 
     @cached_property
     def chain(self) -> list[int]:
-        """The lanes that the object drives, see :meth:`.Lanes.chain`."""
+        """The lanes that the object drives, see :meth:`.LaneAreas.chain`."""
         return self.traffic.lanes.chain(self.traffic.driven[self.row])
 
     @cached_property
-    def path(self) -> LanePath | None:
+    def path(self) -> DrivenPath | None:
         """The path along these lanes; None without a lane."""
         return self.traffic.lanes.path(self.chain) if self.chain else None
 

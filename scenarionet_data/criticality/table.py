@@ -9,8 +9,8 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.criticality import encounters, evasion, following, rss  # noqa: F401  # they fill the table
-from scenarionet_data.criticality.registry import MEASURES, Measure
-from scenarionet_data.criticality.scene import Limits, Scene, Traffic
+from scenarionet_data.criticality.registry import MEASURES, CriticalityMeasure
+from scenarionet_data.criticality.scene import Assumptions, Meeting, SurroundingTraffic
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.description import ScenarioDescription
 
@@ -37,7 +37,7 @@ LEFT_OUT = {
 """Measures of CommonRoad-CriMe that are refused, and why."""
 
 
-def find_measures(names: Sequence[str] | None) -> list[Measure]:
+def find_measures(names: Sequence[str] | None) -> list[CriticalityMeasure]:
     """Return measures by name, all for None.
 
     Raises:
@@ -56,7 +56,7 @@ def criticality(
     scenario: ScenarioDescription,
     measures: Sequence[str] | None = None,
     objects: Sequence[str] | None = None,
-    limits: Limits | None = None,
+    limits: Assumptions | None = None,
 ) -> pl.DataFrame:
     """Compute measures of criticality of a scenario.
 
@@ -78,11 +78,11 @@ def criticality(
     import polars
 
     wanted = find_measures(measures)
-    traffic = Traffic.of(scenario)
+    traffic = SurroundingTraffic.of(scenario)
     ids = scenario.tracks.ids.astype(str)
     frames = []
     for track_id in [scenario.ego_id] if objects is None else objects:
-        scene = Scene(traffic, scenario.tracks.index(track_id), limits or Limits())
+        scene = Meeting(traffic, scenario.tracks.index(track_id), limits or Assumptions())
         others, steps = np.nonzero(scene.is_met)
         columns = {"other_id": ids[others], "timestep": steps.astype(np.int32)}
         values = {each.name: each.function(scene)[others, steps] for each in wanted}
@@ -99,7 +99,7 @@ def measure_moments(
     scenarios: Iterable[ScenarioDescription],
     moments: pl.DataFrame,
     measures: Sequence[str],
-    limits: Limits | None = None,
+    limits: Assumptions | None = None,
 ) -> pl.DataFrame:
     """Add to moments the most critical value of each measure while they last.
 
@@ -126,11 +126,11 @@ def measure_moments(
     for scenario in scenarios:
         if (scenario.id,) not in rows:
             continue
-        traffic, scenes = Traffic.of(scenario), dict[str, Scene]()
+        traffic, scenes = SurroundingTraffic.of(scenario), dict[str, Meeting]()
         for row in rows[scenario.id,].iter_rows(named=True):
             track_id, other_id = row["track_id"], row.get("other_id")
             if track_id not in scenes:
-                scenes[track_id] = Scene(traffic, scenario.tracks.index(track_id), limits or Limits())
+                scenes[track_id] = Meeting(traffic, scenario.tracks.index(track_id), limits or Assumptions())
             others = slice(None) if other_id is None else [scenario.tracks.index(other_id)]
             window = slice(row["first_timestep"], row["last_timestep"] + 1)
             for each in wanted:
@@ -138,7 +138,7 @@ def measure_moments(
     return moments.with_columns(polars.Series(name, values).fill_nan(None) for name, values in found.items())
 
 
-def _worst(measure: Measure, values: Float64) -> float:
+def _worst(measure: CriticalityMeasure, values: Float64) -> float:
     defined = values[~np.isnan(values)]
     if not defined.size:
         return np.nan

@@ -31,7 +31,7 @@ if TYPE_CHECKING:  # loading, packs and export import numba, which takes 0.5 s t
     import polars as pl
 
     from scenarionet_data.conversion.committer import ConversionReport
-    from scenarionet_data.criticality import Limits
+    from scenarionet_data.criticality import Assumptions
     from scenarionet_data.execution.executors import Executor
     from scenarionet_data.execution.progress import Progress
     from scenarionet_data.export import ExportReport
@@ -269,7 +269,7 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
         self,
         measures: Sequence[str] | None = None,
         database: DatabaseRecord | str | Iterable[str] | None = None,
-        limits: Limits | None = None,
+        limits: Assumptions | None = None,
     ) -> pl.DataFrame:
         """Compute how near the ego and each other object are to a collision, at each timestep.
 
@@ -292,7 +292,7 @@ class Lake(Filtering[Database], Splitting[Database], Sampling[Database], Combini
         return polars.concat(frames) if frames else polars.DataFrame()
 
     def measure_moments(
-        self, moments: pl.DataFrame, measures: Sequence[str], limits: Limits | None = None
+        self, moments: pl.DataFrame, measures: Sequence[str], limits: Assumptions | None = None
     ) -> pl.DataFrame:
         """Add to moments the most critical value of each measure while they last.
 

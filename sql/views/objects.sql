@@ -1,5 +1,6 @@
 -- needs: tracks
--- One row per object: how long it was observed, distance travelled, mean and maximum speed.
+-- One row per object: how long it was observed, distance travelled, mean and maximum speed. Queries
+-- that name `lane_id`, `lane_type` or `lane_offset` get these columns of track_lanes, too, null off the lanes.
 CREATE VIEW objects AS
 WITH kept AS (
     -- Unobserved steps inside the span hold 0: omit them before measuring.

@@ -1,5 +1,6 @@
 -- needs: tracks
--- One row per object and timestep at which it was observed (the long form of tracks).
+-- One row per object and timestep at which it was observed (the long form of tracks). Queries that name `lane_id`,
+-- `lane_type` or `lane_offset` get these columns of state_lanes, too, null off the lanes.
 CREATE VIEW states AS
 WITH spans AS (
     SELECT *, unnest(range(len(x))) + 1 AS i  -- lists are 1-based

@@ -1,8 +1,8 @@
-"""Run CommonRoad-CriMe 0.4.5 and ad-rss 5.0.0 on exported scenes: values of their measures, and the time they took.
+"""Run CommonRoad-CriMe 0.4.5 and ad-rss 5.0.0 on exported scenes: values of their measures, and their time.
 
-``python tests/interop/crime_answers.py FOLDER ANSWERS.json`` reads ``scenes.json`` and the CommonRoad files beside it,
-in an environment with commonroad-crime and ad-rss, and without anything of this project. Errors of its code that decide
-an answer are corrected first, in a copy, one entry of CORRECTIONS each; values are not rounded.
+``python tests/interop/crime_answers.py FOLDER ANSWERS.json [MEASURE]...`` reads ``scenes.json`` and the CommonRoad
+files beside it, in an environment with commonroad-crime and ad-rss, and without anything of this project. Errors of its
+code that decide an answer are corrected first, in a copy, one entry of CORRECTIONS each; values are not rounded.
 """
 
 from __future__ import annotations
@@ -95,7 +95,8 @@ def answers(folder: Path, scene: dict) -> dict:
     ego, others = number[scene["ego"]], list(scene["steps"])
     et_module.AREAS = {number[track]: shapely.from_wkt(area) for track, area in scene["areas"].items()}
     found, seconds = {}, {}
-    for name, place in MEASURES.items():
+    for name in scene.get("measures") or MEASURES:
+        place = MEASURES[name]
         module, _, kind = place.rpartition(".")
         kind = getattr(importlib.import_module(f"commonroad_crime.measure.{module}"), kind)
         found[name], seconds[name] = {}, []
@@ -198,7 +199,7 @@ def fill(part: object) -> None:
             fill(inner)
 
 
-def main(folder: Path, answer: Path) -> None:
+def main(folder: Path, answer: Path, *measures: str) -> None:
     """Answer all scenes of a folder."""
     logging.disable(logging.CRITICAL)
     warnings.simplefilter("ignore")
@@ -206,10 +207,12 @@ def main(folder: Path, answer: Path) -> None:
     with tempfile.TemporaryDirectory() as corrected:
         correct(Path(corrected))
         sys.path.insert(0, corrected)
-        result = {"scenes": {scene["name"]: answers(folder, scene) for scene in wanted["scenes"]}}
+        result = {
+            "scenes": {scene["name"]: answers(folder, scene | {"measures": measures}) for scene in wanted["scenes"]}
+        }
     result["rss"] = [[*case, *found] for case, found in zip(wanted["rss"], safe_distances(wanted["rss"]), strict=True)]
     answer.write_text(json.dumps(result))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main(Path(sys.argv[1]), Path(sys.argv[2]), *sys.argv[3:])

@@ -139,6 +139,8 @@ CORRECTIONS = {
         self.sce.add_objects(road_boundary_obstacle)
 """, ""),
         ("        self.sce.remove_obstacle(road_boundary_obstacle)\n", ""),
+        # The first state of a manoeuvre is put before it once more, so that the ego is everywhere a step late.
+        ("create_collision_object(updated_ego_vehicle)", "create_collision_object(dynamic_obstacle_prediction)"),
     ],
     "measure/time/ttm.py": [
         # A collision before the manoeuvre, or before now, counts as one of the manoeuvre.

@@ -11,7 +11,7 @@ import numpy as np
 
 from scenarionet_data.converters.pg import Procedural
 from scenarionet_data.criticality.encounters import conflict_area, distances
-from scenarionet_data.criticality.scene import Scene, Traffic, rates
+from scenarionet_data.criticality.scene import Meeting, SurroundingTraffic, rates
 from scenarionet_data.interchange import writer_for
 from scenarionet_data.interchange.base import Losses
 from scenarionet_data.scenario.description import ScenarioDescription, Tracks
@@ -33,7 +33,7 @@ class Compared:
     """
 
     scenario: ScenarioDescription
-    scene: Scene
+    scene: Meeting
     others: list[int]
 
     def steps(self, other: int) -> list[int]:
@@ -49,8 +49,8 @@ def scenes(seeds: Sequence[int] = SEEDS) -> Iterator[Compared]:
         factor = _HURRY[SEEDS.index(seed) % len(_HURRY)]
         scenario = _begun(_hurried(converter.scenario(shard, seed), factor))
         ego = scenario.ego_index
-        traffic = _as_written(Traffic.of(scenario))
-        scene = Scene(traffic, ego)
+        traffic = _as_written(SurroundingTraffic.of(scenario))
+        scene = Meeting(traffic, ego)
         valid = scenario.tracks.valid
         last = valid.shape[1] - 1 - valid[:, ::-1].argmax(axis=1)
         whole = (valid.sum(axis=1) == last + 1 - valid.argmax(axis=1)) & (
@@ -66,7 +66,7 @@ def scenes(seeds: Sequence[int] = SEEDS) -> Iterator[Compared]:
         yield Compared(scenario, scene, nearest[:-1][:_OTHERS].tolist())
 
 
-def _as_written(traffic: Traffic) -> Traffic:
+def _as_written(traffic: SurroundingTraffic) -> SurroundingTraffic:
     """Round states to the digits that CommonRoad files have."""
     speed, heading = traffic.speed.round(5), traffic.heading.round(6)
     accel = rates(speed, traffic.seconds)

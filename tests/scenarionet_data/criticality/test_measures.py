@@ -8,14 +8,14 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from scenarionet_data.criticality import LEFT_OUT, MEASURES, Limits, criticality
+from scenarionet_data.criticality import LEFT_OUT, MEASURES, Assumptions, criticality
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.operations.moments import relation
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.moments import T, along, crosswalk, going, lane, moment
 
 ROAD = lane("road", (-100, 0), (400, 0))
-MASS = Limits().mass
+MASS = Assumptions().mass
 
 
 def value(scenario, measure, step=0, other="other"):
