@@ -119,8 +119,10 @@ class Views:
             for name in sorted(_ANY_TIME & self._made):  # moments before their rows
                 self._drop(name)
         named = words(sql) & set(defined)
-        others = (defined[name].read_text("utf-8") for name in named - set(_WITH_LANES))
-        has_lanes = not words(sql).isdisjoint(_LANE_COLUMNS) and not any("lane_id" in text for text in others)
+        has_lanes = not words(sql).isdisjoint(_LANE_COLUMNS)
+        if has_lanes:  # unless another view of the query has them
+            for name in named.difference(_WITH_LANES):
+                has_lanes &= "lane_id" not in defined[name].read_text("utf-8")
         if has_lanes != self._has_lanes:
             self._has_lanes = has_lanes
             for name in sorted(self._made & set(_WITH_LANES)):
