@@ -75,5 +75,13 @@ def test_vector_does_not_depend_on_place_and_direction():
     np.testing.assert_allclose(features.vector(moved), features.vector(made), atol=2e-3)
 
 
+def test_leader_is_found_in_any_direction(drive):
+    wanted = features.measure(drive)
+    for seed in range(4):
+        found = features.measure(disguised(drive, np.random.default_rng(seed), noise=0.0, dropped=0.0))
+        assert (found["lead"], found["crossing"]) == (1.0, 0.0)
+        assert found["lead_gap"] == pytest.approx(wanted["lead_gap"], abs=1e-2)
+
+
 def test_scenario_of_a_single_timestep_has_a_vector():
     assert np.isfinite(features.vector(make_scenario(1, num_steps=1))).all()
