@@ -57,6 +57,9 @@ def test_nearest_scenarios_are_those_of_numpy(lake, scenarios):
 
 def test_distance_in_sql_orders_a_database(lake, scenarios):
     wanted = distances(scenarios, 2)
+    found = lake.sql(f"SELECT scenario_id, distance_to(v, '{scenarios[2].id}') AS distance FROM metadata")
+    found = dict(found.iter_rows())
+    assert [found[name] for name, _ in wanted] == pytest.approx([away for _, away in wanted], rel=1e-5)
     near = lake.filter(name="near", order_by=f"distance_to(v, '{scenarios[2].id}')", limit=4)
     assert near.scenario_ids == [scenarios[2].id, *(name for name, _ in wanted[:3])]
     assert near.lineage.user_columns == ["v@1"]
