@@ -97,6 +97,19 @@ def test_a_stack_drives_to_success_bit_for_bit_as_the_same_policy_here(lake: Lak
     assert ends == [True] * len(SCENARIOS)
 
 
+def test_pictures_and_scans_of_every_moment_reach_a_stack(lake: Lake) -> None:
+    """It answers only moments of which it has both."""
+    link_of("zenoh").transport.close()  # it has the port
+    stacks.link.cache_clear()
+    policy = "ros2:zenoh+camera+lidar"
+    with stack("zenoh", "sensors"):
+        assert not evaluate(lake, policy=policy, name="sensors").broken
+    stacks.link(stacks.Stack.parse(policy)).transport.close()
+    stacks.link.cache_clear()
+    ends = Lake(lake.root).sql("SELECT success FROM results WHERE run = 'sensors'")["success"].to_list()
+    assert ends == [True] * len(SCENARIOS)
+
+
 @pytest.mark.parametrize(
     ("wire", "fault", "reason"),
     [

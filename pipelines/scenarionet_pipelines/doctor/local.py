@@ -39,7 +39,7 @@ EXTRAS = {
     "iceberg": "publishing lakes as Iceberg tables",
     "ducklake": "publishing lakes as DuckLakes",
     "viewers": "exports for Foxglove and rerun",
-    "ros": "driving stacks over ROS 2",
+    "ros": "driving stacks over ROS 2, bags of ROS",
     "vary": "variations drawn evenly, or from distributions",
 }
 """The extras for users and what they are for; the others are for the development of this software."""
