@@ -41,14 +41,20 @@ def test_sim_prints_results_and_the_next_query(lake, ok):
     assert "all-replay-replay-kinematic" in runs and runs.count("reference-") == 3
 
 
-def test_sim_needs_no_matplotlib(lake):
+def test_sim_and_its_comparison_need_no_matplotlib(lake):
     """The extra ``sim`` does not install it."""
-    words = ["scenarionet", "sim", str(lake), "--policy", "replay", "--no-references", "--workers", "1"]
-    program = f"import sys; sys.modules['matplotlib'] = None; sys.argv = {words}\n"
-    program += "from scenarionet_pipelines.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "route_completion" in done.stdout
+
+    def without(*words):
+        program = f"import sys; sys.modules['matplotlib'] = None; sys.argv = {['scenarionet', *map(str, words)]}\n"
+        program += "from scenarionet_pipelines.cli import main; main()"
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    for policy in ("replay", "constant"):
+        said = without("sim", lake, "--policy", policy, "--name", policy, "--no-references", "--workers", "1")
+        assert "route_completion" in said
+    assert "route_completion" in without("runs", "compare", lake, "replay", "constant")
 
 
 def test_progress_counts_the_scenarios_of_the_run_and_of_missing_references(lake, ok, monkeypatch):
