@@ -23,8 +23,7 @@ from tests.fixtures.scenarios import make_scenario
 _REPORT = """
 import json, resource, sys, time
 started = time.perf_counter()
-from scenarionet_pipelines.report.contents import gather
-from scenarionet_pipelines.report.page import write
+from scenarionet_pipelines.report import gather, write
 from scenarionet_pipelines.web import rows
 from scenarionet_data import Lake
 write(gather(Lake(sys.argv[1])), sys.argv[2])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_pipelines.report.contents import ReportContents, gather
+from scenarionet_pipelines.report import ReportContents, gather
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.pages import odd_scenarios
 

@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 
 from scenarionet_data.errors import DatabaseNotFound
-from scenarionet_pipelines.report.contents import PICTURE_SIZE, gather
+from scenarionet_pipelines.report import gather
+from scenarionet_pipelines.report.contents import PICTURE_SIZE
 from scenarionet_pipelines.report.measures import COLUMNS, ScenarioMeasures, read_measures, select_examples
 
 pytestmark = pytest.mark.integration

@@ -28,8 +28,7 @@ class ReportVerb(LakeVerb, Progressing):
     replace: bool = REPLACE
 
     def run(self) -> None:
-        from scenarionet_pipelines.report.contents import gather
-        from scenarionet_pipelines.report.page import write
+        from scenarionet_pipelines.report import gather, write
 
         path = output_path(self.file, "a report", replace=self.replace)
         if path.suffix not in (".html", ".htm"):
