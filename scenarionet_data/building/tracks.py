@@ -70,7 +70,7 @@ def make_tracks(
     poses = tuple(np.zeros(array.shape, np.float32) for array in (position, heading, velocity))
     fill_poses(position, heading, velocity, valid, origin, _STEPS, poses)
     codes = np.asarray(object_type)
-    if codes.dtype.kind not in "iu":
+    if codes.dtype.kind not in "iuf":
         raise BadParameter(f"object_type={object_type!r}; expected codes, such as [ObjectType.VEHICLE]")
     size, sizes = np.asarray(size), np.zeros(position.shape, np.float32)
     with np.errstate(over="ignore"):  # overflow becomes infinity, which validation reports

@@ -119,8 +119,8 @@ class Views:
             for name in sorted(_ANY_TIME & self._made):  # moments before their rows
                 self._drop(name)
         named = words(sql) & set(defined)
-        has_lanes = not words(sql).isdisjoint(_LANE_COLUMNS)
-        if has_lanes:  # unless another view of the query has them
+        has_lanes = not (self.given or words(sql).isdisjoint(_LANE_COLUMNS) or "lights" in named)
+        if has_lanes:  # unless another view of the query has them, as lights do
             for name in named.difference(_WITH_LANES):
                 has_lanes &= "lane_id" not in defined[name].read_text("utf-8")
         if has_lanes != self._has_lanes:
