@@ -41,7 +41,8 @@ ACCEPTED: Mapping[str, tuple[str, ...]] = {
     "argoverse1": ("train", "val", "test", "test_obs"),
     "argoverse2": ("train", "val", "test"),
     **dict.fromkeys(
-        ("commonroad", "gpudrive", "interaction", "pufferdrive", "sumo", "table"), ("train", "val", "test")
+        ("commonroad", "gpudrive", "interaction", "openscenario", "pufferdrive", "sumo", "table"),
+        ("train", "val", "test"),
     ),
 }
 """Names of splits by dataset: those of the lake, and those of the dataset's folders. Others become labels."""

@@ -178,8 +178,9 @@ def test_tar_unpacks_to_the_pack(lake, tmp_path):
     with tarfile.open(tmp_path / "half.tar") as archive:
         archive.extractall(tmp_path / "there", filter="data")
     assert hashes(Lake(tmp_path / "there/half"), "half") == hashes(lake, "half")
+    own = "databases", "layers"  # whose seals name their lake
     one, other = (
-        {p.relative_to(f): p.read_bytes() for p in f.rglob("*.parquet")}
+        {p.relative_to(f): p.read_bytes() for p in f.rglob("*.parquet") if p.relative_to(f).parts[0] not in own}
         for f in (tmp_path / "there/half", tmp_path / "folder")
     )
     assert one == other

@@ -1,0 +1,7 @@
+"""Tests of ROS need the extra `ros`; other test runs do not collect them."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+collect_ignore_glob = [] if find_spec("rosbags") else ["test_*.py"]
