@@ -55,6 +55,8 @@ export lake few pufferdrive --format pufferdrive
 export lake few rerun --format rerun
 export lake few sumo --format sumo
 export lake few waymax --format waymax
+export lake few bag1 --format rosbag
+export lake few bag2 --format rosbag2
 pack lake few packed
 db intersect lake busy few --name common
 db subtract lake busy few --name others --allow-empty

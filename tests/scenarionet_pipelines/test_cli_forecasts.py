@@ -54,7 +54,7 @@ def test_a_submission_is_written(lake, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("score", "lake"), "give one of PREDICTIONS, --rollouts and --run"),
+        (("score", "lake"), "give one of PREDICTIONS, --model, --rollouts and --run"),
         (("submit", "lake", "p", "out", "--format", "waymo", "--method", "m"), "needs --account, --num-parameters"),
     ],
 )
