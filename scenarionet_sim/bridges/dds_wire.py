@@ -36,14 +36,15 @@ class DdsWire:
     def __init__(self, published: Mapping[str, str], subscribed: Mapping[str, str], inbox: Inbox, domain: int) -> None:
         try:
             from cyclonedds.core import Listener, Policy, Qos
-            from cyclonedds.domain import Domain, DomainParticipant
+            from cyclonedds.domain import DomainParticipant
             from cyclonedds.pub import DataWriter
             from cyclonedds.sub import DataReader
             from cyclonedds.topic import Topic
             from cyclonedds.util import duration
         except ModuleNotFoundError as error:
             raise MissingDependency("ROS 2 over DDS needs cyclonedds", "ros") from error
-        self._domain = None if os.environ.get("CYCLONEDDS_URI") else Domain(domain, LOOPBACK)
+        if not os.environ.get("CYCLONEDDS_URI"):
+            _keep_to_loopback(domain)
         participant = DomainParticipant(domain)
         qos = Qos(
             Policy.Reliability.Reliable(duration(seconds=1)),
@@ -80,7 +81,7 @@ class DdsWire:
 
     def close(self) -> None:
         """Delete the participant."""
-        self._readers, self._writers, self._participant, self._domain = [], {}, None, None
+        self._readers, self._writers, self._participant = [], {}, None
 
 
 class _Content:
@@ -93,6 +94,14 @@ class _Content:
 
     def __init__(self, content: bytes) -> None:
         self.content, self.sample_info = content, None
+
+
+@cache
+def _keep_to_loopback(domain: int) -> Any:
+    """Configure a domain; once for all participants of this process, as it cannot be configured again."""
+    from cyclonedds.domain import Domain
+
+    return Domain(domain, LOOPBACK)
 
 
 @cache
