@@ -20,6 +20,8 @@ from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.planted import KINDS, Noise, planted
 
+pytestmark = pytest.mark.integration
+
 SCENARIOS, TRUTHS = planted(["cut_in", "cut_in", "cut_out", "none"], 5, Noise())
 
 

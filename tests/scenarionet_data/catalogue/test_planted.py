@@ -8,6 +8,8 @@ from scenarionet_data.catalogue import gather_catalogue
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.planted import DT, KINDS, Noise, planted
 
+pytestmark = pytest.mark.integration
+
 TOLERANCE = {"ego_speed": 0.0, "speed": 0.1, "gap": 0.1, "lateral_speed": 0.0, "rate": 0.0, "revealed_gap": 0.1}
 """Least error that is allowed beside 2 % [m], [m/s]: gaps of a few metres, and vehicles at walking pace."""
 

@@ -19,6 +19,8 @@ from scenarionet_data.variations.moment_windows import PartialMomentsWarning
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import content, write_lake, write_shard
 
+pytestmark = pytest.mark.integration
+
 SHORT = Other(40.0, vx=5.0, first=4, last=25)
 DRIVES = [make_drive(f"d{k}", others=(Other(20.6 + 2 * k, vx=2.0), SHORT)) for k in range(3)]
 CLOSING = {"closing": event("time_to_collision", {"max": 1.5}), "alone": relation("has_velocity")}

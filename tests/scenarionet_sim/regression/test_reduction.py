@@ -26,6 +26,8 @@ from scenarionet_sim.regression.reduction import (
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 
+pytestmark = pytest.mark.integration
+
 CROWD = tuple(Other(20.0 + 6.0 * k, y=3.5, vx=9.0) for k in range(6))
 STOPPED = Other(60.0)
 
