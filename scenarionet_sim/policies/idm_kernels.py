@@ -104,11 +104,11 @@ def drive_along_paths(
         speed = np.hypot(row[VX], row[VY])
         k = segment_at(path, s)
         num_stations = look_ahead(path, k, s, stations)
-        braking = _braking_for_boxes(motion, sizes, memory, own, num_stations, speed, law)
+        braking = braking_for_boxes(motion, sizes, memory, own, num_stations, speed, law)
         for stop in range(recorded.stop_offsets[objects + n], recorded.stop_offsets[objects + n + 1]):
             color = colors[recorded.light_state[lights + recorded.stop_light[stop] * num_steps]]
             gap = recorded.stop_arc[stop] - s - size[0] / 2.0
-            braking = larger(braking, _braking_for_light(color, gap, speed, law))
+            braking = larger(braking, braking_for_light(color, gap, speed, law))
         top_speed = larger(np.float64(recorded.top_speed[objects + n]), law.slowest)
         desired = speed_for_bends(top_speed, stations, num_stations, law)
         wanted = free_acceleration(speed, desired, law.acceleration, law.deceleration) - braking
@@ -169,7 +169,7 @@ def _is_free(row: Float32, size: Float64, motion: Float64, sizes: Float64, boxes
 
 
 @device_function
-def _braking_for_boxes(
+def braking_for_boxes(
     motion: Float64, sizes: Float64, memory: SightMemory, own: int, count: int, speed: float, law: Law
 ) -> float:
     """Return the strongest deceleration required by boxes on the strip along ``count`` stations [m/s²]."""
@@ -195,7 +195,7 @@ def _braking(speed: float, gap: float, closing: float, law: Law) -> float:
 
 
 @device_function
-def _braking_for_light(color: int, gap: float, speed: float, law: Law) -> float:
+def braking_for_light(color: int, gap: float, speed: float, law: Law) -> float:
     """Return the deceleration for a red light within emergency braking, or a yellow one within comfortable braking."""
     if gap < -0.5 or (color != _RED and color != _YELLOW):
         return 0.0
