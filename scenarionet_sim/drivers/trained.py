@@ -14,7 +14,8 @@ from scenarionet_data.arrays.dtypes import Array, Float32
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.storage import checkpoints, evaluation_runs
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_sim.environments.config import PAPER_OBSERVATION
+from scenarionet_sim.environments.config import OBSERVATIONS, PAPER_OBSERVATION
+from scenarionet_sim.sensors.base import Sensor
 
 PREFIX = "runs/"
 """Name of a policy that is a trained driver: ``runs/NAME`` or, at a checkpoint, ``runs/NAME@12``."""
@@ -31,25 +32,31 @@ class TrainedDriver:
         activation: Between the layers: ``tanh`` or ``relu``.
         bins: Actions of each control of a discrete policy; 0 for a continuous one.
         is_squashed: Whether the last layer's outputs pass tanh.
+        sensors: What it sees.
     """
 
-    sensors = PAPER_OBSERVATION
-
     def __init__(
-        self, layers: Sequence[tuple[Float32, Float32]], activation: str, bins: int = 0, *, is_squashed: bool = False
+        self,
+        layers: Sequence[tuple[Float32, Float32]],
+        activation: str,
+        bins: int = 0,
+        *,
+        is_squashed: bool = False,
+        sensors: tuple[Sensor, ...] = PAPER_OBSERVATION,
     ) -> None:
         self._layers, self._bins, self._is_squashed = tuple(layers), bins, is_squashed
-        self._activation = activation
+        self._activation, self.sensors = activation, sensors
 
     @classmethod
-    def of_arrays(cls, arrays: Mapping[str, Array], bins: int) -> TrainedDriver:
-        """Return the driver of the arrays of a checkpoint, of any algorithm."""
+    def of_arrays(cls, arrays: Mapping[str, Array], bins: int, observation: str = "paper") -> TrainedDriver:
+        """Return the driver of the arrays of a checkpoint, of any algorithm, that sees a name in ``OBSERVATIONS``."""
         is_squashed = "policy.log_std" not in arrays and not bins  # TD3
         first = "policy.0." if is_squashed else "policy.body."
         names = [name for name in arrays if name.startswith(first) and name.endswith(".weight")]
         names.sort(key=lambda name: int(name.split(".")[-2]))
         layers = [(arrays[name], arrays[name.removesuffix("weight") + "bias"]) for name in names]
-        return cls(layers, "relu" if is_squashed else "tanh", bins, is_squashed=is_squashed)
+        activation = "relu" if is_squashed else "tanh"
+        return cls(layers, activation, bins, is_squashed=is_squashed, sensors=OBSERVATIONS[observation])
 
     def __call__(self, observations: Float32) -> Float32:
         """Return steering and throttle (B, 2) in [-1, 1] for observations (B, D)."""
@@ -146,4 +153,6 @@ def load_driver(files: LakeFiles, policy: str) -> TrainedDriver:
     checkpoint = checkpoints.load(files, name, int(number))
     if checkpoint is None:
         raise BadParameter(f"checkpoint {policy!r} was removed meanwhile; use the newest one, runs/{name}")
-    return TrainedDriver.of_arrays(checkpoint.arrays, int(evaluation_runs.describe(files, name)["config"]["bins"]))
+    run = evaluation_runs.describe(files, name)
+    observation = run.get("observation", "paper")  # runs of older versions do not say
+    return TrainedDriver.of_arrays(checkpoint.arrays, int(run["config"]["bins"]), observation)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from inspect import Parameter, signature
+from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
 from scenarionet_data.arrays.dtypes import Bool
@@ -15,12 +16,14 @@ from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.objects import vehicles
 from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.policies.route_sight import RouteTraffic
 from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.sensors.base import Sensor
 from scenarionet_sim.sensors.lidar import Lidar
 from scenarionet_sim.sensors.line_rays import BoundaryDetector
-from scenarionet_sim.sensors.navigation import Navigation
+from scenarionet_sim.sensors.navigation import LightAhead, Navigation
 from scenarionet_sim.sensors.state import EgoState
+from scenarionet_sim.sensors.surrounding import Surrounding
 from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Reward, Termination
 from scenarionet_sim.worlds.world import STEP, World
 
@@ -28,6 +31,22 @@ Environment = TypeVar("Environment", bound=type)
 
 PAPER_OBSERVATION: tuple[Sensor, ...] = (Lidar(rays=120), EgoState(), Navigation(points=10, spacing=2.0))
 """Sensors of the ScenarioNet paper: 120 lidar rays over 50 m, ego state, 10 route points at 2 m spacing."""
+
+ROUTE_OBSERVATION: tuple[Sensor, ...] = (
+    EgoState(),
+    Navigation(points=10, spacing=2.0),
+    Navigation(points=10, spacing=8.0, range=80.0),
+    LightAhead(range=80.0),
+    RouteTraffic(),
+    RouteTraffic(margin=0.5),
+    Surrounding(objects=8),
+)
+"""True states of the traffic on the route and around, and the route over 80 m."""
+
+OBSERVATIONS: Mapping[str, tuple[Sensor, ...]] = MappingProxyType(
+    {"paper": PAPER_OBSERVATION, "route": ROUTE_OBSERVATION}
+)
+"""Observations that learners' settings name."""
 
 BOUNDARY: tuple[Sensor, ...] = (BoundaryDetector(rays=12, range=50.0),)
 """The paper's optional boundary detector: 12 rays over 50 m."""

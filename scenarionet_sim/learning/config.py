@@ -46,6 +46,10 @@ class LearnerConfig:
     """Whether the learner takes ``experts`` after its other arguments."""
     small: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     """What differs on one processor core: fewer passes over larger minibatches."""
+    observation: ClassVar[str] = "paper"
+    """What the policy sees, a name in ``environments.config.OBSERVATIONS``."""
+    is_guided: ClassVar[bool] = False
+    """Whether ``Guidance`` follows the observation in training; the learner takes it off, and policies never see it."""
 
     steps: int = 1_000_000
     worlds: int = 64
@@ -253,6 +257,47 @@ class Td3Config(LearnerConfig):
     tau: float = 0.005
 
 
+@dataclass(frozen=True)
+class DaggerConfig(LearnerConfig):
+    """Imitation of ``Guidance`` in the states that the learner itself comes to (DAgger, Ross et al. 2011).
+
+    Attributes:
+        horizon: Steps of each world between two series of updates.
+        replay: Largest number of states to keep.
+        minibatch, updates: States per update, and updates per round.
+        share, half_life: Share of the rows that the teacher drives in the first round, and rounds until it has halved.
+        spread: Initial deviation of the policy from the teacher, which is learned.
+    """
+
+    learner: ClassVar[str] = "scenarionet_sim.learning.dagger:DaggerLearner"
+    observation: ClassVar[str] = "route"
+    is_guided: ClassVar[bool] = True
+
+    traffic: TrafficDriver = "idm"
+    hidden: tuple[int, ...] = (256, 256)
+    rate: float = 1e-3
+    checkpoint_every: int = 1000
+    horizon: int = 32
+    replay: int = 400_000
+    minibatch: int = 1024
+    updates: int = 24
+    share: float = 1.0
+    half_life: float = 10.0
+    spread: float = 0.3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.bins:
+            raise BadParameter(f"bins={self.bins}; dagger imitates continuous controls, expected 0")
+        for name in ("horizon", "replay", "minibatch", "updates"):
+            if getattr(self, name) < 1:
+                raise BadParameter(f"{name}={getattr(self, name)}; expected at least 1")
+        if not 0.0 <= self.share <= 1.0 or not self.half_life > 0.0:
+            raise BadParameter(
+                f"share={self.share}, half_life={self.half_life}; expected a share within [0, 1] and half_life > 0"
+            )
+
+
 ALGORITHMS: dict[str, str] = {
     "ppo": f"{__name__}:PpoConfig",
     "td3": f"{__name__}:Td3Config",
@@ -260,6 +305,7 @@ ALGORITHMS: dict[str, str] = {
     "copo": f"{__name__}:CopoConfig",
     "gail": f"{__name__}:GailConfig",
     "airl": f"{__name__}:AirlConfig",
+    "dagger": f"{__name__}:DaggerConfig",
 }
 """Settings of each algorithm, as ``module:Class``."""
 

@@ -37,6 +37,10 @@ class Descent:
         nn.utils.clip_grad_norm_(self._all, self._longest)
         self._adam.step()
 
+    def set_rate(self, rate: float) -> None:
+        """Set the learning rate of the next steps."""
+        self._adam.param_groups[0]["lr"] = rate
+
     def tensors(self, name: str) -> dict[str, Tensor]:
         """Return the state of the optimizer, by parameter, as tensors with names that begin with ``name``."""
         found: dict[str, Tensor] = {}

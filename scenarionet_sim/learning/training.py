@@ -23,7 +23,7 @@ from scenarionet_data.errors import LakeError
 from scenarionet_data.storage import checkpoints, evaluation_runs
 from scenarionet_data.storage.evaluation_runs import EvaluationRun
 from scenarionet_data.storage.files.places import open_files
-from scenarionet_sim.environments.config import EnvConfig, MultiAgentConfig, VectorConfig
+from scenarionet_sim.environments.config import OBSERVATIONS, EnvConfig, MultiAgentConfig, VectorConfig
 from scenarionet_sim.environments.flat import FlatEnv, FlatState
 from scenarionet_sim.evaluation.evaluation import describe_database
 from scenarionet_sim.learning.config import LearnerConfig, describe_config, make_learner_config
@@ -34,6 +34,7 @@ from scenarionet_sim.policies.external import External
 from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.policies.objects import other_vehicles
 from scenarionet_sim.policies.replay import Replay
+from scenarionet_sim.policies.route_sight import Guidance
 from scenarionet_sim.scenarios.sampling import Curriculum
 from scenarionet_sim.scenarios.selection import Scenarios, resolved
 
@@ -78,6 +79,7 @@ class Training:
             "snapshot": self.snapshot,
             "algorithm": self.algorithm,
             "config": describe_config(self.config),
+            "observation": self.config.observation,
             "seed": self.seed,
             "tests": list(self.tests),
             "observations": self.observations,
@@ -101,10 +103,12 @@ class Training:
             curriculum=curriculum,
             snapshot=self.snapshot,
         )
+        teacher = (Guidance(),) if config.is_guided and not is_test else ()
+        sensors = (*OBSERVATIONS[config.observation], *teacher)
         if config.seats > 1:
-            return MultiAgentConfig(scenarios, cache_size=_KEPT_WORLDS)
+            return MultiAgentConfig(scenarios, sensors=sensors, cache_size=_KEPT_WORLDS)
         others = (Replay(), Idm(objects=other_vehicles)) if config.traffic == "idm" else (Replay(),)
-        return VectorConfig(scenarios, policies=(*others, External()), cache_size=_KEPT_WORLDS)
+        return VectorConfig(scenarios, policies=(*others, External()), sensors=sensors, cache_size=_KEPT_WORLDS)
 
 
 @dataclass
@@ -161,7 +165,7 @@ def train(
     Args:
         lake: The lake, its path or its URL.
         database: Training scenarios: a ``Database``, its name, scenario ids, or None for the whole lake.
-        algorithm: ``ppo``, ``td3``, ``ippo``, ``copo``, ``gail``, ``airl``, or ``module:Class`` for your own settings.
+        algorithm: ``ppo``, ``td3``, ``ippo``, ``copo``, ``gail``, ``airl``, ``dagger``, or ``module:Class``.
         config: Settings; None for the published ones.
         seed: Seed of weights, actions, minibatches and scenarios.
         name: Name of the run; None for database, algorithm and seed joined by hyphens.

@@ -33,6 +33,7 @@ PUBLISHED = {
     "airl": MANY | {"discriminator_rate": 3e-4, "discriminator_decay": 1e-5, "discriminator_epochs": 5,
                     "discriminator_minibatch": 1024, "inverse_steps": 100, "inverse_series": 1,
                     "inverse_minibatch": 512, "inverse_rate": 1e-4},
+    "dagger": {},  # not of the paper
 }  # fmt: skip
 """Tables of hyper-parameters in the paper's appendix."""
 
@@ -43,7 +44,7 @@ def test_paper_has_the_numbers_of_the_appendix(algorithm):
     assert {name: getattr(config, name) for name in PUBLISHED[algorithm]} == PUBLISHED[algorithm]
     if algorithm == "ppo":
         assert config.worlds * config.horizon == pytest.approx(50_000, rel=0.01)
-    elif algorithm != "td3":  # batches of 2,000 steps of agents, about a fifth of the seats is taken
+    elif algorithm not in ("td3", "dagger"):  # batches of 2,000 steps of agents, about a fifth of the seats is taken
         assert config.worlds * config.seats * config.horizon / 5 == 2000
 
 
@@ -68,6 +69,9 @@ def test_copo_has_the_published_values():
         ("ppo", {"epochs": 0}, "epochs=0; expected at least 1"),
         ("ppo", {"rate": 0.0}, "expected rate > 0"),
         ("ppo", {"bins": 1}, "expected 0 for continuous actions"),
+        ("dagger", {"bins": 5}, "dagger imitates continuous controls, expected 0"),
+        ("dagger", {"updates": 0}, "updates=0; expected at least 1"),
+        ("dagger", {"share": 1.5}, "expected a share within [0, 1]".replace("[", r"\[")),
         ("ppo", {"traffic": "none"}, "expected replay or idm"),
     ],
 )

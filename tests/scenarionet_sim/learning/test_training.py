@@ -24,6 +24,7 @@ TINY = {
     "td3": {"worlds": 2, "seats": 8, "minibatch": 32, "warm_up": 100, "replay": 300, "steps": 1000},
     "gail": {"worlds": 2, "seats": 8, "horizon": 15, "minibatch": 64, "epochs": 2, "steps": 1000, "input_noise": 0.1},
     "airl": {"worlds": 2, "seats": 8, "horizon": 15, "minibatch": 64, "epochs": 2, "steps": 1000, "inverse_steps": 3},
+    "dagger": {"worlds": 3, "horizon": 20, "minibatch": 32, "updates": 3, "steps": 600, "replay": 400},
 }
 
 

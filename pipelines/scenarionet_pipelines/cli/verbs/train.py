@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class TrainVerb(Progressing):
     """Train a driver on the scenarios of a database, or of the whole lake.
 
-    ALGORITHM is ppo, td3, ippo, copo, gail, airl, or module:Class for settings of your own.
+    ALGORITHM is ppo, td3, ippo, copo, gail, airl, dagger, or module:Class for settings of your own.
 
     Settings are those that were published, --size small those for one processor core; -p changes one of them, for
     example -p steps=200_000.
