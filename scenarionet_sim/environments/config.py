@@ -37,8 +37,10 @@ ROUTE_OBSERVATION: tuple[Sensor, ...] = (
     Navigation(points=10, spacing=2.0),
     Navigation(points=10, spacing=8.0, range=80.0),
     LightAhead(range=80.0),
+    LightAhead(range=20.0),
     RouteTraffic(),
     RouteTraffic(margin=0.5),
+    RouteTraffic(range=15.0),  # braking goes with the square of 1 / gap
     Surrounding(objects=8),
 )
 """True states of the traffic on the route and around, and the route over 80 m."""

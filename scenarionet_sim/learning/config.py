@@ -275,15 +275,15 @@ class DaggerConfig(LearnerConfig):
 
     traffic: TrafficDriver = "idm"
     hidden: tuple[int, ...] = (256, 256)
-    rate: float = 1e-3
+    rate: float = 2e-3
     checkpoint_every: int = 1000
     horizon: int = 32
     replay: int = 400_000
     minibatch: int = 1024
     updates: int = 24
     share: float = 1.0
-    half_life: float = 10.0
-    spread: float = 0.3
+    half_life: float = 5.0
+    spread: float = 0.1
 
     def __post_init__(self) -> None:
         super().__post_init__()

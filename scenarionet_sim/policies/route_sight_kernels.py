@@ -26,9 +26,7 @@ LEADER = 3
 
 
 @device_function
-def _look(
-    w: int, n: int, way: PathRows, recorded: Recorded, now: StateArrays, memory: SightMemory
-) -> tuple[int, int]:
+def _look(w: int, n: int, way: PathRows, recorded: Recorded, now: StateArrays, memory: SightMemory) -> tuple[int, int]:
     """Write the stations on an agent's route and the boxes of its world; return their number and its own box."""
     write_boxes(recorded.place[w, NUM_OBJECTS], now.motion[w], now.size[w], now.present[w], memory.boxes)
     s, own = larger(now.route[w, n, 0], 0.0), 0
