@@ -252,11 +252,10 @@ def _extended(values: Array, count: int, fill: int | None = None) -> Array:
 
 
 def _stand_at_end(tracks: Tracks, ego: int, last: int) -> None:
-    """Let the ego stand where it was last until its recording ends."""
+    """Let the ego stand where it was last until its recording ends; its velocity is 0 there already."""
     end = int(np.flatnonzero(tracks.valid[ego])[-1])
     if end < last:
         tracks.valid[ego, end + 1 : last + 1] = True
-        tracks.velocity[ego, end + 1 : last + 1] = 0.0
         for values in (tracks.position, tracks.heading):
             values[ego, end + 1 : last + 1] = values[ego, end]
 

@@ -46,6 +46,13 @@ def test_positions_are_the_middles_of_boxes_in_the_frame_of_the_source():
     assert abs(abs(other.heading[1]) - np.pi) < 1e-6
 
 
+def test_an_object_appears_with_the_velocity_of_its_next_state():
+    appears = LOG.replace("30.0,0.0,0.0,-3.0,0.0,3.1415927", "30.0,0.0,0.0,0.0,0.0,3.1415927")
+    ego, other = objects_of(appears)
+    np.testing.assert_allclose(other.velocity[1], [-3.0, 0.0])
+    assert (ego.is_velocity_estimated, other.is_velocity_estimated) == (False, True)
+
+
 def test_later_states_are_left_out_and_listed():
     defects = Defects()
     ego, other = objects_of(LOG, longest=0.2, defects=defects)
