@@ -8,8 +8,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,7 +20,8 @@ from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.formats.map_files import read_map
 from scenarionet_data.errors import BadParameter, SourceNotFound
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.listing import cached_by_file
+from scenarionet_data.ingest.options import Options, option
 from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.procedural.drawn_map import DrawnMap
@@ -58,12 +58,8 @@ _LIGHT_STATES = {
 class ProceduralOptions(GeneratorOptions, Options):
     """Parameters of maps and traffic."""
 
-    map: str = field(
-        default="",
-        metadata={
-            "doc": "Map to drive on instead of generated ones: *.xodr, *.geojson, *.osm (Lanelet2).",
-            "is_path": True,
-        },
+    map: str = option(
+        "", "Map to drive on instead of generated ones: *.xodr, *.geojson, *.osm (Lanelet2).", is_path=True
     )
 
 
@@ -138,7 +134,7 @@ class Procedural(Converter[int]):
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read the map."""
-        return _read_place(shard.options_as(ProceduralOptions).map, shard.items[0].fingerprint)[0].features
+        return _read_place(Path(shard.options_as(ProceduralOptions).map))[0].features
 
     def scenario(self, shard: Shard, record: int) -> ScenarioDescription:
         """Generate the scenario of a seed."""
@@ -147,7 +143,7 @@ class Procedural(Converter[int]):
         if not options.map:
             episode = generate(record, options)
             return describe(mirrored(episode) if options.left_hand else episode, record, shard, options.dt)
-        city, drawn = _read_place(options.map, fingerprint([Path(options.map)]))
+        city, drawn = _read_place(Path(options.map))
         episode, name = generate(record, options, drawn), Path(options.map).stem
         scenario = describe(episode, record, shard, options.dt)
         path = episode.motion[0, episode.valid[0], :2]
@@ -157,9 +153,9 @@ class Procedural(Converter[int]):
         return replace(scenario, id=scenario_id, source=source, map=roads, map_id=name, map_crop=crop)
 
 
-@lru_cache(maxsize=2)
-def _read_place(path: str, mark: str) -> tuple[CityMap, DrawnMap]:  # noqa: ARG001  # a changed file is read again
-    city = CityMap(read_map(Path(path)))
+@cached_by_file(2)
+def _read_place(path: Path) -> tuple[CityMap, DrawnMap]:
+    city = CityMap(read_map(path))
     origin = np.append(np.nanmean(city.bounds.reshape(-1, 2, 2), axis=(0, 1)), 0.0)
     return city, DrawnMap.of(city.features.build(origin), origin)
 

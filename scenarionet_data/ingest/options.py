@@ -7,7 +7,7 @@ import types
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, Self, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from scenarionet_data.errors import BadParameter
 
@@ -15,10 +15,23 @@ Frames = Literal["recorded", "resampled"]
 """Timesteps of a scenario: the recorded times, or times at a fixed rate. Type of the option ``frames``, which every
 converter that resamples has (docs/explanation/time.md)."""
 
+Value = TypeVar("Value")
+
+
+def option(default: Value, doc: str, *, is_path: bool = False, is_added: bool = False) -> Value:
+    """Declare an option as a field of a subclass of :class:`Options`.
+
+    Args:
+        default: Its default.
+        doc: What it is, for the command line.
+        is_path, is_added: See :class:`Options`.
+    """
+    return field(default=default, metadata={"doc": doc, "is_path": is_path, "is_added": is_added})
+
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a converter; subclasses add fields with defaults and ``metadata={"doc": ...}``.
+    """Options of a converter; subclasses add fields with defaults and ``metadata={"doc": ...}``, see :func:`option`.
 
     A field with ``"is_path": True`` as well names a folder on this machine; it is not part of a shard's identity. Nor
     is one with ``"is_added": True`` at its default, so that shards written before the option existed are recognised.

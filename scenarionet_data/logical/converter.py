@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Literal
 
@@ -15,7 +15,7 @@ import numpy as np
 from scenarionet_data.building import MapBuilder, make_tracks
 from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.errors import BadParameter, InvalidScenario
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.options import Options, option
 from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.logical.description import LogicalScenario, RoadSpec, parse_logical, read_logical
 from scenarionet_data.logical.motion import Motions, move
@@ -37,13 +37,13 @@ _ORIGIN = np.zeros(3)  # the frame of the road, which all concrete scenarios sha
 class LogicalOptions(Options):
     """Which concrete scenarios are made."""
 
-    number: int = field(default=1000, metadata={"doc": "number of scenarios"})
-    seed: int = field(default=0, metadata={"doc": "seed of the random numbers"})
-    method: Literal["random", "sobol", "latin", "grid"] = field(
-        default="random", metadata={"doc": "how values are drawn; grid: every combination of given values"}
+    number: int = option(1000, "number of scenarios")
+    seed: int = option(0, "seed of the random numbers")
+    method: Literal["random", "sobol", "latin", "grid"] = option(
+        "random", "how values are drawn; grid: every combination of given values"
     )
-    text: str = field(default="", metadata={"doc": "the file, which replaces RAW's"})
-    rows: str = field(default="", metadata={"doc": "JSON of the parameters by name of scenario, instead of drawn ones"})
+    text: str = option("", "the file, which replaces RAW's")
+    rows: str = option("", "JSON of the parameters by name of scenario, instead of drawn ones")
 
 
 _Record = tuple[RawItem, LogicalScenario, Motions, int]

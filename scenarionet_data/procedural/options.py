@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.ingest.options import option
 
 BLOCK_NAMES = (
     "straight",
@@ -33,55 +33,35 @@ _DEFAULT = "straight=2 curve=4 intersection=1.2 t_intersection=1.2 roundabout=1.
 _ALL = f"{_DEFAULT} bidirection=1.2 split=2 bottleneck=2 parking_lot=1.2 toll_gate=1.2 u_turn=1.2"
 
 
-def _option(default: Any, doc: str) -> Any:
-    return field(default=default, metadata={"doc": doc})
-
-
 @dataclass(frozen=True)
 class GeneratorOptions:
     """Parameters of maps and traffic; with a seed, they determine a scenario."""
 
-    version: str = field(
-        default="",
-        metadata={
-            "doc": "Traffic that enters and leaves (v2) or only leaves (v1); empty: as --version, else v2.",
-            "is_added": True,
-        },
+    version: str = option(
+        "", "Traffic that enters and leaves (v2) or only leaves (v1); empty: as --version, else v2.", is_added=True
     )
-    num_blocks: int = _option(2, "Road blocks after the straight road the ego starts on.")
-    blocks: str = _option(
+    num_blocks: int = option(2, "Road blocks after the straight road the ego starts on.")
+    blocks: str = option(
         _DEFAULT, "How often each kind is drawn, as name=weight; kinds left out never are; all: every kind, at times."
     )
-    sequence: str = field(
-        default="",
-        metadata={
-            "doc": "The blocks in their order, by MetaDrive's letters SCXTOrRFfBYyP$U; empty: random ones.",
-            "is_added": True,
-        },
+    sequence: str = option(
+        "", "The blocks in their order, by MetaDrive's letters SCXTOrRFfBYyP$U; empty: random ones.", is_added=True
     )
-    density: float = _option(1.5, "Vehicles per 100 m of lane; 15 in the paper's text, 1.5 in its database.")
-    oncoming: float = _option(0.25, "Share of the density on lanes that do not lead to the ego's destination.")
-    pedestrians: float = field(
-        default=0.5, metadata={"doc": "People per 100 m of sidewalk and crosswalk, in traffic v2.", "is_added": True}
-    )
-    cyclists: float = field(
-        default=0.03, metadata={"doc": "Cyclists per other vehicle, in traffic v2.", "is_added": True}
-    )
-    parking: float = field(
-        default=0.25, metadata={"doc": "Share of roads with parked cars beside them, in traffic v2.", "is_added": True}
-    )
-    construction: float = _option(0.39, "Probability of road works or a breakdown with cones and barriers.")
-    lights: float = _option(0.7, "Probability that an intersection has traffic lights.")
-    min_lanes: int = _option(1, "Fewest lanes per direction.")
-    max_lanes: int = _option(3, "Most lanes per direction.")
-    lane_width: float = _option(3.5, "Width of a lane [m].")
-    min_speed_limit: float = _option(11.1, "Lowest speed limit of a map [m/s].")
-    max_speed_limit: float = _option(19.5, "Highest speed limit of a map [m/s].")
-    left_hand: bool = field(
-        default=False, metadata={"doc": "Whether traffic drives on the left: all is mirrored.", "is_added": True}
-    )
-    dt: float = _option(0.1, "Time between timesteps [s].")
-    max_steps: int = _option(900, "Timesteps after which a scenario ends when the ego has not arrived.")
+    density: float = option(1.5, "Vehicles per 100 m of lane; 15 in the paper's text, 1.5 in its database.")
+    oncoming: float = option(0.25, "Share of the density on lanes that do not lead to the ego's destination.")
+    pedestrians: float = option(0.5, "People per 100 m of sidewalk and crosswalk, in traffic v2.", is_added=True)
+    cyclists: float = option(0.03, "Cyclists per other vehicle, in traffic v2.", is_added=True)
+    parking: float = option(0.25, "Share of roads with parked cars beside them, in traffic v2.", is_added=True)
+    construction: float = option(0.39, "Probability of road works or a breakdown with cones and barriers.")
+    lights: float = option(0.7, "Probability that an intersection has traffic lights.")
+    min_lanes: int = option(1, "Fewest lanes per direction.")
+    max_lanes: int = option(3, "Most lanes per direction.")
+    lane_width: float = option(3.5, "Width of a lane [m].")
+    min_speed_limit: float = option(11.1, "Lowest speed limit of a map [m/s].")
+    max_speed_limit: float = option(19.5, "Highest speed limit of a map [m/s].")
+    left_hand: bool = option(False, "Whether traffic drives on the left: all is mirrored.", is_added=True)
+    dt: float = option(0.1, "Time between timesteps [s].")
+    max_steps: int = option(900, "Timesteps after which a scenario ends when the ego has not arrived.")
 
     @property
     def weights(self) -> Mapping[str, float]:

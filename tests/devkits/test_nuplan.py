@@ -29,7 +29,7 @@ def read(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     raw = fixture.write_raw(tmp_path_factory.mktemp("nuplan"), [drive])
     (path,) = Path(raw).rglob("map.gpkg")
     origin = np.array([*drive.rear[0, :2].round(), 0.0])
-    features = read_city(path).features.build(origin, has_z=False)
+    features = read_city(path, path.parent).features.build(origin, has_z=False)
     return (features, origin), read_with("readers", "nuplan_reads.py", path)
 
 

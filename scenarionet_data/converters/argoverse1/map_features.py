@@ -25,6 +25,7 @@ from scenarionet_data.converters.argoverse1.lanes import Argoverse1Lane, LaneNei
 from scenarionet_data.converters.cities import complete_links
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
+from scenarionet_data.ingest.listing import cached_by_file
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -98,6 +99,7 @@ def map_id(path: Path) -> str:
     return f"{match[1]}-{match[2]}" if match else path.stem
 
 
+@cached_by_file(_KEPT_CITIES)
 def read_city(path: Path) -> Argoverse1City:
     """Read a city's map; a process caches a few.
 
@@ -106,12 +108,6 @@ def read_city(path: Path) -> Argoverse1City:
     """
     if not path.is_file():
         raise CorruptSource(f"{path}: no such map; download the HD maps again")
-    stat = path.stat()
-    return _read_city(path, (stat.st_mtime_ns, stat.st_size))
-
-
-@lru_cache(maxsize=_KEPT_CITIES)
-def _read_city(path: Path, state: tuple[int, int]) -> Argoverse1City:  # noqa: ARG001  # a changed file is read again
     try:
         root = ElementTree.fromstring(path.read_bytes())  # noqa: S314  # expat refuses entities that explode
     except (OSError, ElementTree.ParseError, ValueError, LookupError) as error:
@@ -120,12 +116,6 @@ def _read_city(path: Path, state: tuple[int, int]) -> Argoverse1City:  # noqa: A
     lanes, centers = read_lanes(root, path.name, defects)
     if not lanes:
         raise CorruptSource(f"{path}: expected an Argoverse 1 vector map, found no lane in it; download it again")
-    features = _features(lanes, centers)
-    features.defects = defects.found()
-    return Argoverse1City(map_id(path), features, centers)
-
-
-def _features(lanes: list[Argoverse1Lane], centers: Ragged) -> MapBuilder:
     complete_links({lane.id: lane.entries for lane in lanes}, {lane.id: lane.exits for lane in lanes})
     known = {lane.id: row for row, lane in enumerate(lanes)}
     neighbors = [(lane.neighbor("l_neighbor_id"), lane.neighbor("r_neighbor_id")) for lane in lanes]
@@ -143,7 +133,8 @@ def _features(lanes: list[Argoverse1Lane], centers: Ragged) -> MapBuilder:
             is_intersection=lane.is_true("is_intersection"),
             extras=dict(_extras(lane, sides, known)),
         )
-    return builder
+    builder.defects = defects.found()
+    return Argoverse1City(map_id(path), builder, centers)
 
 
 def _extras(lane: Argoverse1Lane, sides: LaneNeighbors, known: dict[str, int]) -> Iterator[tuple[str, object]]:

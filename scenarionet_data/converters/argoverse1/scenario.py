@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from scenarionet_data.converters.argoverse1.recording import Argoverse1Recording
 from scenarionet_data.converters.argoverse1.table import EGO, FOCAL, NUM_OBSERVED
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.ingest.defects import Defects
-from scenarionet_data.ingest.options import Frames, Options
+from scenarionet_data.ingest.options import Frames, Options, option
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import Lights, MapFeatures, ScenarioDescription, Source, Tracks
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -24,21 +24,13 @@ from scenarionet_data.scenario.vocabulary import ObjectType
 class Argoverse1Options(Options):
     """Timesteps, location of the maps, and the extent of a scenario's map."""
 
-    frames: Frames = field(
-        default="recorded",
-        metadata={
-            "doc": "recorded: the 50 or 20 recorded times; resampled: every 0.1 s, interpolated.",
-            "is_added": True,
-        },
+    frames: Frames = option(
+        "recorded", "recorded: the 50 or 20 recorded times; resampled: every 0.1 s, interpolated.", is_added=True
     )
 
-    maps: str = field(
-        default="", metadata={"doc": "Folder of the *_vector_map.xml; empty: below RAW.", "is_path": True}
-    )
-    has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
-    radius: float = field(
-        default=100.0, metadata={"doc": "Margin of the map around the bounding box of the ego's path [m]."}
-    )
+    maps: str = option("", "Folder of the *_vector_map.xml; empty: below RAW.", is_path=True)
+    has_map: bool = option(True, "Whether scenarios get a map.")
+    radius: float = option(100.0, "Margin of the map around the bounding box of the ego's path [m].")
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.radius < 1e5:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from scenarionet_data.converters.argoverse2.forecasting import read_scenario
@@ -34,7 +34,7 @@ from scenarionet_data.converters.base import Budgets, Converter
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.ingest.input_properties import InputProperties, LazyProperties
 from scenarionet_data.ingest.listing import walk
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.options import Options, option
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
 
@@ -47,16 +47,11 @@ _FINGERPRINT_SAMPLE = 4096
 class Argoverse2Options(Options):
     """Kind of recordings, and windows of sensor logs."""
 
-    kind: str = field(default="auto", metadata={"doc": "forecasting, sensor, or auto: whichever RAW contains."})
-    window: float = field(
-        default=20.0,
-        metadata={
-            "doc": "Length of a scenario cut from a sensor log [s]. Logs last about 16 s: 20 converts them whole."
-        },
+    kind: str = option("auto", "forecasting, sensor, or auto: whichever RAW contains.")
+    window: float = option(
+        20.0, "Length of a scenario cut from a sensor log [s]. Logs last about 16 s: 20 converts them whole."
     )
-    stride: float = field(
-        default=0.0, metadata={"doc": "Time between the starts of two windows of a sensor log [s]; 0: the window."}
-    )
+    stride: float = option(0.0, "Time between the starts of two windows of a sensor log [s]; 0: the window.")
 
     def __post_init__(self) -> None:
         if self.kind not in ("auto", "forecasting", "sensor"):

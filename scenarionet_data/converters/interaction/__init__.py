@@ -12,8 +12,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from scenarionet_data.building import MapBuilder
@@ -25,7 +24,8 @@ from scenarionet_data.converters.table.rows import joined, read_rows
 from scenarionet_data.converters.table.windows import TrackWindow, WindowOptions, cut, describe
 from scenarionet_data.errors import SourceNotFound
 from scenarionet_data.ingest.defects import Defects
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.listing import cached_by_file
+from scenarionet_data.ingest.options import Options, option
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, Source
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -63,8 +63,8 @@ _PEDESTRIANS, _VEHICLES = "pedestrian_tracks_", "vehicle_tracks_"
 class InteractionOptions(WindowOptions):
     """Windows, the ego, and the map."""
 
-    has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
-    maps: str = field(default="", metadata={"doc": "Folder of the *.osm files; empty: below RAW.", "is_path": True})
+    has_map: bool = option(True, "Whether scenarios get a map.")
+    maps: str = option("", "Folder of the *.osm files; empty: below RAW.", is_path=True)
 
 
 class Interaction(Converter[TrackWindow]):
@@ -114,7 +114,7 @@ class Interaction(Converter[TrackWindow]):
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read the map of a place."""
-        return _read_place(shard.paths[0], fingerprint(shard.paths)).features
+        return _read_place(shard.paths[0]).features
 
     def records(self, shard: Shard) -> Iterator[TrackWindow]:
         """Cut a recording into windows."""
@@ -130,7 +130,7 @@ class Interaction(Converter[TrackWindow]):
         """Convert a window."""
         log, place = str(shard.properties["log"]), str(shard.properties["location"])
         file = shard.options_as(InteractionOptions).maps
-        city = _read_place(Path(file), fingerprint([Path(file)])) if file else None
+        city = _read_place(Path(file)) if file else None
         source = Source(log, shard.items[0].name, self.licence, log=log, city=place, crs="INTERACTION's local frame")
         return describe(shard, record, source, city, place)
 
@@ -145,6 +145,6 @@ def _maps(raw: str, options: InteractionOptions) -> dict[str, Path]:
     return {path.stem: path for path in found if path.suffix == ".osm"}
 
 
-@lru_cache(maxsize=4)
-def _read_place(path: Path, mark: str) -> CityMap:  # noqa: ARG001  # a changed file is read again
+@cached_by_file(4)
+def _read_place(path: Path) -> CityMap:
     return CityMap(read_lanelet2(path, COLUMNS.origin))

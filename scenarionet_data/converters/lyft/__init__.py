@@ -31,7 +31,7 @@ from scenarionet_data.converters.lyft.files import (
     scene_items,
     scene_of,
 )
-from scenarionet_data.converters.lyft.map_features import LyftCity, read_city
+from scenarionet_data.converters.lyft.map_features import read_city
 from scenarionet_data.converters.lyft.recording import TABLES, LyftRecording, LyftScene
 from scenarionet_data.converters.lyft.scenario import CITY, MAP_ID, LyftOptions, LyftWindow, describe, windows
 from scenarionet_data.errors import CorruptSource, InvalidScenario
@@ -98,7 +98,7 @@ class Lyft(Converter[LyftWindow]):
     def records(self, shard: Shard) -> Iterator[LyftWindow]:
         """Yield the windows of the shard's scenes."""
         options = shard.options_as(LyftOptions)
-        city = _read_city(find_map(options.maps or shard.root)) if options.has_map else None
+        city = read_city(*find_map(options.maps or shard.root)) if options.has_map else None
         for recording, scene in _scenes(shard):
             yield from windows(recording, scene, options, city)
 
@@ -135,7 +135,7 @@ class Lyft(Converter[LyftWindow]):
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read the semantic map."""
-        return _read_city(shard.paths).features
+        return read_city(*shard.paths).features
 
 
 def _scenes(shard: Shard) -> Iterator[tuple[LyftRecording, LyftScene]]:
@@ -158,8 +158,3 @@ def _content_files(shard: Shard, recording: LyftRecording, scene: LyftScene) -> 
 def _below(root: Path, paths: list[Path]) -> list[str]:
     """Names of the files below a folder, relative to it."""
     return [path.relative_to(root).as_posix() for path in paths if path.is_relative_to(root)]
-
-
-def _read_city(files: list[Path]) -> LyftCity:
-    map_file, meta_file = files
-    return read_city(map_file, meta_file, fingerprint(files))

@@ -50,8 +50,7 @@ class LaneSides(NamedTuple):
     @property
     def ends(self) -> Float64:
         """(2, 2) start and end of the lane [m]."""
-        ends: Float64 = (self.left.points[[0, -1]] + self.right.points[[0, -1]]) / 2.0
-        return ends
+        return (self.left.points[[0, -1]] + self.right.points[[0, -1]]) / 2.0
 
     def turned_around(self) -> LaneSides:
         """The lane in the opposite direction, with left and right swapped if needed."""

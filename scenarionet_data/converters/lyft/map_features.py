@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +24,7 @@ from scenarionet_data.converters.lyft.wire import SEMI_MAJOR_AXIS, LyftWireMap, 
 from scenarionet_data.converters.lyft.wire import WireSide as WireSide
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
+from scenarionet_data.ingest.listing import cached_by_file
 from scenarionet_data.scenario.vocabulary import LightState
 from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
 
@@ -81,14 +81,13 @@ class LyftCity(CityMap):
     faces: dict[str, tuple[LightState, list[str]]]
 
 
-@lru_cache(maxsize=2)
-def read_city(map_file: Path, meta_file: Path, fingerprint: str) -> LyftCity:  # noqa: ARG001
+@cached_by_file(2)
+def read_city(map_file: Path, meta_file: Path) -> LyftCity:
     """Read a semantic map; cached, as every scenario is cropped from it.
 
     Args:
         map_file: ``semantic_map.pb``.
         meta_file: ``meta.json``.
-        fingerprint: Fingerprint of both files.
 
     Raises:
         CorruptSource: A file is missing or damaged.
@@ -134,8 +133,7 @@ def _is_rigid(matrix: Float64) -> bool:
 
 def _in_world(points: Float64, ecef_to_world: Float64) -> Float64:
     """(P, 2) world coordinates of earth-centred points (P, 3)."""
-    world: Float64 = points @ ecef_to_world[:2, :3].T + ecef_to_world[:2, 3]
-    return world
+    return points @ ecef_to_world[:2, :3].T + ecef_to_world[:2, 3]
 
 
 # --- lanes ----------------------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from scenarionet_data.converters.lyft.recording import LyftContent, LyftRecordin
 from scenarionet_data.converters.lyft.tracks import EGO, drop_bad_rows, tracks
 from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.ingest.defects import Defects
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.options import Options, option
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import ScenarioDescription, Source, make_scenario_id
 
@@ -28,20 +28,12 @@ DT = 0.1
 class LyftOptions(Options):
     """Windows, map and objects of scenarios."""
 
-    window: float = field(default=20.0, metadata={"doc": "Length of a scenario [s]; scenes last about 25 s."})
-    stride: float = field(default=0.0, metadata={"doc": "Time between the starts of two windows [s]; 0: the window."})
-    radius: float = field(
-        default=100.0, metadata={"doc": "Margin of the map around the bounding box of the ego's path [m]."}
-    )
-    has_map: bool = field(
-        default=True, metadata={"doc": "Whether scenarios get a map, from semantic_map.pb and meta.json."}
-    )
-    maps: str = field(
-        default="", metadata={"doc": "Folder of semantic_map.pb and meta.json; empty: below RAW.", "is_path": True}
-    )
-    keep_unknown: bool = field(
-        default=True, metadata={"doc": "Keep objects whose label is unknown, two thirds of all; they are OTHER."}
-    )
+    window: float = option(20.0, "Length of a scenario [s]; scenes last about 25 s.")
+    stride: float = option(0.0, "Time between the starts of two windows [s]; 0: the window.")
+    radius: float = option(100.0, "Margin of the map around the bounding box of the ego's path [m].")
+    has_map: bool = option(True, "Whether scenarios get a map, from semantic_map.pb and meta.json.")
+    maps: str = option("", "Folder of semantic_map.pb and meta.json; empty: below RAW.", is_path=True)
+    keep_unknown: bool = option(True, "Keep objects whose label is unknown, two thirds of all; they are OTHER.")
 
     def __post_init__(self) -> None:
         if not (self.window >= DT and (self.stride == 0 or self.stride >= DT)):

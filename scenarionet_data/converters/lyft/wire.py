@@ -39,8 +39,7 @@ def on_ellipsoid(latitude: Float64, longitude: Float64) -> Float64:
     """
     normal = SEMI_MAJOR_AXIS / np.sqrt(1.0 - _SQUARED_ECCENTRICITY * np.sin(latitude) ** 2)
     scale = np.stack([normal, normal, normal * (1.0 - _SQUARED_ECCENTRICITY)], axis=-1)
-    point: Float64 = scale * _axes(latitude, longitude)[:, 2]
-    return point
+    return scale * _axes(latitude, longitude)[:, 2]
 
 
 def local_to_earth(points: Float64, latitude: Float64, longitude: Float64) -> Float64:
@@ -334,8 +333,7 @@ def _points(
 def _zigzag(bits: UInt64) -> Int64:
     """Decode zigzag integers: 0, 1, 2, 3, ... are 0, -1, 1, -2, ..."""
     values = bits.astype(np.int64)
-    signed: Int64 = (values >> 1) ^ -(values & 1)
-    return signed
+    return (values >> 1) ^ -(values & 1)
 
 
 # --- ids ------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar, get_args
@@ -36,7 +36,7 @@ from scenarionet_data.converters.nuplan.log import opened, read_log, scenes, tag
 from scenarionet_data.converters.nuplan.map_features import read_city
 from scenarionet_data.converters.nuplan.scenario import Cut, describe
 from scenarionet_data.errors import BadParameter, CorruptSource
-from scenarionet_data.ingest.options import Frames, Options
+from scenarionet_data.ingest.options import Frames, Options, option
 from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -46,30 +46,15 @@ from scenarionet_data.scenario.description import ScenarioDescription
 class NuPlanOptions(Options):
     """Windows of scenarios, and location and extent of their maps."""
 
-    by: str = field(
-        default="scene",
-        metadata={"doc": "scene: the 20 s scenes of the dataset; tag: a window around each scenario tag."},
+    by: str = option("scene", "scene: the 20 s scenes of the dataset; tag: a window around each scenario tag.")
+    tags: str = option("", "With by=tag: comma-separated types of tags; empty: all. --where tag=TYPE selects logs.")
+    past: float = option(2.0, "History [s]: before a tag, or from the start of a scene.")
+    future: float = option(8.0, "With by=tag: future after the tag [s].")
+    frames: Frames = option(
+        "resampled", "resampled: every second recorded sweep, 10 per second; recorded: every sweep, 20."
     )
-    tags: str = field(
-        default="",
-        metadata={"doc": "With by=tag: comma-separated types of tags; empty: all. --where tag=TYPE selects logs."},
-    )
-    past: float = field(default=2.0, metadata={"doc": "History [s]: before a tag, or from the start of a scene."})
-    future: float = field(default=8.0, metadata={"doc": "With by=tag: future after the tag [s]."})
-    frames: Frames = field(
-        default="resampled",
-        metadata={"doc": "resampled: every second recorded sweep, 10 per second; recorded: every sweep, 20."},
-    )
-    radius: float = field(
-        default=100.0, metadata={"doc": "Margin of the map around the bounding box of the ego's path [m]."}
-    )
-    maps: str = field(
-        default="",
-        metadata={
-            "doc": "Folder of nuplan-maps-v1.0.json; empty: below RAW, or $NUPLAN_MAPS_ROOT.",
-            "is_path": True,
-        },
-    )
+    radius: float = option(100.0, "Margin of the map around the bounding box of the ego's path [m].")
+    maps: str = option("", "Folder of nuplan-maps-v1.0.json; empty: below RAW, or $NUPLAN_MAPS_ROOT.", is_path=True)
 
     removed: ClassVar[Mapping[str, str]] = MappingProxyType({"rate": "set frames to 'recorded' for 20 per second"})
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 from scenarionet_data.arrays.dtypes import Float64
@@ -20,6 +19,7 @@ from scenarionet_data.converters.nuplan.geopackage import GeoPackage, opened
 from scenarionet_data.converters.nuplan.lanes import add_lanes, identifier, identifiers
 from scenarionet_data.converters.nuplan.types import INTERSECTIONS, LINES, STOPS
 from scenarionet_data.errors import CorruptSource
+from scenarionet_data.ingest.listing import cached_by_file
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
 _AREAS = (
@@ -47,6 +47,7 @@ class NuPlanCity(CityMap):
     projection: str
 
 
+@cached_by_file(_KEPT_CITIES)
 def read_city(path: Path, root: Path) -> NuPlanCity:
     """Read a city's map below the maps folder ``root``; a process caches a few.
 
@@ -56,14 +57,8 @@ def read_city(path: Path, root: Path) -> NuPlanCity:
     """
     if not path.is_file():
         raise CorruptSource(f"{path}: no such map; download the nuPlan maps")
-    stat = path.stat()
-    return _read_city(path, path.relative_to(root).as_posix(), (stat.st_mtime_ns, stat.st_size))
-
-
-@lru_cache(maxsize=_KEPT_CITIES)
-def _read_city(path: Path, file: str, state: tuple[int, int]) -> NuPlanCity:  # noqa: ARG001  # a changed file is read again
     builder = MapBuilder()
-    with opened(path, file) as package:
+    with opened(path, path.relative_to(root).as_posix()) as package:
         boundaries = package.lines("boundaries", "boundary_type_fid")
         starts = add_lanes(builder, package, boundaries)
         for fid, points, kind in zip(boundaries.fids, boundaries.points, boundaries["boundary_type_fid"], strict=True):

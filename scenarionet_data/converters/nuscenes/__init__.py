@@ -16,8 +16,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, get_args
@@ -50,7 +49,8 @@ from scenarionet_data.converters.nuscenes.windows import (
 )
 from scenarionet_data.errors import BadParameter, InvalidScenario, SourceNotFound
 from scenarionet_data.ingest.defects import Defects
-from scenarionet_data.ingest.options import Frames, Options
+from scenarionet_data.ingest.listing import cached_by_file
+from scenarionet_data.ingest.options import Frames, Options, option
 from scenarionet_data.ingest.passed_over import PassedOver
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, make_scenario_id
@@ -67,28 +67,16 @@ _SUFFIX = {"scene": "", "window": "@window"}
 class NuScenesOptions(Options):
     """Scenes or windows, their timesteps, and the extent of their map."""
 
-    by: str = field(
-        default="scene",
-        metadata={"doc": "scene: 20 s each; window: for the prediction challenge, see past and future."},
+    by: str = option("scene", "scene: 20 s each; window: for the prediction challenge, see past and future.")
+    past: float = option(2.0, "Time before the current timestep of a window or scene [s].")
+    future: float = option(6.0, "Time after the current timestep of a window [s].")
+    frames: Frames = option(
+        "resampled", "resampled: 10 timesteps per second, interpolated; recorded: the annotated keyframes, 2 or 5."
     )
-    past: float = field(
-        default=2.0,
-        metadata={"doc": "Time before the current timestep of a window or scene [s]."},
-    )
-    future: float = field(default=6.0, metadata={"doc": "Time after the current timestep of a window [s]."})
-    frames: Frames = field(
-        default="resampled",
-        metadata={
-            "doc": "resampled: 10 timesteps per second, interpolated; recorded: the annotated keyframes, 2 or 5."
-        },
-    )
-    radius: float = field(
-        default=200.0, metadata={"doc": "Margin of the map around the ego's path [m]; features are not cut."}
-    )
-    has_map: bool = field(default=True, metadata={"doc": "Whether scenarios get a map."})
-    has_can_bus: bool = field(
-        default=True,
-        metadata={"doc": "Whether the ego's extras contain speed, steering, ... from can_bus/, if available."},
+    radius: float = option(200.0, "Margin of the map around the ego's path [m]; features are not cut.")
+    has_map: bool = option(True, "Whether scenarios get a map.")
+    has_can_bus: bool = option(
+        True, "Whether the ego's extras contain speed, steering, ... from can_bus/, if available."
     )
 
     removed: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -237,7 +225,7 @@ class NuScenes(Converter[NuScenesWindow | InvalidScenario]):
             return None
         path = map_file(Path(shard.root), place)
         if path.is_file():
-            return _read_city(path, path.stat().st_size, path.stat().st_mtime_ns)
+            return _read_city(path)
         if place in PLACES:
             scenario_id = make_scenario_id(shard.dataset, shard.version, window.recording.name)
             raise InvalidScenario(
@@ -251,8 +239,8 @@ def _scene_of(item: RawItem, options: NuScenesOptions) -> str:
     return item.name.split("/")[1].removesuffix(_SUFFIX[options.by])
 
 
-@lru_cache(maxsize=2)
-def _read_city(path: Path, _size: int, _changed: int) -> CityMap:
+@cached_by_file(2)
+def _read_city(path: Path) -> CityMap:
     """Read a location's map; the last two are cached, as a worker's scenes are sorted by location."""
     return CityMap(read_map(path, (EXPANSION / path.name).as_posix()))
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.ingest.defects import Defects
+from scenarionet_data.ingest.listing import cached_by_file
 from scenarionet_data.ingest.shard import fingerprint
 
 FOLDER = "can_bus"
@@ -74,8 +74,8 @@ def read_can_bus(root: Path, scene: str, defects: Defects) -> Mapping[str, CanBu
     """
     found = {}
     for path in _files(root, scene):
-        kind, state = path.stem.removeprefix(f"{scene}_"), path.stat()
-        messages, bad = _read(path, kind, state.st_size, state.st_mtime_ns)
+        kind = path.stem.removeprefix(f"{scene}_")
+        messages, bad = _read(path, kind)
         file = f"{FOLDER}/{path.name}"
         if messages is None:
             reason = "expected two messages or more with finite numbers, found fewer; the signal is left out"
@@ -108,8 +108,8 @@ def signals_at(messages: Mapping[str, CanBusMessages], times: Float64) -> dict[s
     return found
 
 
-@lru_cache(maxsize=len(MEASURED))
-def _read(path: Path, kind: str, _size: int, _changed: int) -> tuple[CanBusMessages | None, list[int]]:
+@cached_by_file(len(MEASURED))
+def _read(path: Path, kind: str) -> tuple[CanBusMessages | None, list[int]]:
     """Messages of a file (None if there are not two), and the positions of those that are damaged."""
     try:
         entries = json.loads(path.read_bytes())

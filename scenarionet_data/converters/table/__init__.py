@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +22,8 @@ from scenarionet_data.converters.table.rows import read_rows
 from scenarionet_data.converters.table.windows import TrackWindow, WindowOptions, cut, describe
 from scenarionet_data.errors import CorruptSource, SourceNotFound
 from scenarionet_data.ingest.defects import Defects
+from scenarionet_data.ingest.listing import cached_by_file
+from scenarionet_data.ingest.options import option
 from scenarionet_data.ingest.shard import RawItem, Shard, fingerprint
 from scenarionet_data.scenario.description import ScenarioDescription, Source
 
@@ -33,11 +34,9 @@ _ENDINGS = (".csv", ".parquet")
 class TableOptions(WindowOptions):
     """TableColumns, map, windows and egos."""
 
-    columns: str = field(default="", metadata={"doc": "columns.toml: what the columns hold.", "is_path": True})
-    map: str = field(
-        default="", metadata={"doc": "Map of all files: *.geojson, *.osm (Lanelet2), *.xodr.", "is_path": True}
-    )
-    trust: bool = field(default=False, metadata={"doc": "Convert tables that contradict themselves or the map, too."})
+    columns: str = option("", "columns.toml: what the columns hold.", is_path=True)
+    map: str = option("", "Map of all files: *.geojson, *.osm (Lanelet2), *.xodr.", is_path=True)
+    trust: bool = option(False, "Convert tables that contradict themselves or the map, too.")
 
 
 class TrackTable(Converter[TrackWindow]):
@@ -87,7 +86,8 @@ class TrackTable(Converter[TrackWindow]):
 
     def map_features(self, shard: Shard) -> MapBuilder:
         """Read the map."""
-        return _city(shard.options_as(TableOptions)).features
+        options = shard.options_as(TableOptions)
+        return _read_city(Path(options.map), options.columns).features
 
     def records(self, shard: Shard) -> Iterator[TrackWindow]:
         """Read a file and cut it into windows.
@@ -97,7 +97,7 @@ class TrackTable(Converter[TrackWindow]):
         """
         options, defects, file = shard.options_as(TableOptions), Defects(), shard.items[0].name
         rows, clock = read_rows(shard.paths[0], file, read_columns(options.columns), defects)
-        city = _city(options) if options.map else None
+        city = _read_city(Path(options.map), options.columns) if options.map else None
         contradictions = find_contradictions(rows, clock, city.bounds if city else None)
         if contradictions and not options.trust:
             raise CorruptSource(
@@ -115,7 +115,7 @@ class TrackTable(Converter[TrackWindow]):
         """Convert a window."""
         options, log = shard.options_as(TableOptions), str(shard.properties["log"])
         columns = read_columns(options.columns)
-        city = _city(options) if options.map else None
+        city = _read_city(Path(options.map), options.columns) if options.map else None
         source = Source(
             log,
             shard.items[0].name,
@@ -127,11 +127,7 @@ class TrackTable(Converter[TrackWindow]):
         return describe(shard, record, source, city, Path(options.map).stem if options.map else None, has_z)
 
 
-def _city(options: TableOptions) -> CityMap:
-    return _read_city(options.map, options.columns, fingerprint([Path(options.map)]))
-
-
-@lru_cache(maxsize=4)
-def _read_city(path: str, columns: str, mark: str) -> CityMap:  # noqa: ARG001  # a changed file is read again
+@cached_by_file(4)
+def _read_city(path: Path, columns: str) -> CityMap:
     told = read_columns(columns)
-    return CityMap(read_map(Path(path), told.origin, told.to_metres if told.map_unit == DEGREES else None))
+    return CityMap(read_map(path, told.origin, told.to_metres if told.map_unit == DEGREES else None))

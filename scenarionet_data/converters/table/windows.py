@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
@@ -13,7 +13,7 @@ from scenarionet_data.converters.cities import CityMap
 from scenarionet_data.converters.table.rows import FrameClock, TrackRows
 from scenarionet_data.errors import BadParameter, CorruptSource, InvalidScenario
 from scenarionet_data.ingest.defects import Defects
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.options import Options, option
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.scenario.description import Lights, ScenarioDescription, Source, make_scenario_id
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -26,21 +26,15 @@ _MARGIN = 100.0
 class WindowOptions(Options):
     """Windows and egos."""
 
-    window: float = field(default=20.0, metadata={"doc": "Length of a scenario [s]."})
-    stride: float = field(default=0.0, metadata={"doc": "Time between the starts of two windows [s]; 0: the window."})
-    ego: str = field(
-        default="longest",
-        metadata={
-            "doc": "longest: the vehicle seen longest in a window; each: a scenario for each vehicle; "
-            "or the id of a track."
-        },
+    window: float = option(20.0, "Length of a scenario [s].")
+    stride: float = option(0.0, "Time between the starts of two windows [s]; 0: the window.")
+    ego: str = option(
+        "longest",
+        "longest: the vehicle seen longest in a window; each: a scenario for each vehicle; or the id of a track.",
     )
-    every: int = field(default=1, metadata={"doc": "With ego=each: take every n-th vehicle of a window."})
-    seen: float = field(default=4.0, metadata={"doc": "With ego=each: vehicles seen for at least this time [s]."})
-    history: float = field(
-        default=1.0,
-        metadata={"doc": "Time before the current timestep [s], at which the ego is there.", "is_added": True},
-    )
+    every: int = option(1, "With ego=each: take every n-th vehicle of a window.")
+    seen: float = option(4.0, "With ego=each: vehicles seen for at least this time [s].")
+    history: float = option(1.0, "Time before the current timestep [s], at which the ego is there.", is_added=True)
 
     def __post_init__(self) -> None:
         lengths = (self.window, self.stride, self.history)

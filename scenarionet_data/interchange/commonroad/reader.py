@@ -7,7 +7,7 @@ the writer leaves it); without one it is seen where the problem begins, and its 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 from xml.etree.ElementTree import Element
@@ -18,7 +18,7 @@ from scenarionet_data.arrays.dtypes import Float64, Int64, UInt8
 from scenarionet_data.converters.formats.xml_files import read_xml
 from scenarionet_data.errors import BadParameter, CorruptSource
 from scenarionet_data.ingest.defects import Defects
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.options import Options, option
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.interchange.commonroad.layout import OBJECT_OF_WORD, SOLUTION, STATE_OF_COLOR, WAITING
 from scenarionet_data.interchange.commonroad.map_reader import number, points_of, read_map
@@ -38,12 +38,10 @@ _VERSIONS = ("2018b", "2020a")
 class CommonRoadOptions(Options):
     """Which vehicle is the ego."""
 
-    ego: str = field(
-        default="problem",
-        metadata={
-            "doc": "problem: that of the planning problem, which has one state unless a solution lies beside the file; "
-            "longest: the vehicle seen longest."
-        },
+    ego: str = option(
+        "problem",
+        "problem: that of the planning problem, which has one state unless a solution lies beside the file; "
+        "longest: the vehicle seen longest.",
     )
 
     def __post_init__(self) -> None:

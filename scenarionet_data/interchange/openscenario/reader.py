@@ -15,7 +15,7 @@ import subprocess
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 from xml.etree.ElementTree import Element
@@ -28,7 +28,7 @@ from scenarionet_data.converters.formats.opendrive.reader import read_opendrive
 from scenarionet_data.converters.formats.xml_files import read_xml
 from scenarionet_data.errors import BadParameter, CorruptSource, MissingDependency
 from scenarionet_data.ingest.defects import Defects
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.options import Options, option
 from scenarionet_data.ingest.shard import RawItem, Shard
 from scenarionet_data.interchange.openscenario.writer import PREFIX
 from scenarionet_data.interchange.scene_files import DT, FileScene, SceneFiles, SceneObject
@@ -54,7 +54,7 @@ _CATEGORIES = {"bicycle": ObjectType.CYCLIST, "motorbike": ObjectType.CYCLIST, "
 class OpenScenarioOptions(Options):
     """How long a scenario may be."""
 
-    longest: float = field(default=120.0, metadata={"doc": "Later states are left out [s]; some files never end."})
+    longest: float = option(120.0, "Later states are left out [s]; some files never end.")
 
     def __post_init__(self) -> None:
         if not self.longest > 0.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from scenarionet_data.errors import BadParameter, CorruptSource
 from scenarionet_data.ingest.defects import Defects
-from scenarionet_data.ingest.options import Options
+from scenarionet_data.ingest.options import Options, option
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.interchange.gpudrive.layout import FEATURE_OF_TYPE, OBJECT_NAMES
 from scenarionet_data.interchange.pufferdrive.layout import OBJECT_TYPES, ROAD_TYPES, Entity, decode
@@ -24,9 +24,7 @@ _ROADS = {ROAD_TYPES[name]: kind for name, kind in FEATURE_OF_TYPE.items()}
 class PufferDriveOptions(Options):
     """The layout."""
 
-    layout: int = field(
-        default=0, metadata={"doc": "2: PufferDrive 2.0, 1: pufferlib 3.0; 0: the one that the file can be read in."}
-    )
+    layout: int = option(0, "2: PufferDrive 2.0, 1: pufferlib 3.0; 0: the one that the file can be read in.")
 
     def __post_init__(self) -> None:
         if self.layout not in (0, 1, 2):

@@ -125,13 +125,13 @@ def test_repeated_row_is_dropped_and_one_bad_pose_costs_one_state(tmp_path):
 def test_bad_map_element_costs_its_feature(tmp_path):
     raw = fixture.write_dataset(tmp_path / "lyft", num_scenes=1, num_frames=20)
     map_file = raw / "semantic_map" / "semantic_map.pb"
-    whole = read_city(map_file, raw / "meta.json", "whole")
+    whole = read_city(map_file, raw / "meta.json")
     city = world.semantic_map()
     lanes = [element for element in city.elements if element.element.HasField("lane")]
     del lanes[0].element.lane.left_boundary.vertex_deltas_z_cm[:1]
     lost = lanes[0].id.id.decode()
     map_file.write_bytes(city.SerializeToString())
-    damaged = read_city(map_file, raw / "meta.json", "damaged")
+    damaged = read_city(map_file, raw / "meta.json")
     (lanes_without_sides,) = whole.features.defects
     assert "expected at least 2 points on each side, found " in lanes_without_sides.reason
     defect, others = damaged.features.defects

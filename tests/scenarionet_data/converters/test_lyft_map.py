@@ -31,7 +31,7 @@ from tests.fixtures.reading import scenarios
 def write(folder: Path, is_backward_stored_along: bool = False) -> LyftCity:
     world.write_map(folder / "semantic_map.pb", is_backward_stored_along)
     world.write_meta(folder / "meta.json")
-    return read_city(folder / "semantic_map.pb", folder / "meta.json", str(folder))
+    return read_city(folder / "semantic_map.pb", folder / "meta.json")
 
 
 @pytest.fixture
@@ -221,7 +221,7 @@ def test_map_without_lanes_or_of_damaged_elements_is_refused(tmp_path: Path) -> 
     del empty.elements[:]
     for message, reason in ((nameless, "elements damaged"), (empty, "no lanes")):
         with pytest.raises(CorruptSource, match=reason):
-            _read(tmp_path, message, reason)
+            _read(tmp_path, message)
 
 
 def test_damaged_element_is_left_out(tmp_path: Path) -> None:
@@ -235,12 +235,12 @@ def test_damaged_element_is_left_out(tmp_path: Path) -> None:
         (twice, "found one repeated"),
         (uneven, "different numbers of x, y and z"),
     ):
-        first = _read(tmp_path, message, reason).features.defects[0]
+        first = _read(tmp_path, message).features.defects[0]
         assert (first.count, first.action) == (1, "dropped")
         assert reason in first.reason
 
 
-def _read(folder: Path, message: MapFragment, mark: str) -> LyftCity:
+def _read(folder: Path, message: MapFragment) -> LyftCity:
     (folder / "semantic_map.pb").write_bytes(message.SerializeToString())
     world.write_meta(folder / "meta.json")
-    return read_city(folder / "semantic_map.pb", folder / "meta.json", mark)
+    return read_city(folder / "semantic_map.pb", folder / "meta.json")
