@@ -16,6 +16,9 @@ Messages are one sentence: the finding, followed by a remedy.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class ScenarioNetError(Exception):
     """Base of every error raised on purpose by this project.
@@ -54,6 +57,15 @@ class MissingDependency(SourceError):
     def __init__(self, need: str, extra: str, alternative: str = "") -> None:
         install = f"pip install 'scenarionet-lake[{extra}]', or in a checkout pip install -e '.[{extra}]'"
         super().__init__(f"{need}: {'; '.join(filter(None, (install if extra else '', alternative)))}")
+
+
+@contextmanager
+def needing(need: str, extra: str, alternative: str = "") -> Iterator[None]:
+    """Raise :class:`MissingDependency`, which see, for a package that the block cannot import."""
+    try:
+        yield
+    except ImportError as error:
+        raise MissingDependency(need, extra, alternative) from error
 
 
 class InvalidScenario(ScenarioNetError):

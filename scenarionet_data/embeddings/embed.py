@@ -12,7 +12,7 @@ from scenarionet_data.arrays.dtypes import Float32
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.databases.user_columns import UserColumn
 from scenarionet_data.embeddings import features
-from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_data.errors import BadParameter, needing
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.operations.tagging import Tagging
@@ -57,10 +57,8 @@ def find_model(lake: LakeView, name: str) -> Model:
             f"{lake.root}: no model {name!r} that embeds scenarios; there is features, and each run of this lake that "
             f"trained a forecaster: {', '.join(runs) or 'none yet'}"
         )
-    try:
+    with needing("the encoder of a forecaster needs torch", "learn"):
         from scenarionet_data.embeddings.encoder import EncoderModel
-    except ModuleNotFoundError as error:
-        raise MissingDependency("the encoder of a forecaster needs torch", "learn") from error
     return EncoderModel(lake, name)
 
 

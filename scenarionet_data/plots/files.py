@@ -15,7 +15,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from scenarionet_data.arrays.dtypes import UInt8
-from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_data.errors import BadParameter, needing
 from scenarionet_data.plots.palette import MEANINGFUL
 from scenarionet_data.storage.files.places import local_path
 
@@ -111,10 +111,8 @@ def _write_gif(path: Path, frames: Iterator[UInt8], rate: float) -> None:
 
 
 def _write_mp4(path: Path, frames: Iterator[UInt8], rate: float) -> None:
-    try:
+    with needing("mp4 videos need PyAV", "video", "or write a .gif"):
         import av
-    except ImportError as error:
-        raise MissingDependency("mp4 videos need PyAV", "video", "or write a .gif") from error
     first = next(frames)
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", Fraction(rate).limit_denominator(1000))

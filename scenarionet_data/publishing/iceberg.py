@@ -9,7 +9,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data.errors import MissingDependency
+from scenarionet_data.errors import needing
 
 NAMESPACE = "lake"
 
@@ -21,10 +21,8 @@ def write_iceberg(folder: Path, files: Mapping[str, Sequence[str]]) -> dict[str,
         folder: The warehouse, an existing folder.
         files: Absolute paths of the Parquet files of each table; they are referenced where they are.
     """
-    try:
+    with needing("publishing as Iceberg needs PyIceberg", "iceberg"):
         from pyiceberg.catalog.sql import SqlCatalog
-    except ImportError as error:
-        raise MissingDependency("publishing as Iceberg needs PyIceberg", "iceberg") from error
     catalog = SqlCatalog(NAMESPACE, uri=f"sqlite:///{folder}/catalog.sqlite", warehouse=folder.as_uri())
     logger = logging.getLogger("pyiceberg.io.pyarrow")  # it warns of every column without statistics
     level = logger.level

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from scenarionet_data import version
-from scenarionet_data.errors import BadParameter, ClusterLost, MissingDependency
+from scenarionet_data.errors import BadParameter, ClusterLost, needing
 from scenarionet_pipelines.cluster import profile as profiles
 from scenarionet_pipelines.cluster.profile import ClusterProfile
 from scenarionet_pipelines.machine import default_workers
@@ -48,11 +48,9 @@ def open_cluster(name: str, workers: int | None = None) -> Iterator[DaskExecutor
     if workers is not None and found.kind == "scheduler":
         raise BadParameter(f"--workers: {found.address} is a running scheduler; start more workers with `dask worker`")
     found = found if workers is None else replace(found, workers=workers)
-    try:
+    with needing("Dask clusters need dask and distributed", "cluster"):
         dask = importlib.import_module("dask")
         from scenarionet_pipelines.cluster.dask_executor import DaskExecutor
-    except ImportError as error:
-        raise MissingDependency("Dask clusters need dask and distributed", "cluster") from error
     with ExitStack() as stack:
         # Silence warnings about busy event loops and lost workers; lost jobs are reported by the executor.
         stack.enter_context(_quiet("distributed"))
@@ -68,10 +66,8 @@ def open_cluster(name: str, workers: int | None = None) -> Iterator[DaskExecutor
 def _start(profile: ClusterProfile) -> Any:
     """Start the cluster of a profile, without waiting for its workers."""
     module, name, extra = _CLASSES[profile.kind]
-    try:
+    with needing(f"clusters of kind {profile.kind} need {module.partition('.')[0]}", extra):
         make = getattr(importlib.import_module(module), name)
-    except ImportError as error:
-        raise MissingDependency(f"clusters of kind {profile.kind} need {module.partition('.')[0]}", extra) from error
     options = dict(profile.options)
     if profile.kind == "local":
         options["n_workers"] = profile.workers or default_workers()

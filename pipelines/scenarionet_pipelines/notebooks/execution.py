@@ -7,7 +7,7 @@ from typing import Any
 
 from scenarionet_data import convert
 from scenarionet_data.converters.pg import ProceduralOptions
-from scenarionet_data.errors import MissingDependency
+from scenarionet_data.errors import needing
 from scenarionet_pipelines.notebooks import path
 
 CELL_SECONDS = 300
@@ -20,10 +20,8 @@ def read(name: str) -> Any:
     Raises:
         MissingDependency: nbformat is not installed.
     """
-    try:
+    with needing("notebooks need nbclient and more", "notebooks"):
         import nbformat
-    except ImportError as error:
-        raise MissingDependency("notebooks need nbclient and more", "notebooks") from error
     return nbformat.read(path(name), as_version=4)  # type: ignore[no-untyped-call]
 
 

@@ -7,17 +7,15 @@ import threading
 from contextlib import suppress
 
 from scenarionet_data import Lake
-from scenarionet_data.errors import BadParameter, MissingDependency
+from scenarionet_data.errors import BadParameter, needing
 from scenarionet_pipelines.web.app import make_app
 from scenarionet_pipelines.web.question_workers import Limits, QuestionWorkers
 
 DEFAULT_PORT = 8642
 """Used if it is free, so that the address can be bookmarked."""
 
-try:
+with needing("browsing needs a web server", "web"):
     import uvicorn
-except ImportError as error:
-    raise MissingDependency("browsing needs a web server", "web") from error
 
 
 class Server:

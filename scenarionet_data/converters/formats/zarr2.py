@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.errors import CorruptSource, MissingDependency
+from scenarionet_data.errors import CorruptSource, needing
 
 _BLOSC_HEADER = 16
 """Header size in bytes; at 4, 8 and 12: decoded size, block size and encoded size, as little-endian uint32."""
@@ -78,12 +78,7 @@ class ChunkedTable:
     def _read(self, number: int) -> Array:
         if self._kept and self._kept[0] == number:
             return self._kept[1]
-        records = self._decode(self.path / str(number))
-        self._kept = (number, records)
-        return records
-
-    def _decode(self, file: Path) -> Array:
-        """Read one chunk. All have the same length; rows after the array's end are not used."""
+        file = self.path / str(number)
         size = self._chunk * self.dtype.itemsize
         try:
             data = file.read_bytes()
@@ -100,7 +95,9 @@ class ChunkedTable:
             raise CorruptSource(f"{file}: expected a compressed chunk, found other bytes; download it again") from error
         if len(decoded) != size:
             raise CorruptSource(f"{file}: expected {size} bytes, found {len(decoded)}; download it again")
-        return np.frombuffer(decoded, self.dtype)
+        records = np.frombuffer(decoded, self.dtype)
+        self._kept = (number, records)
+        return records
 
 
 def read_attributes(folder: Path) -> dict[str, Any]:
@@ -148,10 +145,8 @@ def _codec(compressor: Mapping[str, Any] | None, path: Path) -> Any:
     """Return the decoder of chunks; None if they are not compressed."""
     if compressor is None:
         return None
-    try:
+    with needing("Lyft's zarr chunks need numcodecs", "lyft"):
         import numcodecs
-    except ImportError as error:
-        raise MissingDependency("Lyft's zarr chunks need numcodecs", "lyft") from error
     try:
         return numcodecs.get_codec(dict(compressor))
     except (ValueError, TypeError, KeyError, AttributeError) as error:

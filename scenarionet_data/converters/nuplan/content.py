@@ -21,7 +21,7 @@ import pyarrow.compute as pc
 from scenarionet_data.arrays.dtypes import Array, Bool, Int64
 from scenarionet_data.converters.nuplan.log import NuPlanLog, as_text, unreadable, uri
 from scenarionet_data.converters.nuplan.types import LIGHTS
-from scenarionet_data.errors import MissingDependency
+from scenarionet_data.errors import needing
 from scenarionet_data.ingest.defects import Defect
 
 BOX = np.dtype([("sweep", "i4"), ("track", "i4"), ("position", "f8", 2), ("state", "f4", 6)])
@@ -148,10 +148,8 @@ def read_content(path: Path, log: NuPlanLog, is_wanted: Bool) -> NuPlanContent:
 
 @contextmanager
 def _cursor(path: Path) -> Iterator[Any]:
-    try:
+    with needing("nuPlan logs need ADBC", "nuplan"):
         from adbc_driver_sqlite import dbapi
-    except ModuleNotFoundError as error:
-        raise MissingDependency("nuPlan logs need ADBC", "nuplan") from error
     try:
         with dbapi.connect(uri(path)) as connection, connection.cursor() as cursor:
             cursor.adbc_statement.set_options(**{"adbc.sqlite.query.batch_rows": _CHUNK})

@@ -21,7 +21,7 @@ import shapely
 from scenarionet_data.arrays.dtypes import Float64, Int64, Object
 from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
 from scenarionet_data.converters.nuplan.log import as_text, finding, uri
-from scenarionet_data.errors import CorruptSource, MissingDependency
+from scenarionet_data.errors import CorruptSource, needing
 from scenarionet_data.ingest.defects import Defects
 
 _ENVELOPE = (0, 32, 48, 48, 64)
@@ -173,11 +173,9 @@ def _transformer(source: str, target: str) -> Any:
     Raises:
         MissingDependency: pyproj is not installed.
     """
-    try:
+    with needing("nuPlan maps need pyproj", "nuplan"):
         from pyproj import Transformer
         from pyproj.exceptions import CRSError
-    except ModuleNotFoundError as error:
-        raise MissingDependency("nuPlan maps need pyproj", "nuplan") from error
     try:
         return Transformer.from_crs(source, target, always_xy=True)
     except CRSError as error:

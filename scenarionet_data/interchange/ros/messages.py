@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.errors import MissingDependency
+from scenarionet_data.errors import needing
 
 _DEFINITIONS = {
     "ackermann_msgs/msg/AckermannDrive": (
@@ -55,10 +55,8 @@ class RosMessages:
     """
 
     def __init__(self, version: int) -> None:
-        try:
+        with needing("messages of ROS need rosbags", "ros"):
             from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-        except ModuleNotFoundError as error:
-            raise MissingDependency("messages of ROS need rosbags", "ros") from error
         self.version = version
         self.store: Any = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_JAZZY)
         for name, text in (_DEFINITIONS | (_DEFINITIONS_2 if version == 2 else _DEFINITIONS_1)).items():

@@ -6,7 +6,7 @@ import os
 from datetime import timedelta
 from typing import Any
 
-from scenarionet_data.errors import LakeError, MissingDependency
+from scenarionet_data.errors import LakeError, needing
 from scenarionet_data.storage.files.retries import longest_wait, patience
 
 _SCHEMES = ("s3", "gs")
@@ -19,10 +19,8 @@ _first_used_by: int | None = None
 
 def connect(url: str) -> Any:
     """An obstore client of everything below a URL; see :class:`.object_store.ObjectStore` for what it raises."""
-    try:
+    with needing(f"{url} needs obstore", "remote"):
         import obstore
-    except ImportError as error:
-        raise MissingDependency(f"{url} needs obstore", "remote") from error
     scheme, _, place = url.partition("://")
     if scheme not in _SCHEMES or not place.strip("/"):
         raise LakeError(f"{url}: wanted a folder, s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or file:///FOLDER")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from scenarionet_data.errors import needing
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count, duration, size, table
 from scenarionet_pipelines.cli.parameters import pairs
@@ -56,12 +57,8 @@ class TrainVerb(Progressing):
         from scenarionet_sim.learning.config import make_learner_config
 
         config = make_learner_config(self.algorithm, self.size, pairs(self.parameters, "-p"))
-        try:
+        with needing("learning needs torch", "learn"):
             from scenarionet_sim.learning.training import plan_training, run_training
-        except ModuleNotFoundError as error:
-            from scenarionet_data.errors import MissingDependency
-
-            raise MissingDependency("learning needs torch", "learn") from error
         training = plan_training(**self.given(plan_training), config=config)
         named = f"{self.database or 'all'}-{self.algorithm}-seed{self.seed}"
         run = self.name or named.replace("@", ".").replace(":", ".")

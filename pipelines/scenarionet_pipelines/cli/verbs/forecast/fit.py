@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+from scenarionet_data.errors import needing
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count
 from scenarionet_pipelines.cli.parameters import pairs
@@ -34,12 +35,8 @@ class FitVerb(DatabaseVerb, Progressing):
     tests: tuple[str, ...] = option("Measure on this database after each epoch; repeatable.", "--test", metavar="NAME")
 
     def run(self) -> None:
-        try:
+        with needing("a forecaster needs torch", "learn"):
             from scenarionet_data.forecasts.forecaster import make_config, train
-        except ModuleNotFoundError as error:
-            from scenarionet_data.errors import MissingDependency
-
-            raise MissingDependency("a forecaster needs torch", "learn") from error
         config: ForecasterConfig = make_config(pairs(self.parameters, "-p"))
         run = self.name or f"{self.database}-forecaster-seed{self.seed}".replace("@", ".")
         curve: list[dict[str, Any]] = []

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from scenarionet_data.errors import needing
 from scenarionet_pipelines.cli.output import count, table
 from scenarionet_pipelines.cli.verb import Distributed, LakeVerb, argument, option
 from scenarionet_pipelines.messages import one_line
@@ -87,12 +88,8 @@ class ScoreVerb(LakeVerb, Distributed):
 
     def score_model(self, model: str, database: str) -> None:
         """Score a trained forecaster and predictors that learn nothing, and print a row for each."""
-        try:
+        with needing("a forecaster needs torch", "learn"):
             from scenarionet_data.forecasts.forecaster_scores import score_forecaster
-        except ModuleNotFoundError as error:
-            from scenarionet_data.errors import MissingDependency
-
-            raise MissingDependency("a forecaster needs torch", "learn") from error
         found = score_forecaster(self.open(), model, database)
         head = ("predictor", "modes", "minADE [m]", "minFDE [m]", "miss rate", "targets")
         self.say(
