@@ -147,25 +147,16 @@ class ScenarioLoader(HasCard, Sequence[ScenarioDescription]):
             raise BadParameter(f"expected indices or ids of scenarios, such as [0, 1], found {indices!r}")
         for index in indices:
             if not isinstance(index, int | np.integer) or isinstance(index, bool):
-                index = self._position(index)
+                if not isinstance(index, str):
+                    raise BadParameter(f"expected the index of a scenario, 0 ... {len(self) - 1}, or its id; {index!r}")
+                ids = self.scenario_ids
+                if index not in ids:
+                    raise ScenarioNotFound(f"none of {len(ids):,} scenarios is {index!r}; ids look like {ids[:1]}")
+                index = ids.index(index)
             if not -size <= index < size:
                 raise IndexError(f"scenario {index} of {size}" + ("" if size else ": the selection is empty"))
             rows.append(self._rows[index % size])
         return rows
-
-    def _position(self, scenario_id: Any) -> int:
-        """Index of a scenario by its id.
-
-        Raises:
-            BadParameter: It is no id.
-            ScenarioNotFound: None of the scenarios has it.
-        """
-        if not isinstance(scenario_id, str):
-            raise BadParameter(f"expected the index of a scenario, 0 ... {len(self) - 1}, or its id; {scenario_id!r}")
-        ids = self.scenario_ids
-        if scenario_id not in ids:
-            raise ScenarioNotFound(f"none of {len(ids):,} scenarios is {scenario_id!r}; ids look like {ids[:1]}")
-        return ids.index(scenario_id)
 
     def _scenarios(self, metadata: Sequence[Metadata]) -> list[ScenarioDescription]:
         if self._comparison:

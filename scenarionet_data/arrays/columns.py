@@ -247,8 +247,7 @@ class Columns:
 
 def chosen(words: tuple[str, ...], indices: Int32) -> Object:
     """Words of a dictionary, or None for -1, as an array."""
-    strings: Object = _objects(words)[indices]
-    return strings
+    return _objects(words)[indices]
 
 
 @lru_cache(256)

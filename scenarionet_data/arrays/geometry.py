@@ -36,8 +36,7 @@ def path_length(points: Array) -> float:
 
 def yaw_from_quaternion(qw: Float64, qx: Float64, qy: Float64, qz: Float64) -> Float64:
     """Heading [rad] of unit quaternions, counter-clockwise from +x, in [-pi, pi]."""
-    yaw: Float64 = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-    return yaw
+    return np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
 
 
 def rotate(points: Array, angle: npt.ArrayLike) -> Float64:

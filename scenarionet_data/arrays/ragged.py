@@ -38,8 +38,7 @@ class Ragged:
         if not -len(self) <= index < len(self):
             raise IndexError(f"list {index} of {len(self)}")
         index %= len(self)
-        view: Array = self.values[self.offsets[index] : self.offsets[index + 1]]
-        return view
+        return self.values[self.offsets[index] : self.offsets[index + 1]]
 
     def __iter__(self) -> Iterator[Array]:
         return (self.values[start:end] for start, end in pairwise(self.offsets.tolist()))

@@ -117,8 +117,7 @@ def _xy(points: Complex128) -> Float64:
 
 def _middle(a: Float64, b: Float64, c: Float64) -> Float64:
     """Median of three."""
-    middle: Float64 = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
-    return middle
+    return np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
 
 
 def _from_nearest(values: Complex128, known: Bool) -> Complex128:

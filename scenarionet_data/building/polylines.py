@@ -50,8 +50,7 @@ def midlines(left: Ragged, right: Ragged) -> Ragged:
 def _line_lengths(lines: Ragged) -> Float64:
     step = np.hypot(*np.diff(lines.values[:, :2], axis=0, append=0.0).T)
     step[lines.offsets[1:] - 1] = 0.0
-    lengths: Float64 = np.add.reduceat(step, lines.offsets[:-1])
-    return lengths
+    return np.add.reduceat(step, lines.offsets[:-1])
 
 
 def directions(lines: Ragged) -> Float64:
@@ -61,8 +60,7 @@ def directions(lines: Ragged) -> Float64:
     before = np.maximum(index - 1, np.repeat(lines.offsets[:-1], lines.lengths))
     step = lines.values[after, :2] - lines.values[before, :2]
     norm = np.hypot(step[:, 0], step[:, 1])[:, None]
-    unit: Float64 = step / np.where(norm > 0, norm, 1.0)
-    return unit
+    return step / np.where(norm > 0, norm, 1.0)
 
 
 def between(centers: Ragged, left: Ragged, right: Ragged) -> tuple[Ragged, Ragged]:

@@ -10,7 +10,7 @@ from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, is_numbe
 from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.building.tracks import make_tracks
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario.description import ScenarioDescription, Tracks, check_scenario
+from scenarionet_data.scenario.description import ScenarioDescription, check_scenario
 
 _SAME_TIME = 1e-6
 """Times closer than this are the same [s]."""
@@ -99,32 +99,28 @@ def resample(scenario: ScenarioDescription, dt: float | None = None) -> Scenario
         return scenario
     steps = Resampling(times, scenario.tracks.valid, dt, max(_LONGEST_GAP, 1.5 * scenario.dt))
     current = round(float(times[scenario.current_timestep]) / dt)
+    velocity = scenario.tracks.velocity.astype(np.float64)
+    slope = np.concatenate([velocity, np.zeros((*velocity.shape[:2], 1))], axis=-1)
+    made = make_tracks(
+        scenario.tracks.ids.tolist(),
+        scenario.tracks.object_type,
+        steps.between(scenario.tracks.position.astype(np.float64), slope),
+        steps.angle_between(scenario.tracks.heading.astype(np.float64)),
+        steps.between(velocity),
+        steps.nearest(scenario.tracks.size),
+        steps.valid,
+        origin=np.zeros(3),
+        is_interpolated=steps.is_interpolated | steps.nearest(scenario.tracks.is_interpolated),
+    )
+    arrays = ("position", "heading", "velocity", "size", "valid", "is_interpolated")
     return replace(
         scenario,
         timestamps=steps.timestamps,
         dt=dt,
         current_timestep=min(current, len(steps.timestamps) - 1),
-        tracks=_tracks(scenario.tracks, steps),
+        tracks=replace(scenario.tracks, **{name: getattr(made, name) for name in arrays}),
         lights=replace(scenario.lights, state=scenario.lights.state[:, steps.frame]),
     )
-
-
-def _tracks(tracks: Tracks, steps: Resampling) -> Tracks:
-    velocity = tracks.velocity.astype(np.float64)
-    slope = np.concatenate([velocity, np.zeros((*velocity.shape[:2], 1))], axis=-1)
-    made = make_tracks(
-        tracks.ids.tolist(),
-        tracks.object_type,
-        steps.between(tracks.position.astype(np.float64), slope),
-        steps.angle_between(tracks.heading.astype(np.float64)),
-        steps.between(velocity),
-        steps.nearest(tracks.size),
-        steps.valid,
-        origin=np.zeros(3),
-        is_interpolated=steps.is_interpolated | steps.nearest(tracks.is_interpolated),
-    )
-    arrays = ("position", "heading", "velocity", "size", "valid", "is_interpolated")
-    return replace(tracks, **{name: getattr(made, name) for name in arrays})
 
 
 def _take(values: Array, frames: Int64) -> Array:

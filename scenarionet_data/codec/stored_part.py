@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from scenarionet_data.arrays.columns import ColumnLayout, Columns, Texts
-from scenarionet_data.arrays.dtypes import Array, Int64, Object
+from scenarionet_data.arrays.dtypes import Array, Int64
 from scenarionet_data.arrays.memory import Memory
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.codec.part_kernels import ENDS, ROWS, PartPlan, lay_out
@@ -57,8 +57,7 @@ def codes(columns: Columns, name: str, vocabulary: type[IntEnum]) -> Array:
     Raises:
         LakeError: A word is not in the vocabulary.
     """
-    found: Array = codes_of_words(columns, name, vocabulary)[columns.values(name)]
-    return found
+    return codes_of_words(columns, name, vocabulary)[columns.values(name)]
 
 
 def codes_of_words(columns: Columns, name: str, vocabulary: type[IntEnum]) -> Array:
@@ -170,21 +169,17 @@ class StoredPart:
     def __getitem__(self, field: str) -> Any:
         """Value of a field."""
         if field in self.texts:
-            return self._text(field)
+            begin, middle, end = self.places[:3].tolist()
+            ends, counts = self.memory[begin:middle].view(np.int64), self.memory[middle:end].view(np.int32)
+            first = 0
+            for name, offsets in zip(self.texts, counts.reshape(len(self.texts), self.length + 1), strict=True):
+                count = offsets.item(-1) if name in self.lists else self.length
+                if name == field:
+                    break
+                first += count + 1
+            texts = Texts(ends[first : first + count + 1], self.memory[self.places.item(-2) :])
+            if field in self.lists:
+                return Ragged(offsets.copy(), texts.strings())
+            return Texts(texts.ends, texts.data, offsets[1:] == offsets[:-1]).strings()
         axes = [self._steps if axis == STEPS else axis for axis in self.arrays[field][2]]
         return self.array(field, self.length, *axes)
-
-    def _text(self, field: str) -> Object | Ragged:
-        """Texts or None of each row, or lists of texts."""
-        begin, middle, end = self.places[:3].tolist()
-        ends, counts = self.memory[begin:middle].view(np.int64), self.memory[middle:end].view(np.int32)
-        first = 0
-        for name, offsets in zip(self.texts, counts.reshape(len(self.texts), self.length + 1), strict=True):
-            count = offsets.item(-1) if name in self.lists else self.length
-            if name == field:
-                break
-            first += count + 1
-        texts = Texts(ends[first : first + count + 1], self.memory[self.places.item(-2) :])
-        if field in self.lists:
-            return Ragged(offsets.copy(), texts.strings())
-        return Texts(texts.ends, texts.data, offsets[1:] == offsets[:-1]).strings()

@@ -48,7 +48,8 @@ def similar(
     check_whole("k", k, 1)
     name = embedding_of(view, by)
     scenario_id = view.describe(scenario_id)["scenario_id"]
-    rows = _rows(view, name)
+    path = quoted(str(view.files.verified(_file(view, name))))
+    rows = f"(SELECT *, file_row_number AS number FROM read_parquet({path}, file_row_number = true))"
     found = view.engine.arrow(f"SELECT {name} FROM {rows} WHERE scenario_id = $id", {"id": scenario_id})
     if not len(found) or not found[0][0].is_valid:
         raise BadParameter(
@@ -100,9 +101,3 @@ def _records(view: LakeView) -> list[UserColumn]:
 
 def _file(view: LakeView, name: str) -> str:
     return user_columns.file_name(name, view.user_columns[name])
-
-
-def _rows(view: LakeView, name: str) -> str:
-    """SQL for the rows of the embedding's file, with their number."""
-    path = quoted(str(view.files.verified(_file(view, name))))
-    return f"(SELECT *, file_row_number AS number FROM read_parquet({path}, file_row_number = true))"

@@ -188,17 +188,13 @@ def _feature_field(
             points = np.column_stack([points[:, :2], np.cumsum(thirds[name]) / 1e6])
         return _line(points, form)
     if name == "width":
-        return _width(features, row, form)
+        dtype, _, *zeros = form.split()
+        if zeros:
+            return np.zeros((len(features.polyline[row]), 2), dtype)
+        return np.array(features.width[row], dtype)
     if form == "records":
         return to_records({name: extras[name]})[name]
     return [_id(form, str(item)) for item in getattr(features, LINKS[name])[row]]
-
-
-def _width(features: MapFeatures, row: int, form: str) -> Array:
-    dtype, _, *zeros = form.split()
-    if zeros:
-        return np.zeros((len(features.polyline[row]), 2), dtype)
-    return np.array(features.width[row], dtype)
 
 
 def _line(points: Float64, form: str) -> Any:

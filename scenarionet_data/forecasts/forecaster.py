@@ -162,18 +162,6 @@ class Forecaster(nn.Module):
 
     def encode(self, batch: TensorBatch) -> tuple[Tensor, Tensor]:
         """Return (B, A + L, size) encoded tokens, the target's first, and which of them stand for nothing."""
-        tokens, is_absent = self._tokens(batch)
-        return self.encoder(tokens, src_key_padding_mask=is_absent), is_absent
-
-    @torch.no_grad()
-    def modes(self, batch: TensorBatch) -> Array:
-        """Return (B, K, F, 2) positions of all modes [m], without dropout."""
-        self.eval()
-        modes: Array = self(batch)[0].numpy()
-        return modes
-
-    def _tokens(self, batch: TensorBatch) -> tuple[Tensor, Tensor]:
-        """(B, A + L, size) tokens, and which of them stand for nothing."""
         valid = batch["history_valid"]
         states = torch.cat([batch["history"] * _SCALE, valid[..., None]], dim=-1).flatten(2)
         agents = self.history(torch.cat([states, batch["agent_size"][..., :2] / 5.0], dim=-1))
@@ -181,7 +169,15 @@ class Forecaster(nn.Module):
         seen = batch["polylines_valid"]
         points = self.points(batch["polylines"] * _POINT_SCALE).masked_fill(~seen[..., None], -1e9)
         lines = points.amax(dim=2).clamp(min=-1e3) + self.line_type(batch["polyline_type"].long())
-        return torch.cat([agents, lines], dim=1), ~torch.cat([valid.any(dim=2), seen.any(dim=2)], dim=1)
+        is_absent = ~torch.cat([valid.any(dim=2), seen.any(dim=2)], dim=1)
+        return self.encoder(torch.cat([agents, lines], dim=1), src_key_padding_mask=is_absent), is_absent
+
+    @torch.no_grad()
+    def modes(self, batch: TensorBatch) -> Array:
+        """Return (B, K, F, 2) positions of all modes [m], without dropout."""
+        self.eval()
+        modes: Array = self(batch)[0].numpy()
+        return modes
 
 
 _METRES = 10.0  # of an output of 1, so that paths can differ early in training

@@ -147,7 +147,6 @@ def kalman_filter(config: ForecasterConfig, noise: float = 0.1, acceleration: fl
             gain = spread[seen, :, 0] / (spread[seen, 0, 0] + noise**2)[:, None]
             state[seen] += gain[:, :, None] * (positions[seen, step] - state[seen, 0])[:, None]
             spread[seen] -= gain[:, :, None] * spread[seen, 0][:, None]
-        path: Array = state[:, None, None, 0] + state[:, None, None, 1] * times[:, None]
-        return path
+        return state[:, None, None, 0] + state[:, None, None, 1] * times[:, None]
 
     return predict

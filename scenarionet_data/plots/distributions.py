@@ -15,7 +15,7 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.plots.palette import SERIES
 from scenarionet_data.plots.style import new_figure, plain, styled
-from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.schema import tables
 
 MEASURES = ("ego_distance", "ego_mean_speed", "ego_cumulative_curvature", "num_objects", "num_map_features", "duration")
@@ -78,7 +78,12 @@ def distributions(
         BadParameter: The column does not exist or is not numeric.
     """
     view = open_view(lake)
-    _check(view, column, by)
+    there = dict(view.sql("SELECT column_name, column_type FROM (DESCRIBE metadata)").rows())
+    for name in (column, by):
+        if name not in there:
+            raise BadParameter(f"no column {name!r} in metadata; docs/reference/data_dictionary.md lists them")
+    if there[column].startswith(("VARCHAR", "JSON")) or there[column].endswith("]"):
+        raise BadParameter(f"{column} holds no numbers; name a column of docs/reference/data_dictionary.md that does")
     chosen = [view.record(each) for each in databases]
     parts = [(each.reference, view.restrict_to(each)) for each in chosen] or [("", view)]
     limits = [part.sql(_LIMITS.format(column=column)).row(0) for _, part in parts]
@@ -102,15 +107,6 @@ def distributions(
             counts[known["bin"].to_numpy()] = known["n"].to_numpy()
             found.append(Distribution(name, edges, counts, int(mine.filter(mine["bin"].is_null())["n"].sum())))
     return found
-
-
-def _check(view: LakeView, column: str, by: str) -> None:
-    there = dict(view.sql("SELECT column_name, column_type FROM (DESCRIBE metadata)").rows())
-    for name in (column, by):
-        if name not in there:
-            raise BadParameter(f"no column {name!r} in metadata; docs/reference/data_dictionary.md lists them")
-    if there[column].startswith(("VARCHAR", "JSON")) or there[column].endswith("]"):
-        raise BadParameter(f"{column} holds no numbers; name a column of docs/reference/data_dictionary.md that does")
 
 
 def _edges(limits: Sequence[tuple[float | None, float | None, int]], is_whole: bool, bins: int) -> Float64:

@@ -104,5 +104,4 @@ def _rate(values: Float64, timestamps: Float64) -> Float64:
     """Time derivative (T,); NaN next to invalid timesteps and for a single timestep."""
     if len(values) < 2:
         return np.full_like(values, np.nan)
-    rate: Float64 = np.gradient(values, timestamps)
-    return rate
+    return np.gradient(values, timestamps)

@@ -141,8 +141,7 @@ class Scene:
 
     def lights_at(self, timestep: int) -> UInt8:
         """Return codes of ``LightState`` (L,); after the end of the recording, the last ones."""
-        states: UInt8 = self.light_state[:, min(timestep, self.num_steps - 1)]
-        return states
+        return self.light_state[:, min(timestep, self.num_steps - 1)]
 
 
 @dataclass(frozen=True)

@@ -49,8 +49,7 @@ class DrawnPath:
     @cached_property
     def along(self) -> Float64:
         """(n,) arc length of each point [m]."""
-        lengths: Float64 = np.append(0.0, np.cumsum(np.hypot(*np.diff(self.points, axis=0).T)))
-        return lengths
+        return np.append(0.0, np.cumsum(np.hypot(*np.diff(self.points, axis=0).T)))
 
     @property
     def length(self) -> float:

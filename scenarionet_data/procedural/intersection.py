@@ -101,7 +101,15 @@ def cross(
         turns_around: Whether leftmost lanes lead back as well; it needs all four arms.
     """
     placed = _place_arms(block, approach, arms, side)
-    turns = _add_turns(block, placed, has_lights, turns_around)
+    # The through road, the ego's (0) or the other (1), has priority at junctions without lights.
+    through = 0 if {0, 2} <= {arm.number for arm in placed} else 1
+    # Those who turn around leave by the outermost lane for which they need not swing out, or by the leftmost.
+    turns = [
+        _add_turn(block, start, i, end, j, has_lights, through)
+        for start in placed
+        for i in range(start.num_in)
+        for end, j in _targets(start, i, placed) + [(start, min(start.num_out - 1, 2))] * (turns_around and i == 0)
+    ]
     for turn in turns:
         if turn.start == 0:
             block.link(approach.forward[turn.start_lane], (turn.lane.id,))
@@ -140,27 +148,6 @@ def _place_arms(block: Block, approach: Socket, numbers: tuple[int, ...], side: 
         lanes = ((num_in, num_out), (side, side), (num_out, num_in), (side, side))[number]
         arms.append(Arm(number, pose, *lanes))
     return arms
-
-
-def _add_turns(block: Block, arms: list[Arm], has_lights: bool, turns_around: bool) -> list[Turn]:
-    """Add the turning lanes."""
-    through = _through_axis(arms)
-    return [
-        _add_turn(block, start, i, end, j, has_lights, through)
-        for start in arms
-        for i in range(start.num_in)
-        for end, j in _targets(start, i, arms) + _back(start) * (turns_around and i == 0)
-    ]
-
-
-def _back(arm: Arm) -> list[tuple[Arm, int]]:
-    """Where those who turn around leave: the outermost lane for which they need not swing out, or the leftmost."""
-    return [(arm, min(arm.num_out - 1, 2))]
-
-
-def _through_axis(arms: list[Arm]) -> int:
-    """Axis of the through road, 0 (the ego's) or 1; it has priority at junctions without lights."""
-    return 0 if {0, 2} <= {arm.number for arm in arms} else 1
 
 
 def _targets(start: Arm, i: int, arms: list[Arm]) -> list[tuple[Arm, int]]:

@@ -58,22 +58,17 @@ def roundabout(block: Block, socket: Socket, rng: np.random.Generator) -> None:
     leave = int(rng.integers(1, 4))
     for number, arm in enumerate(arms):
         entries, exits = _add_connections(block, ring, number, arm, distance)
-        if number == 0:
-            _join(block, approach, entries, exits)
+        if number == 0:  # the ego's road
+            for before, lane in zip(approach.forward, entries, strict=True):
+                block.link(before, (lane.id,))
+            for lane, after in zip(exits, approach.backward, strict=True):
+                block.link((lane.id,), after)
         else:
             opening = Socket(arm.moved(distance, 0.0), ids_of(exits), ids_of(entries))
             end = add_road(block, f"arm{number}", opening, ((rng.uniform(20.0, 60.0), 0.0),))
             block.exit = end if number == leave else block.exit
     _add_ring(block, ring, arms)
     _add_edges(block, ring, arms, distance)
-
-
-def _join(block: Block, approach: Socket, entries: list[Lane], exits: list[Lane]) -> None:
-    """Link the ego's road to the ring."""
-    for before, lane in zip(approach.forward, entries, strict=True):
-        block.link(before, (lane.id,))
-    for lane, after in zip(exits, approach.backward, strict=True):
-        block.link((lane.id,), after)
 
 
 def _add_connections(

@@ -20,7 +20,7 @@ from scenarionet_data.databases.record import all_records
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.publishing.ducklake import write_ducklake
 from scenarionet_data.publishing.iceberg import write_iceberg
-from scenarionet_data.query.lake_view import LakeLike, LakeView, open_view
+from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
 from scenarionet_data.storage.files.places import is_url, local_path
@@ -69,7 +69,10 @@ def publish(lake: LakeLike, path: str | Path, catalog: Catalog) -> PublishReport
         with writing(out):
             out.mkdir(parents=True)
             metadata = out / "metadata.parquet"
-            pq.write_table(_metadata(view), metadata)
+            rows = view.arrow("SELECT * FROM metadata ORDER BY scenario_id")
+            place = rows.column_names.index("content_hash")
+            signed = [pc.cast(chunk, pa.uint64()).view(pa.int64()) for chunk in rows["content_hash"].chunks]
+            pq.write_table(rows.set_column(place, "content_hash", pa.chunked_array(signed, pa.int64())), metadata)
             for name in (name for name, listed in files.items() if not listed):  # a lake need not have lights
                 files[name] = [str(out / f"{name}.parquet")]
                 pq.write_table(tables.load(name).schema.empty_table(), files[name][0])
@@ -82,11 +85,3 @@ def publish(lake: LakeLike, path: str | Path, catalog: Catalog) -> PublishReport
     number = view.snapshot.number
     is_kept = any(record.lineage.snapshot == number for record in all_records(view.files))
     return PublishReport(out, catalog, number, is_kept, num_rows, locations)
-
-
-def _metadata(view: LakeView) -> pa.Table:
-    """Return the view ``metadata``, user columns included, with signed content hashes."""
-    rows = view.arrow("SELECT * FROM metadata ORDER BY scenario_id")
-    place = rows.column_names.index("content_hash")
-    signed = [pc.cast(chunk, pa.uint64()).view(pa.int64()) for chunk in rows["content_hash"].chunks]
-    return rows.set_column(place, "content_hash", pa.chunked_array(signed, pa.int64()))

@@ -22,7 +22,11 @@ def lanes_cross_near(features: MapFeatures, path: Array, distance: float, angle:
         distance: How far from the path a crossing counts [m].
         angle: Smallest angle between the lanes that counts as crossing [rad].
     """
-    rows = _lanes_near(features, path, distance)
+    lower, upper = features.polyline.bounds()
+    meets = (lower[:, :2] <= path.max(axis=0) + distance) & (upper[:, :2] >= path.min(axis=0) - distance)
+    rows = np.flatnonzero(
+        meets.all(axis=1) & vocabulary.is_lane(features.feature_type) & (features.polyline.lengths > 1)
+    )
     if len(rows) < 2:
         return False
     lanes, entries = features.polyline.take(rows), features.entry_lanes.take(rows)
@@ -32,15 +36,6 @@ def lanes_cross_near(features: MapFeatures, path: Array, distance: float, angle:
     low, high = np.minimum.reduceat(points, lanes.offsets[:-1]), np.maximum.reduceat(points, lanes.offsets[:-1])
     boxes = np.stack([low, high])
     return bool(_any_crossing(points, lanes.offsets, boxes, entry, entries.offsets, path, distance, np.sin(angle)))
-
-
-def _lanes_near(features: MapFeatures, path: Array, distance: float) -> Array:
-    """Rows of lanes whose bounding box overlaps that of the path, widened by ``distance``."""
-    lower, upper = features.polyline.bounds()
-    meets = (lower[:, :2] <= path.max(axis=0) + distance) & (upper[:, :2] >= path.min(axis=0) - distance)
-    return np.flatnonzero(
-        meets.all(axis=1) & vocabulary.is_lane(features.feature_type) & (features.polyline.lengths > 1)
-    )
 
 
 @kernel

@@ -43,8 +43,7 @@ def summarise(scenario: ScenarioDescription) -> dict[str, Any]:
 def ego_path(scenario: ScenarioDescription) -> Array:
     """(n, 2) float64 [m] the ego's valid positions, in order of time; gaps are left out."""
     ego = scenario.ego_index
-    path: Array = scenario.tracks.position[ego, scenario.tracks.valid[ego], :2].astype(np.float64)
-    return path
+    return scenario.tracks.position[ego, scenario.tracks.valid[ego], :2].astype(np.float64)
 
 
 def path_distance(path: Array) -> float:

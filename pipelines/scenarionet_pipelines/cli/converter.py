@@ -67,8 +67,7 @@ def parse_options(converter: Converter[Any], words: Iterable[str]) -> Options:
     words = tuple(words)
     for key in pairs(words, "-p"):
         converter.Options.refuse_removed(key)
-    made: Options = converter.Options(**parse_fields(converter.Options, converter.name, words))
-    return made
+    return converter.Options(**parse_fields(converter.Options, converter.name, words))
 
 
 def parse_fields(kind: type[Any], name: str, words: Iterable[str]) -> dict[str, Any]:

@@ -172,8 +172,7 @@ def _engine_in(frame: FrameType | None) -> Engine | None:
     """Return the engine whose query the main thread waits for, if any."""
     for caller in _callers(frame):
         if caller.f_globals.get("__name__") == _ENGINE:
-            engine: Engine | None = caller.f_locals.get("self")
-            return engine
+            return caller.f_locals.get("self")
     return None
 
 

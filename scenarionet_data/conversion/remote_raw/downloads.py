@@ -96,7 +96,13 @@ class _Downloads:
                         raise SourceNotFound(
                             f"{self.bucket}/{name}: deleted since it was listed; run the same command again"
                         )
-        self._remove(self._marks.keys() - needed)
+        for name in self._marks.keys() - needed:
+            del self._marks[name]
+            path = self._scratch.path / name
+            path.unlink(missing_ok=True)
+            with suppress(OSError):  # folders that are not empty stay
+                for folder in path.relative_to(self._scratch.path).parents[:-1]:
+                    (self._scratch.path / folder).rmdir()
         return local
 
     def _matching(self, name: str) -> Iterable[str]:
@@ -120,12 +126,3 @@ class _Downloads:
             path.parent.mkdir(parents=True, exist_ok=True)
         with suppress(FileGone):
             self._marks[name] = self._store.download(name, path).mark
-
-    def _remove(self, names: Iterable[str]) -> None:
-        for name in list(names):
-            del self._marks[name]
-            path = self._scratch.path / name
-            path.unlink(missing_ok=True)
-            with suppress(OSError):  # folders that are not empty stay
-                for folder in path.relative_to(self._scratch.path).parents[:-1]:
-                    (self._scratch.path / folder).rmdir()

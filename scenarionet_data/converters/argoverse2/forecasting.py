@@ -117,7 +117,14 @@ class _Table:
         )
         self.current_timestep = int(timestep[kept][observed[kept] != 0].max(initial=0))
         self.grid = TrackGrid(tracks.take(kept), timestep[kept], count)
-        self.motion, self.is_interpolated = self._bridged(self.grid.place(motion[kept]), file)
+        motion = self.grid.place(motion[kept])
+        ego, is_interpolated = self.grid.ids.index(EGO), np.zeros_like(self.grid.valid)
+        bridged, filled = bridge_gaps(self.timestamps, self.grid.valid[ego], motion[ego], angle=2)
+        reason = "expected usable rows of the ego at every timestep, found none; interpolated"
+        steps = [f"timestep {step}" for step in np.flatnonzero(filled)]
+        self.defects.assume("tracks", file, steps, "position_x", reason)
+        motion[ego, filled], self.grid.valid[ego, filled], is_interpolated[ego] = bridged[filled], True, filled
+        self.motion, self.is_interpolated = motion, is_interpolated
         first = kept[self.grid.first]
         types, _ = text(rows, path, "object_type")
         self.types: list[str] = types.take(first).to_pylist()
@@ -129,16 +136,6 @@ class _Table:
             self.defects.assume("tracks", file, [f"track {self.focal}"], "focal_track_id", wanted)
         categories, _ = integers(rows, path, "object_category")
         self.categories = [TRACK_CATEGORIES.get(number, str(number)) for number in categories[first].tolist()]
-
-    def _bridged(self, motion: Float64, file: str) -> tuple[Float64, Bool]:
-        """Interpolate the ego; also returns (N, T) where."""
-        ego, is_interpolated = self.grid.ids.index(EGO), np.zeros_like(self.grid.valid)
-        bridged, filled = bridge_gaps(self.timestamps, self.grid.valid[ego], motion[ego], angle=2)
-        reason = "expected usable rows of the ego at every timestep, found none; interpolated"
-        steps = [f"timestep {step}" for step in np.flatnonzero(filled)]
-        self.defects.assume("tracks", file, steps, "position_x", reason)
-        motion[ego, filled], self.grid.valid[ego, filled], is_interpolated[ego] = bridged[filled], True, filled
-        return motion, is_interpolated
 
     def _usable(
         self, file: str, path: Path, timestep: Int64, has_time: Bool, tracks: Any, has_track: Bool, motion: Float64

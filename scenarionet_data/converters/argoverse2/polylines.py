@@ -80,15 +80,11 @@ def road_edges(outlines: list[Float64]) -> list[list[Float64]]:
     keys = code.min(axis=0) * len(nodes) + code.max(axis=0)
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
     repeated: Bool = counts[inverse] > 1
-    kept = ~(_is_cut(start, end) | repeated)
+    # Segments along the border of a tile cut an area: they are no edge of the road.
+    on_tile = np.abs(start - TILE * np.round(start / TILE)) < 1e-6
+    kept = ~(((start == end) & on_tile).any(axis=1) | repeated)
     parts = np.split(kept, np.cumsum([len(ring) for ring in outlines])[:-1])
     return [_runs(ring, part) for ring, part in zip(outlines, parts, strict=True)]
-
-
-def _is_cut(start: Float64, end: Float64) -> Bool:
-    on_tile = np.abs(start - TILE * np.round(start / TILE)) < 1e-6
-    cut: Bool = ((start == end) & on_tile).any(axis=1)
-    return cut
 
 
 def _runs(ring: Float64, kept: Bool) -> list[Float64]:

@@ -122,8 +122,7 @@ def rotated(turn: Float64, vectors: Float64) -> Float64:
     """Rotate vectors (R, 3) by unit quaternions (R, 4): v + 2 w (u x v) + 2 u x (u x v)."""
     w, u = turn[:, :1], turn[:, 1:]
     twice = 2.0 * np.cross(u, vectors)
-    turned: Float64 = vectors + w * twice + np.cross(u, twice)
-    return turned
+    return vectors + w * twice + np.cross(u, twice)
 
 
 def forward(turn: Float64) -> Float64:
@@ -133,5 +132,4 @@ def forward(turn: Float64) -> Float64:
 
 def heading(direction: Float64) -> Float64:
     """(R,) [rad] of directions (R, 3) in the plane."""
-    angle: Float64 = np.arctan2(direction[:, 1], direction[:, 0])
-    return angle
+    return np.arctan2(direction[:, 1], direction[:, 0])

@@ -107,5 +107,4 @@ def _blend(before: Float64, after: Float64, share: Float64) -> Float64:
     """(..., T, C) between ``before`` and ``after``; exactly ``before`` where ``share`` (T,) is 0."""
     change = after - before
     change[..., HEADING] = wrap_angle(change[..., HEADING])
-    blended: Float64 = before + share[:, None] * change
-    return blended
+    return before + share[:, None] * change

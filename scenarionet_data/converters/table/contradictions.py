@@ -83,8 +83,7 @@ def _unit(factor: float, units: dict[str, float]) -> str:
 
 
 def _angles(vectors: Float64) -> Float64:
-    angles: Float64 = np.arctan2(vectors[:, 1], vectors[:, 0])
-    return angles
+    return np.arctan2(vectors[:, 1], vectors[:, 0])
 
 
 def _directions(name: str, heading: Float64, step: Float64, is_angle: bool) -> list[str]:

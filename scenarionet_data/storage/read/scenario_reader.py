@@ -276,7 +276,13 @@ class RemoteRowGroups:
         for address in missing:
             with reading(self._files.url(address.file)):
                 spans.append((*self._footers[address.file].stored(address.number).span, address))
-        runs = _runs(spans)
+        runs: list[list[tuple[int, int, RowGroupAddress]]] = []
+        for span in sorted(spans, key=lambda span: (span[2].file, span[0])):
+            last = runs[-1][-1] if runs else None
+            if last and last[2].file == span[2].file and span[0] - last[1] <= _GAP:
+                runs[-1].append(span)
+            else:
+                runs.append([span])
         for run in sorted(runs, key=lambda run: min(missing[address] for _, _, address in run)):
             (start, _, address), end = run[0], run[-1][1]
             answer = self._files.submit(self._files.range, address.file, start, end)
@@ -312,17 +318,3 @@ def _footer(reader: ColumnReader, table: str, end: FileEnd, url: str) -> Footer:
     tables.load(table).check_version(metadata.metadata, url)
     with reading(url):
         return Footer(url, metadata, reader.layout, end.digests, end.body)
-
-
-def _runs(
-    spans: Sequence[tuple[int, int, RowGroupAddress]],
-) -> list[list[tuple[int, int, RowGroupAddress]]]:
-    """Group row groups (start, end, address) that are adjacent in the same file, or nearly."""
-    runs: list[list[tuple[int, int, RowGroupAddress]]] = []
-    for span in sorted(spans, key=lambda span: (span[2].file, span[0])):
-        last = runs[-1][-1] if runs else None
-        if last and last[2].file == span[2].file and span[0] - last[1] <= _GAP:
-            runs[-1].append(span)
-        else:
-            runs.append([span])
-    return runs

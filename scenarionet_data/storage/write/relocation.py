@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -90,7 +90,14 @@ class FileWriter:
                 rows = declared.conform(pa.concat_tables(parts, promote_options="default"))
                 writer = writer or stack.enter_context(declared.writer(temporary, footer, rows))
                 writer.write_table(rows, row_group_size=rows.num_rows)
-        _check_rows(temporary, "map_id" if table == "maps" else "scenario_id", held)
+        key = "map_id" if table == "maps" else "scenario_id"
+        with reading(temporary), pq.ParquetFile(temporary) as file:
+            groups = (file.read_row_group(number, [key], use_threads=False) for number in range(file.num_row_groups))
+            found = [group[key].to_pylist() for group in groups]
+        if found != held:
+            raise LakeError(
+                f"{temporary}: read back other rows than were written; check the disk and run the command again"
+            )
         stem = f"{partition(table, *self._folder)}/{self._name}-{self._number:03d}"
         self.published.append(publish_data(self._target, temporary, stem))
         row_groups, first_rows = zip(*places, strict=True)
@@ -100,19 +107,6 @@ class FileWriter:
             new = pa.array(values, pa.string() if part == "file" else pa.int32())
             metadata = metadata.set_column(metadata.column_names.index(name), name, new)
         return metadata
-
-
-def _check_rows(path: Path, key: str, expected: Sequence[Sequence[str]]) -> None:
-    """Verify that each row group holds the rows that were written to it, by the value of a column.
-
-    Raises:
-        LakeError: The rows differ.
-    """
-    with reading(path), pq.ParquetFile(path) as file:
-        groups = (file.read_row_group(number, [key], use_threads=False) for number in range(file.num_row_groups))
-        found = [group[key].to_pylist() for group in groups]
-    if found != expected:
-        raise LakeError(f"{path}: read back other rows than were written; check the disk and run the command again")
 
 
 def copy_groups(

@@ -60,8 +60,7 @@ class Cubics:
         piece = np.searchsorted(self.starts, stations, side="right") - 1
         ds = stations - self.starts[piece]
         a, b, c, d = self.coefficients[piece].T
-        values: Float64 = np.where(piece >= 0, a + ds * (b + ds * (c + ds * d)), 0.0)
-        return values
+        return np.where(piece >= 0, a + ds * (b + ds * (c + ds * d)), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
