@@ -118,7 +118,7 @@ def _write_mp4(path: Path, frames: Iterator[UInt8], rate: float) -> None:
         stream = container.add_stream("libx264", Fraction(rate).limit_denominator(1000))
         stream.height, stream.width = first.shape[:2]
         stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": "20", "preset": "superfast"}
+        stream.options = {"crf": "20", "preset": "superfast", "bf": "0"}
         for frame in chain([first], frames):
             container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
         container.mux(stream.encode())

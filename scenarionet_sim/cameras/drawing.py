@@ -214,7 +214,8 @@ def ground_heights(batch: WorldBatch, slots: Array, points: Float64) -> Float64:
 
 def scaled_down(rgb: UInt8, factor: int) -> UInt8:
     """Return pictures (B, H, W, 3) as the means of squares of pixels, for smooth edges."""
-    count, height, width, _ = rgb.shape
-    made: UInt8 = np.empty((count, height // factor, width // factor, 3), np.uint8)
-    shrink(rgb, factor, made)
-    return made
+    count, height, width = len(rgb), rgb.shape[1] // factor, rgb.shape[2] // factor
+    fine = rgb[:, : height * factor, : width * factor].reshape(count, height * factor, -1)
+    made: UInt8 = np.empty((count, height, width * 3), np.uint8)
+    shrink(fine, factor, np.empty(fine.shape[2], np.int32), made)
+    return made.reshape(count, height, width, 3)

@@ -198,15 +198,24 @@ def expose(first: int, view: FrameView, tone: Float32, seen: Int32, shades: Floa
         picture: Output.
     """
     count, gains, light, width = len(seen), shades[at.GAIN], view.light, view.width
-    for k in range(count):
-        gains[k] = light[at.EXPOSURE]
-    if light[at.VIGNETTE] > 0.0:
-        for k in range(count):
-            row, column = (first + k) // width, (first + k) % width
-            below, beside = (row + 0.5) / view.height - 0.5, (column + 0.5) / width - 0.5
-            gains[k] *= 1.0 - 2.0 * light[at.VIGNETTE] * (below * below + beside * beside)
+    begin, row, column = 0, first // width, first % width
+    while begin < count:
+        end, below = smaller(begin + width - column, count), (row + 0.5) / view.height - 0.5
+        loss = 2.0 * light[at.VIGNETTE] * light[at.EXPOSURE]
+        middle = light[at.EXPOSURE] - loss * below * below
+        _dim_sides(begin, end, (column - begin + 0.5) / width - 0.5, 1.0 / width, (middle, loss), gains)
+        begin, row, column = end, row + 1, 0
     rgb = shades[at.RED], shades[at.GREEN], shades[at.BLUE]
     _develop(light, tone, seen, shades[at.FAR], gains, rgb, picture)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _dim_sides(first: int, end: int, left: float, step: float, gain: tuple[float, float], gains: Float32) -> None:
+    """Write the gains of pixels of a row: that of its middle, less what is lost with the square of the way from it."""
+    start, width, middle, loss = single(left), single(step), single(gain[0]), single(gain[1])
+    for k in range(first, end):
+        beside = start + width * single_of(k)
+        gains[k] = middle - loss * beside * beside
 
 
 @device_function(divides_by_zero=True, in_lanes=True)
