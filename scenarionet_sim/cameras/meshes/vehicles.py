@@ -14,23 +14,36 @@ from scenarionet_sim.cameras.draw import codes as at
 from scenarionet_sim.cameras.shapes import Shape, box, loft, outward, tube
 
 
+_ROUND = 30
+"""Corners of what is round from close up, a multiple of the ten sectors of a wheel's disc."""
+
+
 def _wheels(axles: tuple[float, ...], radius: float, length: float, height: float, tread: float) -> list[Shape]:
     """Return two wheels per axle, as parts 1, 2 (front) and following, for a typical length and height."""
     shapes = []
     rx, rz = radius / length, radius / height
-    angles = np.arange(20) * np.pi / 10.0
-    rim = np.stack([0.66 * rx * np.cos(angles), np.zeros(20), 0.66 * rz * np.sin(angles)], axis=1)
-    fan = np.array([(20, k, (k + 1) % 20) for k in range(20)], np.int32)
-    spokes = np.where(np.arange(20) % 4 < 2, at.METAL, at.TRIM).astype(np.uint8)
+    angles = np.arange(_ROUND) * 2.0 * np.pi / _ROUND
+    rim = np.stack([0.66 * rx * np.cos(angles), np.zeros(_ROUND), 0.66 * rz * np.sin(angles)], axis=1)
+    fan = np.array([(_ROUND, k, (k + 1) % _ROUND) for k in range(_ROUND)], np.int32)
+    spokes = np.where(np.arange(_ROUND) * 10 // _ROUND % 2 == 0, at.METAL, at.TRIM).astype(np.uint8)
     for number, x in enumerate(axles):
         for side in (1.0, -1.0):
             part = min(2 * number + (1 if side > 0 else 2), 4)
             low, high = (side * 0.5, side * (0.5 - tread))
-            tyre = tube((x, low, rz), (x, high, rz), ((rx, rz), (rx, rz)), at.TYRE, 20)
+            tyre = tube((x, low, rz), (x, high, rz), ((rx, rz), (rx, rz)), at.TYRE, _ROUND)
             disc = np.append(rim, np.zeros((1, 3)), axis=0) + np.array([x, side * 0.504, rz])
             shapes.append(replace(tyre, part=part))
             shapes.append(Shape(disc, fan[:, ::-1] if side > 0 else fan, spokes, part))
     return shapes
+
+
+def _arches(axles: tuple[float, ...], middle: float, radii: tuple[float, float], sill: float) -> list[Shape]:
+    """Return what is dark around the wheels, above the lower edge of the body."""
+    tubes = [
+        tube((x, side * 0.494, middle), (x, side * 0.36, middle), (radii, radii), at.TRIM, _ROUND)
+        for x in axles for side in (1.0, -1.0)
+    ]  # fmt: skip
+    return [replace(each, points=np.maximum(each.points, (-1.0, -1.0, sill))) for each in tubes]
 
 
 def hull(stations: list[tuple[float, float, float, float, float, float]], *, is_coarse: bool = False) -> Shape:
@@ -88,11 +101,9 @@ def car() -> list[Shape]:
         box((-0.506, -0.42, 0.17), (-0.45, 0.42, 0.27), at.TRIM),
         box((0.13, 0.47, 0.60), (0.17, 0.545, 0.69), at.BODY), box((0.13, -0.545, 0.60), (0.17, -0.47, 0.69), at.BODY),
     ]  # fmt: skip
-    arches = [
-        tube((x, s * 0.494, 0.21), (x, s * 0.36, 0.21), ((0.083, 0.25), (0.083, 0.25)), at.TRIM, 14)
-        for x in (0.30, -0.29) for s in (1.0, -1.0)
-    ]  # fmt: skip
-    return [body, *details, *arches, *_wheels((0.30, -0.29), 0.325, 4.6, 1.55, 0.12)]
+    axles = 0.30, -0.29
+    arches, wheels = _arches(axles, 0.21, (0.083, 0.25), 0.19), _wheels(axles, 0.325, 4.6, 1.55, 0.12)
+    return [body, *details, *arches, *wheels]
 
 
 def van() -> list[Shape]:
@@ -108,11 +119,9 @@ def van() -> list[Shape]:
         box((-0.503, s * 0.44 - 0.03, 0.42), (-0.47, s * 0.44 + 0.03, 0.62), at.TAIL_LAMP) for s in (1.0, -1.0)
     ] + [box((0.465, s * 0.34 - 0.09, 0.31), (0.497, s * 0.34 + 0.09, 0.39), at.HEADLAMP) for s in (1.0, -1.0)]
     details += [box((-0.504, -0.12, 0.30), (-0.49, 0.12, 0.37), at.REFLECTIVE)]
-    arches = [
-        tube((x, s * 0.494, 0.17), (x, s * 0.36, 0.17), ((0.078, 0.205), (0.078, 0.205)), at.TRIM, 14)
-        for x in (0.31, -0.30) for s in (1.0, -1.0)
-    ]  # fmt: skip
-    return [body, *details, *arches, *_wheels((0.31, -0.30), 0.34, 5.4, 2.0, 0.12)]
+    axles = 0.31, -0.30
+    arches, wheels = _arches(axles, 0.17, (0.078, 0.205), 0.16), _wheels(axles, 0.34, 5.4, 2.0, 0.12)
+    return [body, *details, *arches, *wheels]
 
 
 def truck() -> list[Shape]:
