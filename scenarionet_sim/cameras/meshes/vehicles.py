@@ -13,7 +13,6 @@ import numpy as np
 from scenarionet_sim.cameras.draw import codes as at
 from scenarionet_sim.cameras.shapes import Shape, box, loft, outward, tube
 
-
 _ROUND = 30
 """Corners of what is round from close up, a multiple of the ten sectors of a wheel's disc."""
 
