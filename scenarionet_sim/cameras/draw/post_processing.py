@@ -9,7 +9,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Int32, UInt8
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.minmax import larger, smaller
-from scenarionet_sim.cameras.draw.single_precision import single
+from scenarionet_sim.cameras.draw.single_precision import single, single_of
 
 
 @device_function(divides_by_zero=True)
@@ -66,7 +66,7 @@ def _root_of_mean(sums: Int32, first: int, factor: int) -> int:
     total = np.int32(0)
     for place in range(factor):
         total += sums[first + 3 * place]
-    return np.int32(np.rint(math.sqrt(single(total) * single(1.0 / (factor * factor)))))  # type: ignore[return-value]
+    return np.int32(np.rint(math.sqrt(single_of(total) * single(1.0 / (factor * factor)))))  # type: ignore[return-value]
 
 
 @device_function(divides_by_zero=True)
