@@ -63,7 +63,7 @@ def _take_roots(sums: Int32, factor: int, levels: UInt8) -> None:
 
 @device_function(forceinline=True, divides_by_zero=True, in_lanes=True)
 def _root_of_mean(sums: Int32, first: int, factor: int) -> int:
-    total = np.int32(0)
+    total = 0
     for place in range(factor):
         total += sums[first + 3 * place]
     return np.int32(np.rint(math.sqrt(single_of(total) * single(1.0 / (factor * factor)))))  # type: ignore[return-value]
