@@ -21,6 +21,8 @@ from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.bridges.commonroad.by_name import PLANNERS as OUTSIDE
+from scenarionet_sim.bridges.commonroad.by_name import is_outside, load_planner
 from scenarionet_sim.bridges.stacks import StackPlanner, is_stack
 from scenarionet_sim.drivers.code import PolicyCode
 from scenarionet_sim.drivers.trained import PREFIX, load_driver
@@ -168,7 +170,7 @@ def resolve_drivers(
 
     Args:
         policy: A name in DRIVERS or PLANNERS, a stack (``bridges.stacks``), ``module:Class``, ``runs/NAME`` of a
-            training run, or, in its process, pinned code (see ``drivers.code``).
+            training run, or, in its process, pinned code (see ``drivers.code``) or a planner of CommonRoad.
         traffic: A name in TRAFFIC.
         backend: A name in BACKENDS: the vehicle of a planner that returns actions.
         tracker: A name in TRACKERS: what follows the trajectories of a planner.
@@ -185,8 +187,9 @@ def resolve_drivers(
         return Drivers((*others, External(route=along)), trained, lambda: trained)  # it remembers nothing
     if policy == RANDOM:
         return Drivers((*others, External(route=along)), RandomActions())
-    if policy in PLANNERS:
-        planned = Planned(planner=PLANNERS[policy], tracker=follows, backend=vehicle, route=along)
+    if policy in PLANNERS or is_outside(policy):
+        planner = load_planner(policy) if is_outside(policy) else PLANNERS[policy]
+        planned = Planned(planner=planner, tracker=follows, backend=vehicle, route=along)
         return Drivers((*others, planned), None)
     if is_stack(policy):
         stack = partial(StackPlanner, policy)
@@ -227,6 +230,6 @@ def _lookup(choices: dict[str, Any], name: str, kind: str) -> Any:
             if kind == "policy"
             else ""
         )
-        names = [*choices, *PLANNERS, RANDOM] if kind == "policy" else choices
+        names = [*choices, *PLANNERS, RANDOM, *OUTSIDE] if kind == "policy" else choices
         raise BadParameter(f"unknown {kind} {name!r}; choose from {', '.join(names)}{own}")
     return choices[name]

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.storage.files.cache import folder_of
+from scenarionet_sim.bridges.commonroad.by_name import is_outside
 
 PREFIX = "git:"
 _CONTAINERS = ("container:", "docker:", "podman:", "oci:")
@@ -101,7 +102,7 @@ def pinned_code(policy: str) -> str:
 def interpreter_of(policy: str, python: str = "") -> str:
     """Return the interpreter of a policy; of ``module:Class`` at least another process of the one that runs now."""
     is_module = ":" in policy and not policy.startswith("ros2:") and not is_apart(policy)
-    return python or (sys.executable if is_module else "")
+    return python or (sys.executable if is_module and not is_outside(policy) else "")
 
 
 def policy_name(policy: str) -> str:

@@ -23,6 +23,7 @@ from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.places import open_files
+from scenarionet_sim.bridges.commonroad.by_name import environment_of, is_outside, versions_of
 from scenarionet_sim.drivers.by_name import REACTIVE, Drivers, drives_alone, find_backend, resolve_drivers
 from scenarionet_sim.drivers.code import PolicyCode, code_digest, pinned_code, policy_name
 from scenarionet_sim.drivers.own_process import executor_of
@@ -63,7 +64,7 @@ class Evaluation:
         tracker: A name in ``TRACKERS``.
         route: A name in ``ROUTES``.
         python: Interpreter of the policy, in a process of its own; empty for this one.
-        code: Digest of the modules of a policy in a process of its own.
+        code: Digest of the modules of a policy in a process of its own, or versions of the packages it is in.
     """
 
     lake: str
@@ -188,7 +189,8 @@ def evaluate(
         episode: ``log`` (the whole recording), ``nuplan`` (15 s) or ``wosac`` (8 s after the history).
         tracker: ``lqr`` or ``perfect``: what follows the trajectories of a planner.
         route: ``log`` (the recorded path) or ``lanes`` (along the lanes to its end).
-        python: Interpreter of another environment, which has this version of this software, for the policy.
+        python: Interpreter of another environment, which has this version of this software, for the policy; of
+            planners of CommonRoad, it is that of the variable SCENARIONET_PLANNERS unless given.
         workers: Number of processes.
         executor: Runs the parts instead of local processes, for example on a cluster.
         rollouts: Also write the trajectories of all objects, not only the metrics.
@@ -245,7 +247,7 @@ def plan_evaluation(
     lake, reference = resolved(lake, database)
     if policy.startswith(PREFIX):
         policy = pinned(lake.files, policy)
-    policy, number = pinned_code(policy), lake.snapshot.number
+    policy, python, number = pinned_code(policy), environment_of(policy, python), lake.snapshot.number
     evaluation = Evaluation(
         str(lake.root), reference, number, policy, traffic, backend, seed, num_rollouts, episode, tracker, route, python
     )
@@ -331,8 +333,13 @@ def scenarios_of(evaluation: Evaluation) -> ScenarioLoader:
 
 
 def imported_code(evaluation: Evaluation) -> str:
-    """Import the policy, in its process; return a digest of the modules that it has imported from its folder."""
+    """Import the policy, in its process; return a digest of the modules that it has imported from its folder.
+
+    Of planners of other packages, return the versions of those.
+    """
     evaluation.drivers()
+    if is_outside(evaluation.policy):
+        return versions_of(evaluation.policy)
     code = PolicyCode.of(evaluation.policy)
     return code_digest(Path.cwd() if code is None else code.root)
 

@@ -1,0 +1,1 @@
+"""Planners of others in an environment with their packages (`make test-planners`)."""
