@@ -53,7 +53,7 @@ def test_lanes_are_lanelets_with_their_outlines_and_successors():
 def test_obstacles_go_on_with_their_velocity_and_stop_where_a_light_is_red():
     view = seen(others=(Other(30.0, 3.5, vx=6.0), Other(20.0, 3.5), Other(500.0, 3.5)), red=True)
     scene = CommonRoadScene(view, 30)
-    moving, = scene.scenario.dynamic_obstacles
+    (moving,) = scene.scenario.dynamic_obstacles
     assert moving.obstacle_type == ObstacleType.CAR and moving.obstacle_shape.length == pytest.approx(4.6)
     np.testing.assert_allclose(moving.state_at_time(10).position, [36.0, 3.5], atol=1e-4)
     standing, light = sorted(scene.scenario.static_obstacles, key=lambda each: each.obstacle_id)

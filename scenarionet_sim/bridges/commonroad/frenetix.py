@@ -12,14 +12,13 @@ from itertools import product
 
 import frenetix
 import numpy as np
-from commonroad_rp.utility.utils_coordinate_system import create_coordinate_system
 from commonroad_dc import pycrcc
+from commonroad_rp.utility.utils_coordinate_system import create_coordinate_system
 from frenetix.trajectory_functions import FillCoordinates, cost_functions, feasability_functions
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_sim.bridges.commonroad.planners import AXLE, CommonRoadPlanner
+from scenarionet_sim.bridges.commonroad.planners import CommonRoadPlanner
 from scenarionet_sim.bridges.commonroad.scene import CommonRoadScene
-from scenarionet_sim.planners.view import View
 
 _SLOW = 2.0  # [m/s] below which lateral motion is sampled over the way instead of time
 _TIMES = np.arange(1.1, 3.1, 0.3)  # [s] at which samples arrive
@@ -33,15 +32,17 @@ class CommonRoadFrenetix(CommonRoadPlanner):
 
     horizon = 30
 
-    def begin(self, scene: CommonRoadScene, view: View) -> None:
+    def begin(self, scene: CommonRoadScene) -> None:
+        """Take the reference path."""
         path = np.ascontiguousarray(create_coordinate_system(scene.reference).ref_path)
         self._system = frenetix.CoordinateSystemWrapper(path)
-        self._wheelbase = 2.0 * AXLE * view.ego.length
+        self._wheelbase = 2.0 * scene.axle
 
-    def plan(self, scene: CommonRoadScene, view: View, desired: float) -> Float64 | None:
-        start, ego = scene.problem.initial_state, view.ego
+    def plan(self, scene: CommonRoadScene, desired: float) -> Float64 | None:
+        """Return the cheapest trajectory that does not collide, or the one that stops soonest."""
+        start, seconds = scene.problem.initial_state, scene.scenario.dt * self.horizon
         is_slow = start.velocity < _SLOW
-        back = AXLE * ego.length * np.array([np.cos(start.orientation), np.sin(start.orientation)])
+        back = scene.axle * np.array([np.cos(start.orientation), np.sin(start.orientation)])
         steering = float(np.arctan2(self._wheelbase * start.yaw_rate, max(start.velocity, 0.1)))
         state = frenetix.CartesianPlannerState(
             start.position - back, start.orientation, start.velocity, start.acceleration, steering
@@ -49,22 +50,22 @@ class CommonRoadFrenetix(CommonRoadPlanner):
         curved = frenetix.compute_initial_state(
             coordinate_system=self._system, x_0=state, wheelbase=self._wheelbase, low_velocity_mode=is_slow
         )
-        handler = self._handler(scene, view, desired, is_slow=is_slow)
-        handler.generate_trajectories(_samples(curved, start.velocity, view.dt * self.horizon), is_slow)
+        handler = self._handler(scene, desired, is_slow=is_slow)
+        handler.generate_trajectories(_samples(curved, start.velocity, seconds), is_slow)
         handler.evaluate_all_current_functions(True)
         feasible = [each for each in handler.get_sorted_trajectories() if each.feasible]
         for each in feasible:
-            if not self._collides(scene, view, each):
-                return self._poses(each)
+            if not _collides(scene, each):
+                return _poses(each)
         if start.velocity <= 0.1:
             return np.tile([*(start.position - back), start.orientation], (self.horizon + 1, 1))
         if not feasible:
             return None
         soonest = min(feasible, key=lambda each: tuple(each.sampling_parameters[[5, 1]]))
-        return self._poses(soonest)
+        return _poses(soonest)
 
-    def _handler(self, scene: CommonRoadScene, view: View, desired: float, *, is_slow: bool) -> frenetix.TrajectoryHandler:
-        handler, seconds = frenetix.TrajectoryHandler(dt=view.dt), view.dt * self.horizon
+    def _handler(self, scene: CommonRoadScene, desired: float, *, is_slow: bool) -> frenetix.TrajectoryHandler:
+        handler, seconds = frenetix.TrajectoryHandler(dt=scene.scenario.dt), scene.scenario.dt * self.horizon
         limits, costs = feasability_functions, cost_functions
         for limit in (
             limits.CheckYawRateConstraint(_STEER, self._wheelbase, False),
@@ -75,32 +76,33 @@ class CommonRoadFrenetix(CommonRoadPlanner):
             handler.add_feasability_function(limit)
         heading = scene.problem.initial_state.orientation
         handler.add_function(FillCoordinates(is_slow, heading, self._system, int(seconds)))
-        ego = view.ego
         for cost in (
             costs.CalculateLateralJerkCost("lateral_jerk", 0.2),
             costs.CalculateLongitudinalJerkCost("longitudinal_jerk", 0.2),
             costs.CalculateDistanceToReferencePathCost("distance_to_reference_path", 5.0),
-            costs.CalculateVelocityOffsetCost("velocity_offset", 1.0, desired, view.dt, float(_TIMES[0]), False, 2),
+            costs.CalculateVelocityOffsetCost(
+                "velocity_offset", 1.0, desired, scene.scenario.dt, float(_TIMES[0]), False, 2
+            ),
             costs.CalculateCollisionProbabilityFast(
-                "prediction", 0.2, _forecasts(scene, self.horizon), ego.length, ego.width, AXLE * ego.length
+                "prediction", 0.2, _forecasts(scene, self.horizon), scene.length, scene.width, scene.axle
             ),
         ):
             handler.add_cost_function(cost)
         return handler
 
-    def _poses(self, sample: frenetix.TrajectorySample) -> Float64:
-        path = sample.cartesian
-        return np.column_stack([path.x, path.y, path.theta])
 
-    def _collides(self, scene: CommonRoadScene, view: View, sample: frenetix.TrajectorySample) -> bool:
-        """Whether the vehicle's box at any timestep is in an obstacle or over the edge of the road."""
-        ego, axle = view.ego, AXLE * view.ego.length
-        for step, (x, y, heading) in enumerate(self._poses(sample).tolist()):
-            place = x + axle * np.cos(heading), y + axle * np.sin(heading)
-            box = pycrcc.RectOBB(0.5 * ego.length, 0.5 * ego.width, heading, *place)
-            if scene.checker.time_slice(step).collide(box):
-                return True
-        return False
+def _poses(sample: frenetix.TrajectorySample) -> Float64:
+    return np.column_stack([sample.cartesian.x, sample.cartesian.y, sample.cartesian.theta])
+
+
+def _collides(scene: CommonRoadScene, sample: frenetix.TrajectorySample) -> bool:
+    """Whether the vehicle's box at any timestep is in an obstacle or over the edge of the road."""
+    for step, (x, y, heading) in enumerate(_poses(sample).tolist()):
+        place = x + scene.axle * np.cos(heading), y + scene.axle * np.sin(heading)
+        box = pycrcc.RectOBB(0.5 * scene.length, 0.5 * scene.width, heading, *place)
+        if scene.checker.time_slice(step).collide(box):
+            return True
+    return False
 
 
 def _samples(curved: frenetix.CurvilinearPlannerState, speed: float, seconds: float) -> Float64:

@@ -19,9 +19,6 @@ from scenarionet_sim.planners.way import Way
 REPLAN = 3
 """Timesteps between two plans, as both planners are set by default."""
 
-AXLE = 0.3
-"""From the rear axle to the centre, as a share of the length: half of the trackers' wheelbase."""
-
 _BRAKE = 6.0  # [m/s²] where there is no plan
 
 
@@ -46,31 +43,30 @@ class CommonRoadPlanner(Planner):
         """Return the plan from now on."""
         if self._scene is None:
             self._scene = CommonRoadScene(view, self.horizon)
-            self.begin(self._scene, view)
+            self.begin(self._scene)
         self._since += 1
         if self._plan is None or self._since >= REPLAN:
             self._scene.show(view)
-            self._plan, self._since = self.plan(self._scene, view, speed_ahead(view)), 0
+            self._plan, self._since = self.plan(self._scene, speed_ahead(view)), 0
             self.num_plans += 1
             self.num_failed += self._plan is None
         if self._plan is None:
             return braking(view)
-        rear, axle = self._plan[self._since :], AXLE * view.ego.length
+        rear, axle = self._plan[self._since :], self._scene.axle
         cos, sin = np.cos(rear[:, 2]), np.sin(rear[:, 2])
         poses = np.column_stack([rear[:, 0] + axle * cos, rear[:, 1] + axle * sin, rear[:, 2]])
         return Trajectory(poses, view.dt * np.arange(len(poses)))
 
     @abstractmethod
-    def begin(self, scene: CommonRoadScene, view: View) -> None:
+    def begin(self, scene: CommonRoadScene) -> None:
         """Take the scene of an episode."""
 
     @abstractmethod
-    def plan(self, scene: CommonRoadScene, view: View, desired: float) -> Float64 | None:
+    def plan(self, scene: CommonRoadScene, desired: float) -> Float64 | None:
         """Return poses (T, 3) of the rear axle, from now on at every timestep; None without a plan.
 
         Args:
             scene: The scene as it is now.
-            view: The moment.
             desired: Speed to drive at [m/s].
         """
 

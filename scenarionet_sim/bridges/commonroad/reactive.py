@@ -12,9 +12,8 @@ from commonroad_rp.utility.config import ReactivePlannerConfiguration, VehicleCo
 from commonroad_rp.utility.utils_coordinate_system import create_coordinate_system
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_sim.bridges.commonroad.planners import AXLE, CommonRoadPlanner
+from scenarionet_sim.bridges.commonroad.planners import CommonRoadPlanner
 from scenarionet_sim.bridges.commonroad.scene import CommonRoadScene
-from scenarionet_sim.planners.view import View
 
 
 class CommonRoadReactive(CommonRoadPlanner):
@@ -22,21 +21,22 @@ class CommonRoadReactive(CommonRoadPlanner):
 
     horizon = 30
 
-    def begin(self, scene: CommonRoadScene, view: View) -> None:
-        axle = AXLE * view.ego.length
+    def begin(self, scene: CommonRoadScene) -> None:
+        """Configure the planner."""
         vehicle = VehicleConfiguration(
-            length=view.ego.length, width=view.ego.width, wb_front_axle=axle, wb_rear_axle=axle
+            length=scene.length, width=scene.width, wb_front_axle=scene.axle, wb_rear_axle=scene.axle
         )
         config = ReactivePlannerConfiguration(vehicle=vehicle)
         config.debug.multiproc, config.debug.logging_level = False, logging.getLevelName(logging.ERROR)
         config.planning.time_steps_computation = self.horizon
         config.planning.planning_horizon = self.horizon * config.planning.dt
-        config.update(Scenario(view.dt), scene.problem)  # its map and obstacles come with the scene's checker
+        config.update(Scenario(scene.scenario.dt), scene.problem)  # its map and obstacles come with the scene's checker
         self._config = config
         self._system = create_coordinate_system(scene.reference)
         self._planner = ReactivePlanner(config)
 
-    def plan(self, scene: CommonRoadScene, view: View, desired: float) -> Float64 | None:
+    def plan(self, scene: CommonRoadScene, desired: float) -> Float64 | None:
+        """Return the states of the planner's best trajectory."""
         planner, vehicle = self._planner, self._config.vehicle
         start = ReactivePlannerState.create_from_initial_state(
             scene.problem.initial_state, vehicle.wheelbase, vehicle.wb_rear_axle

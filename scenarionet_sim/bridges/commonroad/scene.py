@@ -31,6 +31,9 @@ from scenarionet_sim.roads.roads import Roads
 BEYOND = 150.0
 """Length of the reference path after the end of the route [m]."""
 
+AXLE = 0.3
+"""From the rear axle to the centre, as a share of the length: half of the trackers' wheelbase."""
+
 _NEAR = 60.0  # [m] from the reference path within which lanes are handed over, and from the vehicle objects
 _SEAM = 0.5  # [m] half of the width of gaps between lanes that are no edge of the road
 _BESIDE = 0.3  # [m] beside the vehicle on its route that are road, whatever the map says
@@ -57,10 +60,12 @@ class CommonRoadScene:
         reference: (P, 2) the route with a point at every metre, from 10 m behind the vehicle to 150 m after its end.
         edge: The edge of the road as a collision object; None without a map.
         checker: The edge and the obstacles as collision objects.
+        length, width, axle: Of the vehicle, and from its rear axle to its centre [m].
     """
 
     def __init__(self, view: View, horizon: int) -> None:
-        self.horizon = horizon
+        self.horizon, self.length, self.width = horizon, view.ego.length, view.ego.width
+        self.axle = AXLE * view.ego.length
         left = float(view.route.arc[-1]) - view.route.position if len(view.route.arc) else 0.0
         self.reference: Float64 = Way.ahead(view, reach=max(left, 0.0) + BEYOND).points
         path = shapely.LineString(self.reference)
