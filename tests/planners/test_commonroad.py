@@ -11,6 +11,7 @@ from commonroad.scenario.obstacle import ObstacleType
 from commonroad_dc import pycrcc
 
 from scenarionet_data import Lake
+from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.bridges.commonroad.planners import braking
 from scenarionet_sim.bridges.commonroad.scene import CommonRoadScene
 from scenarionet_sim.evaluation.evaluation import evaluate
@@ -98,8 +99,7 @@ def test_they_drive_to_the_end_and_stop_behind_what_stands(tmp_path: Path, polic
     assert rows["free"]["success"] and not any(row["cost"] for row in rows.values())
     assert not rows["blocked"]["success"] and rows["red"]["red_light_violations"] == 0
     assert all(row["route_completion"] > 0.3 for row in rows.values())
-    (run,) = lake.named_query("runs", {"run": "run"}).to_dicts()
-    assert "commonroad-io 2024.3" in str(run)
+    assert "commonroad-io 2024.3" in evaluation_runs.describe(lake.files, "run")["code"]
 
 
 def test_their_code_is_what_the_package_index_has():

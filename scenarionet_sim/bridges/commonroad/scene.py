@@ -39,7 +39,7 @@ _SEAM = 0.5  # [m] half of the width of gaps between lanes that are no edge of t
 _BESIDE = 0.3  # [m] beside the vehicle on its route that are road, whatever the map says
 _THIN = 0.05  # [m] half of the width of the edge
 _STANDS = 0.1  # [m/s] below which objects stand
-_STOP = 0.25, 1.75  # [m] half of the length and width of what stands on a stop line while its light is red or yellow
+_STOP = 0.25, 6.0  # [m] half of the length and width of what stands on a stop line while its light is not green
 _KINDS = {
     ObjectType.VEHICLE: ObstacleType.CAR,
     ObjectType.PEDESTRIAN: ObstacleType.PEDESTRIAN,
