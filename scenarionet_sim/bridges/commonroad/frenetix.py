@@ -12,7 +12,6 @@ from itertools import product
 
 import frenetix
 import numpy as np
-from commonroad_dc import pycrcc
 from commonroad_rp.utility.utils_coordinate_system import create_coordinate_system
 from frenetix.trajectory_functions import FillCoordinates, cost_functions, feasability_functions
 
@@ -55,7 +54,7 @@ class CommonRoadFrenetix(CommonRoadPlanner):
         handler.evaluate_all_current_functions(True)
         feasible = [each for each in handler.get_sorted_trajectories() if each.feasible]
         for each in feasible:
-            if not _collides(scene, each):
+            if not scene.collides(_poses(each)):
                 return _poses(each)
         if start.velocity <= 0.1:
             return np.tile([*(start.position - back), start.orientation], (self.horizon + 1, 1))
@@ -93,16 +92,6 @@ class CommonRoadFrenetix(CommonRoadPlanner):
 
 def _poses(sample: frenetix.TrajectorySample) -> Float64:
     return np.column_stack([sample.cartesian.x, sample.cartesian.y, sample.cartesian.theta])
-
-
-def _collides(scene: CommonRoadScene, sample: frenetix.TrajectorySample) -> bool:
-    """Whether the vehicle's box at any timestep is in an obstacle or over the edge of the road."""
-    for step, (x, y, heading) in enumerate(_poses(sample).tolist()):
-        place = x + scene.axle * np.cos(heading), y + scene.axle * np.sin(heading)
-        box = pycrcc.RectOBB(0.5 * scene.length, 0.5 * scene.width, heading, *place)
-        if scene.checker.time_slice(step).collide(box):
-            return True
-    return False
 
 
 def _samples(curved: frenetix.CurvilinearPlannerState, speed: float, seconds: float) -> Float64:

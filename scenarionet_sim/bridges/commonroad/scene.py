@@ -103,13 +103,42 @@ class CommonRoadScene:
                 self.scenario.add_objects(_standing(self._free + number, kind, shape, places[0], heading))
             else:
                 places = places + view.dt * np.arange(self.horizon + 1)[:, None] * velocity
-                self.scenario.add_objects(_moving(self._free + number, kind, shape, places, heading, speed))
+                states = [
+                    KSState(time_step=step, position=place, orientation=heading, velocity=speed, steering_angle=0.0)
+                    for step, place in enumerate(places[1:], 1)
+                ]
+                start = InitialState(0, places[0], heading, speed, acceleration=0.0, yaw_rate=0.0)
+                forecast = TrajectoryPrediction(Trajectory(1, states), shape)
+                self.scenario.add_objects(DynamicObstacle(self._free + number, kind, shape, start, forecast))
             self.checker.add(places, *box)
         for number, (place, heading) in enumerate(_stops(view), self._free + len(seen)):
             shape = Rectangle(2.0 * _STOP[0], 2.0 * _STOP[1])
             self.scenario.add_objects(_standing(number, ObstacleType.ROAD_BOUNDARY, shape, place, heading))
             self.checker.add(place[None], heading, *_STOP)
-        self.problem = _problem(view)
+        ego, left = view.ego, max(view.world.num_steps - 1 - view.timestep, 1)
+        start = InitialState(
+            time_step=0,
+            position=np.array([ego.x, ego.y]),
+            orientation=float(wrap_angle(ego.heading)),
+            velocity=max(ego.speed, 0.0),
+            acceleration=ego.acceleration,
+            yaw_rate=ego.yaw_rate,
+            slip_angle=0.0,
+        )
+        heading = float(view.route.heading[-1]) if len(view.route.arc) else ego.heading
+        place = np.asarray(view.goal, np.float64) if len(view.route.arc) else start.position
+        goal = Rectangle(ego.length, ego.width, place, float(wrap_angle(heading)))
+        reached = GoalRegion([CustomState(time_step=Interval(left, left), position=goal)])
+        self.problem = PlanningProblem(1, start, reached)
+
+    def collides(self, poses: Float64) -> bool:
+        """Return whether the vehicle at poses (T, 3) of its rear axle hits an obstacle or the edge of the road."""
+        for step, (x, y, heading) in enumerate(poses.tolist()):
+            place = x + self.axle * np.cos(heading), y + self.axle * np.sin(heading)
+            box = pycrcc.RectOBB(0.5 * self.length, 0.5 * self.width, heading, *place)
+            if self.checker.time_slice(step).collide(box):
+                return True
+        return False
 
 
 class Checker:
@@ -149,7 +178,11 @@ def _lanelets(roads: Roads, rows: list[int]) -> Iterator[Lanelet]:
             before[other].append(row + 1)
     for row, others in after.items():
         lines = sides[row][0], roads.lanes[row].astype(np.float64), sides[row][1]
-        left, centre, right = (_with_points(each, max(map(len, lines))) for each in lines)
+        places = np.linspace(0.0, 1.0, max(map(len, lines)))
+        left, centre, right = (
+            shapely.get_coordinates(shapely.line_interpolate_point(shapely.LineString(each), places, normalized=True))
+            for each in lines
+        )
         yield Lanelet(left, centre, right, row + 1, before[row], [each + 1 for each in others])
 
 
@@ -165,13 +198,6 @@ def _sides(centre: Float64, outline: Float64) -> tuple[Float64, Float64]:
     beside = along[:, 0] * off[:, 1] - along[:, 1] * off[:, 0]
     order = np.argsort(arc, kind="stable")
     return outline[order[beside[order] > 0.0]], outline[order[beside[order] < 0.0]]
-
-
-def _with_points(line: Float64, count: int) -> Float64:
-    """A line (P, 2) with so many points, evenly spaced."""
-    arc = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
-    places = np.linspace(0.0, arc[-1], count)
-    return np.column_stack([np.interp(places, arc, each) for each in line.T])
 
 
 def _edge(road: shapely.Geometry, near: shapely.Geometry) -> pycrcc.ShapeGroup:
@@ -191,19 +217,6 @@ def _standing(number: int, kind: ObstacleType, shape: Rectangle, place: Float64,
     return StaticObstacle(number, kind, shape, start)
 
 
-def _moving(
-    number: int, kind: ObstacleType, shape: Rectangle, places: Float64, heading: float, speed: float
-) -> DynamicObstacle:
-    states = [
-        KSState(time_step=step, position=place, orientation=heading, velocity=speed, steering_angle=0.0)
-        for step, place in enumerate(places)
-    ]
-    start = InitialState(
-        time_step=0, position=places[0], orientation=heading, velocity=speed, acceleration=0.0, yaw_rate=0.0
-    )
-    return DynamicObstacle(number, kind, shape, start, TrajectoryPrediction(Trajectory(1, states[1:]), shape))
-
-
 def _stops(view: View) -> Iterator[tuple[Float64, float]]:
     """Place [m] and heading [rad] on the route of what stands on stop lines of red and yellow lights ahead."""
     route = view.route
@@ -214,21 +227,3 @@ def _stops(view: View) -> Iterator[tuple[Float64, float]]:
             float(np.interp(arc, route.arc, each)) for each in (*route.centreline.T, np.unwrap(route.heading))
         )
         yield np.array([x, y]), float(wrap_angle(heading))
-
-
-def _problem(view: View) -> PlanningProblem:
-    ego = view.ego
-    start = InitialState(
-        time_step=0,
-        position=np.array([ego.x, ego.y]),
-        orientation=float(wrap_angle(ego.heading)),
-        velocity=max(ego.speed, 0.0),
-        acceleration=ego.acceleration,
-        yaw_rate=ego.yaw_rate,
-        slip_angle=0.0,
-    )
-    left = max(view.world.num_steps - 1 - view.timestep, 1)
-    heading = float(view.route.heading[-1]) if len(view.route.arc) else ego.heading
-    place = np.asarray(view.goal, np.float64) if len(view.route.arc) else start.position
-    goal = Rectangle(ego.length, ego.width, place, float(wrap_angle(heading)))
-    return PlanningProblem(1, start, GoalRegion([CustomState(time_step=Interval(left, left), position=goal)]))
