@@ -81,7 +81,15 @@ class CommonRoadScene:
         self.scenario.add_objects(LaneletNetwork.create_from_lanelet_list(lanelets))
         self._free = 1 + roads.num_lanes
         road = shapely.union_all(list(near.values())).buffer(_SEAM).buffer(-_SEAM)
-        self.edge = _edge(road.union(path.buffer(0.5 * view.ego.width + _BESIDE)), near_path) if near else None
+        road = road.union(path.buffer(0.5 * view.ego.width + _BESIDE))
+        outline = road.boundary.simplify(_THIN).intersection(near_path)
+        edge = pycrcc.ShapeGroup()
+        for points in map(shapely.get_coordinates, shapely.get_parts(outline)):
+            steps = np.diff(points, axis=0)
+            for (x, y), step in zip((points[:-1] + 0.5 * steps).tolist(), steps, strict=True):
+                length, angle = float(np.hypot(*step)), float(np.arctan2(step[1], step[0]))
+                edge.add_shape(pycrcc.RectOBB(0.5 * length, _THIN, angle, x, y))
+        self.edge = edge if near else None
         self.show(view)
 
     def show(self, view: View) -> None:
@@ -169,7 +177,7 @@ class Checker:
 
 def _lanelets(roads: Roads, rows: list[int]) -> Iterator[Lanelet]:
     """Lanelets of lanes whose outline has points on both sides of the centreline."""
-    sides = {row: _sides(roads.lanes[row].astype(np.float64), roads.polygons[row].astype(np.float64)) for row in rows}
+    sides = {row: sides_of(roads.lanes[row].astype(np.float64), roads.polygons[row].astype(np.float64)) for row in rows}
     held = {row for row, (left, right) in sides.items() if min(len(left), len(right)) > 1}
     after = {row: [int(each) for each in roads.successors[row] if each in held] for row in sorted(held)}
     before: dict[int, list[int]] = {row: [] for row in after}
@@ -186,8 +194,8 @@ def _lanelets(roads: Roads, rows: list[int]) -> Iterator[Lanelet]:
         yield Lanelet(left, centre, right, row + 1, before[row], [each + 1 for each in others])
 
 
-def _sides(centre: Float64, outline: Float64) -> tuple[Float64, Float64]:
-    """The points of an outline (P, 2) to the left and to the right of a centreline, in its direction."""
+def sides_of(centre: Float64, outline: Float64) -> tuple[Float64, Float64]:
+    """Return the points of an outline (P, 2) [m] to the left and to the right of a centreline, in its direction."""
     line = shapely.LineString(centre)
     arc = shapely.line_locate_point(line, shapely.points(outline))
     back, foot, ahead = (
@@ -198,18 +206,6 @@ def _sides(centre: Float64, outline: Float64) -> tuple[Float64, Float64]:
     beside = along[:, 0] * off[:, 1] - along[:, 1] * off[:, 0]
     order = np.argsort(arc, kind="stable")
     return outline[order[beside[order] > 0.0]], outline[order[beside[order] < 0.0]]
-
-
-def _edge(road: shapely.Geometry, near: shapely.Geometry) -> pycrcc.ShapeGroup:
-    """The outline of a road as thin boxes."""
-    boxes = pycrcc.ShapeGroup()
-    for line in shapely.get_parts(road.boundary.simplify(_THIN).intersection(near)):
-        points = shapely.get_coordinates(line)
-        steps = np.diff(points, axis=0)
-        for (x, y), step in zip((points[:-1] + 0.5 * steps).tolist(), steps, strict=True):
-            length, angle = float(np.hypot(*step)), float(np.arctan2(step[1], step[0]))
-            boxes.add_shape(pycrcc.RectOBB(0.5 * length, _THIN, angle, x, y))
-    return boxes
 
 
 def _standing(number: int, kind: ObstacleType, shape: Rectangle, place: Float64, heading: float) -> StaticObstacle:
