@@ -56,6 +56,8 @@ if TYPE_CHECKING:
     from scenarionet_sim.policies.objects import vehicles as vehicles
     from scenarionet_sim.policies.replay import Replay as Replay
     from scenarionet_sim.policies.route_follower import RouteFollower as RouteFollower
+    from scenarionet_sim.policies.route_sight import Guidance as Guidance
+    from scenarionet_sim.policies.route_sight import RouteTraffic as RouteTraffic
     from scenarionet_sim.policies.sampled import NoisyVelocity as NoisyVelocity
     from scenarionet_sim.policies.sampled import SampledIdm as SampledIdm
     from scenarionet_sim.policies.social_force import SocialForce as SocialForce

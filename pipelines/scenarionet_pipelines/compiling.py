@@ -95,7 +95,10 @@ def _do_a_little(lake: str) -> Iterator[str]:
         samples = Samples(lake, window=TimeWindow(1.0, 1.0), targets=Targets("moving"), perspective=perspective)
         samples.batch(list(range(len(samples)))[:_NUM_SCENARIOS])
     yield "samples"
-    others = (sim.LaneLineDetector(), sim.LightAhead(), sim.PointCloud(), sim.Surrounding())
+    others = (
+        sim.LaneLineDetector(), sim.LightAhead(), sim.PointCloud(), sim.Surrounding(), sim.RouteTraffic(),
+        sim.Guidance(),
+    )  # fmt: skip
     for sensors in (sim.PAPER_OBSERVATION, (*sim.BOUNDARY, *others), (sim.BirdView(),)):
         env = sim.ScenarioNetEnv(scenarios=sim.Scenarios(lake), sensors=sensors, observation="dict", prefetch=0)
         _drive(env, lambda: [0.0, 0.5])

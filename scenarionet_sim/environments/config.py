@@ -39,7 +39,7 @@ ROUTE_OBSERVATION: tuple[Sensor, ...] = (
     LightAhead(range=80.0),
     LightAhead(range=20.0),
     RouteTraffic(),
-    RouteTraffic(margin=0.5),
+    RouteTraffic(margin=0.8),
     RouteTraffic(range=15.0),  # braking goes with the square of 1 / gap
     Surrounding(objects=8),
 )

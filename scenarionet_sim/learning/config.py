@@ -273,6 +273,7 @@ class DaggerConfig(LearnerConfig):
     observation: ClassVar[str] = "route"
     is_guided: ClassVar[bool] = True
 
+    steps: int = 800_000
     traffic: TrafficDriver = "idm"
     hidden: tuple[int, ...] = (256, 256)
     rate: float = 2e-3

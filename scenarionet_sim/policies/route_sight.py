@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int32, is_count
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
-from scenarionet_sim.backends.base import CONTROL_STEP, Drive
+from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.policies.route_sight_kernels import LEADER, guide, observe_leaders
 from scenarionet_sim.policies.strip_kernels import SightMemory
@@ -30,7 +30,7 @@ class RouteTraffic(Sensor):
 
     Attributes:
         objects: Largest number of objects.
-        margin: What the strip is wider than the agent, on each side [m]; negative for narrower, as ``Idm`` has it.
+        margin: What the strip is wider than the agent, on each side [m]; negative for narrower.
         range: Largest gap [m].
         max_speed: [m/s].
     """
@@ -38,7 +38,7 @@ class RouteTraffic(Sensor):
     low: ClassVar[float] = -1.0
 
     objects: int = 2
-    margin: float = -0.3
+    margin: float = 0.3
     range: float = 80.0
     max_speed: float = 30.0
 
@@ -72,16 +72,22 @@ class Guidance(Sensor):
     among its observations.
 
     Attributes:
-        law: The driver model.
+        law: The driver model; by default it brakes for what is less than 0.3 m beside its way, too.
         ahead, least: The vehicle steers for the point of its route so many seconds and at least so many metres ahead.
+        stopping, before: Deceleration with which it stops [m/s²], and how far before the end of its route [m].
+        lag: Time in which another speed decays to that of the stop [s]: a learner's small errors ask for no hard
+            braking, which a stop by the exact speed of the next step would.
         drive: Capabilities of the vehicle.
     """
 
     low: ClassVar[float] = -1.0
 
-    law: Idm = field(default_factory=Idm)
+    law: Idm = field(default_factory=lambda: Idm(overlap=-0.3))
     ahead: float = 0.5
     least: float = 3.0
+    stopping: float = 2.0
+    before: float = 0.3
+    lag: float = 0.5
     drive: Drive = field(default_factory=Drive)
 
     @property
@@ -93,7 +99,7 @@ class Guidance(Sensor):
         """Write steering and throttle."""
         drive = self.drive
         limits = self.ahead, self.least, drive.max_steer, drive.acceleration, drive.braking, drive.wheelbase
-        numbers = np.array([*limits, CONTROL_STEP])
+        numbers = np.array([*limits, self.stopping, self.before, self.lag])
         memory = SightMemory.of(state.present.shape[1])
         lost = guide(agents, batch.recorded, state.moment, LIGHT_COLORS, self.law.law, numbers, memory, out)
         require_located(lost, agents)

@@ -15,7 +15,6 @@ from scenarionet_sim.policies.idm_kernels import (
     Law,
     braking_for_boxes,
     braking_for_light,
-    speed_before_stop,
     speed_for_bends,
 )
 from scenarionet_sim.policies.strip_kernels import SightMemory, find_near, look_ahead, meet
@@ -116,8 +115,9 @@ def guide(
         recorded, now: Worlds and their state.
         colors: (K,) ``LightColor`` by ``LightState``.
         law: (8,) see ``idm_kernels.Law``.
-        limits: (7,) distance ahead of the point [s, at least m]; of the vehicle: largest angle of the wheels [rad],
-            acceleration and braking [m/s²], wheelbase as a share of the length; length of a step [s].
+        limits: (9,) distance ahead of the point [s, at least m]; of the vehicle: largest angle of the wheels [rad],
+            acceleration and braking [m/s²], wheelbase as a share of the length; of the stop at the end of the route:
+            deceleration [m/s²], distance from the end [m], time in which another speed decays to it [s].
         memory: Written.
         out: (A, 2) steering and throttle in [-1, 1].
 
@@ -149,8 +149,8 @@ def guide(
         top_speed = larger(np.float64(recorded.top_speed[objects + n]), rule.slowest)
         desired = speed_for_bends(top_speed, memory.stations, count, rule)
         wanted = free_acceleration(speed, desired, rule.acceleration, rule.deceleration) - braking
-        step = limits[6]
-        wanted = smaller(wanted, (speed_before_stop(end - s, speed, rule.deceleration, step) - speed) / step)
+        from_here = np.sqrt(2.0 * limits[6] * larger(end - limits[7] - s, 0.0))  # speed from which it stops there
+        wanted = smaller(wanted, (from_here - speed) / limits[8] - limits[6])
         wanted = larger(wanted, -rule.hardest)
         out[a, 1] = larger(smaller(wanted / (limits[3] if wanted > 0.0 else limits[4]), 1.0), -1.0)
         out[a, 0] = _pursue(row, way, s, speed, length * limits[5], limits)
