@@ -236,6 +236,8 @@ def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRou
         learner.restore({key: torch.from_numpy(value.copy()) for key, value in checkpoint.arrays.items()})
     report.resumed, report.memory = steps, learner.num_bytes
     rows: list[dict[str, Any]] = []
+    lake = Lake(training.lake, training.snapshot)
+    difficulties = dict(lake.sql("SELECT scenario_id, difficulty FROM metadata").rows())
     while steps < config.steps:
         done, learned = learner.round()
         if not all(np.isfinite(value) for value in learned.values()):
@@ -248,7 +250,10 @@ def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRou
         report.times = {key: report.times.get(key, 0.0) + spent for key, spent in learner.clock.seconds.items()}
         seconds = {f"{activity}_seconds": spent for activity, spent in learner.clock.seconds.items()}
         learner.clock.seconds = {}
+        driven = [difficulties[env.scenario_id(row)] for row in range(0, env.num_agents, env.seats)]
+        known = [value for value in driven if value is not None]
         place = {"round": rounds, "steps": steps, "level": env.level, "coverage": env.coverage}
+        place["difficulty"] = sum(known) / len(known) if known else None
         rows.append(place | learner.outcomes.take() | seconds | {"learned": json.dumps(dict(learned))})
         if on_round is not None:
             on_round(rows[-1])

@@ -8,7 +8,7 @@ import pytest
 pytestmark = pytest.mark.learn
 torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
 
-from scenarionet_data import Lake  # noqa: E402
+from scenarionet_data import Lake, convert  # noqa: E402
 from scenarionet_data.errors import BadParameter, LakeError  # noqa: E402
 from scenarionet_data.maintenance.fsck import fsck  # noqa: E402
 from scenarionet_data.storage import checkpoints  # noqa: E402
@@ -96,6 +96,16 @@ def test_curves_have_tests_at_checkpoints(lake):
     assert lake.sql("SELECT max(coverage) FROM training").item() == pytest.approx(1.0)
     assert len(checkpoints.numbers(open_files(lake.root), "curve")) == 2
     assert not fsck(lake.root).problems
+
+
+def test_rounds_say_how_difficult_their_scenarios_are(tmp_path):
+    convert("pg", "0:2", tmp_path / "lake")
+    lake = Lake(tmp_path / "lake")
+    for scenario, difficulty in lake.sql("SELECT scenario_id, difficulty FROM metadata").rows():
+        train(lake, [scenario], algorithm="ppo", config=tiny("ppo", levels=0), name=scenario[-1])
+        rows = lake.sql(f"SELECT difficulty FROM training WHERE run = '{scenario[-1]}'")
+        np.testing.assert_allclose(rows["difficulty"], difficulty, rtol=1e-6)
+    assert lake.sql("SELECT count(DISTINCT difficulty) FROM training").item() == 2
 
 
 def test_a_driver_learns(lake):
