@@ -7,10 +7,10 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from xxhash import xxh3_64
+from xxhash import xxh3_64, xxh3_128
 
 from scenarionet_data.arrays.ragged import Ragged
-from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 
 
 def content_hash(scenario: ScenarioDescription) -> int:
@@ -42,6 +42,13 @@ def content_hash(scenario: ScenarioDescription) -> int:
     return digest.intdigest()
 
 
+def map_hash(features: MapFeatures) -> int:
+    """128-bit XXH3 hash of a map's features, in their order."""
+    digest = xxh3_128()
+    _add(digest, features)
+    return digest.intdigest()
+
+
 _NOT_HASHED = ("pickle",)
 _HASHED_NAMES = {"feature_type": "types"}
 """Names of renamed fields in hashes, which must not change."""
@@ -49,7 +56,7 @@ _HASHED_IF_SET = ("is_interpolated",)
 """Later fields: hashes of scenarios that do not use them must not change."""
 
 
-def _add(digest: xxh3_64, part: Any) -> None:
+def _add(digest: xxh3_64 | xxh3_128, part: Any) -> None:
     """Hash every array of a part, preceded by its name and shape."""
     for field in fields(part):
         value = getattr(part, field.name)

@@ -27,8 +27,16 @@ def strips_of(outlines: Float32) -> Float32:
     return np.stack([lowest, np.maximum(np.maximum.reduceat(y, first), follower)], axis=1)
 
 
+def blocks_of(strips: Float32) -> Float32:
+    """Return the lowest and highest y (B, 2) of every ``STRIP`` strips."""
+    first = np.arange(0, len(strips), STRIP)
+    if not len(first):
+        return strips
+    return np.stack([np.minimum.reduceat(strips[:, 0], first), np.maximum.reduceat(strips[:, 1], first)], axis=1)
+
+
 @device_function
-def winding_number(x: float, y: float, outline: Float32, strips: Float32, start: int, end: int) -> int:
+def winding_number(x: float, y: float, outline: Float32, strips: Float32, blocks: Float32, start: int, end: int) -> int:
     """Return the winding number of the closed outline ``outline[start:end]`` (P, 2) around a point; 0 outside.
 
     Non-zero inside, also where an outline overlaps itself, as a wide lane's does on the inside of a tight bend.
@@ -39,7 +47,10 @@ def winding_number(x: float, y: float, outline: Float32, strips: Float32, start:
     turns = _turns(x, y, outline, end - 1, start)
     index = start
     while index < end - 1:
-        strip = index // STRIP
+        block, strip = index // (STRIP * STRIP), index // STRIP
+        if not blocks[block, 0] <= y < blocks[block, 1]:
+            index = STRIP * STRIP * (block + 1)
+            continue
         following = min(STRIP * (strip + 1), end - 1)
         if strips[strip, 0] <= y < strips[strip, 1]:
             for edge in range(index, following):
@@ -66,14 +77,17 @@ class PolygonGrid(NamedTuple):
 
     Attributes:
         outlines: (P, 2) [m]: polygon i is ``outlines[offsets[i]:offsets[i + 1]]``, closed.
-        strips: See :func:`strips_of`.
+        strips, blocks: See :func:`strips_of` and :func:`blocks_of`.
         offsets: (M + 1,).
+        bounds: (M, 4) lowest x, y and highest x, y of each polygon [m]; NaN for an empty one.
         frame, cell_start, cell_items: The grid, see :class:`scenarionet_sim.roads.grid.Grid`.
     """
 
     outlines: Float32
     strips: Float32
+    blocks: Float32
     offsets: Int32
+    bounds: Float32
     frame: Float64
     cell_start: Int32
     cell_items: Int32
@@ -82,8 +96,11 @@ class PolygonGrid(NamedTuple):
 @device_function
 def _is_around(polygons: PolygonGrid, polygon: int, x: float, y: float) -> bool:
     """Return whether a point is in a polygon."""
+    bounds = polygons.bounds
+    if not (bounds[polygon, 0] <= x <= bounds[polygon, 2] and bounds[polygon, 1] <= y <= bounds[polygon, 3]):
+        return False
     start, end = polygons.offsets[polygon], polygons.offsets[polygon + 1]
-    return winding_number(x, y, polygons.outlines, polygons.strips, start, end) != 0
+    return winding_number(x, y, polygons.outlines, polygons.strips, polygons.blocks, start, end) != 0
 
 
 @kernel

@@ -144,11 +144,19 @@ class EvaluationReport:
 
 @dataclass(frozen=True)
 class EvaluationJob:
-    """A part of an evaluation, and the run that it belongs to; None to store nothing."""
+    """A part of an evaluation.
+
+    Attributes:
+        evaluation: The evaluation.
+        part: Which rollouts.
+        run: What the part belongs to; None to store nothing.
+        has_trajectories: Whether the trajectories are wanted, too, and not only the metrics.
+    """
 
     evaluation: Evaluation
     part: Part
     run: evaluation_runs.EvaluationRun | None
+    has_trajectories: bool = True
 
 
 def evaluate(
@@ -277,7 +285,7 @@ def run_evaluation(
     run = evaluation_runs.claim(open_files(evaluation.lake), name, tables, evaluation.description)
     total, done = len(scenarios_of(evaluation)), run.done() - run.failed()
     parts = parts_of(total * evaluation.rollouts, PART_SIZE)
-    jobs = [EvaluationJob(evaluation, part, run) for part in parts if part.number not in done]
+    jobs = [EvaluationJob(evaluation, part, run, rollouts) for part in parts if part.number not in done]
     left = {item // evaluation.rollouts for job in jobs for item in range(job.part.first, job.part.end)}
     report = EvaluationReport(name, total, total - len(left))
     broken: dict[str, str] = {}
@@ -299,7 +307,8 @@ def find_broken(
 ) -> list[tuple[str, str]]:
     """Return the scenarios whose replay does not reach the destination, with the reason; writes nothing."""
     evaluation = plan_evaluation(lake, database, "replay")
-    jobs = [EvaluationJob(evaluation, part, None) for part in parts_of(len(scenarios_of(evaluation)), PART_SIZE)]
+    parts = parts_of(len(scenarios_of(evaluation)), PART_SIZE)
+    jobs = [EvaluationJob(evaluation, part, None, has_trajectories=False) for part in parts]
     broken = []
     for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, _ends_of_lost_part):
         for scenario_id, end, error in ends:
@@ -353,7 +362,7 @@ def simulate_part(job: EvaluationJob) -> list[ScenarioEnd]:
 
 
 def simulate(job: EvaluationJob) -> tuple[list[dict[str, Any]], pa.Table]:
-    """Return the rows of ``results`` and ``rollouts`` of a part, without the column run."""
+    """Return the rows of ``results`` and ``rollouts`` of a part, without the column run; no rollouts if not wanted."""
     evaluation = job.evaluation
     drivers = evaluation.drivers()
     # Bullet's worlds differ in their last digits by what else is in its memory; a person or a stack drives one world.
@@ -373,7 +382,8 @@ def simulate(job: EvaluationJob) -> tuple[list[dict[str, Any]], pa.Table]:
         try:
             row = {"track_id": world.track_ids[rollout.agent], "is_reactive": evaluation.traffic in REACTIVE}
             row |= measure(rollout, world)
-            trajectories[item] = rollout_rows(rollout, world, item % evaluation.rollouts)
+            if job.has_trajectories:
+                trajectories[item] = rollout_rows(rollout, world, item % evaluation.rollouts)
             results[item] = _key(job, item) | row
         except MemoryError:
             raise

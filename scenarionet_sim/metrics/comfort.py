@@ -7,14 +7,16 @@ acceleration are derivatives of the unwrapped heading (window 5; order 2 and 3).
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_sim.metrics.smoothing import savitzky_golay
+from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_sim.metrics.smoothing import fit, smooth_series
 
 _DECIMALS = 8
 _HIGHEST = 2.40, 4.89, 8.37, 4.13, 0.95, 1.93
@@ -48,7 +50,7 @@ class Comfort:
 
     def compare_with_bounds(self, is_within: Callable[[float, float], bool]) -> bool:
         """Return whether every extreme is within its bound by a comparison: with the bound itself, or without."""
-        lowest, *highest = astuple(self)
+        lowest, *highest = vars(self).values()
         return is_within(-4.05, lowest) and all(map(is_within, highest, _HIGHEST))
 
 
@@ -60,15 +62,65 @@ def measure_comfort(acceleration: Float64, heading: Float64, dt: float) -> Comfo
         heading: (T,) [rad], wrapped or not.
         dt: [s].
     """
-    series = np.array([*acceleration.T, np.hypot(*acceleration.T)])
-    smooth = np.round(savitzky_golay(series, 8, 2, dt), _DECIMALS)
-    lon, lat, _ = smooth
-    lon_jerk, _, jerk = np.round(savitzky_golay(smooth, 15, 2, dt, derivative=1), _DECIMALS)
-    turn = np.unwrap(heading)
-    yaw_rate = np.round(savitzky_golay(turn, 5, 2, dt, derivative=1), _DECIMALS)
-    yaw_acceleration = np.round(savitzky_golay(turn, 5, 3, dt, derivative=2), _DECIMALS)
-    largest = np.abs([lat, jerk, lon_jerk, yaw_rate, yaw_acceleration]).max(axis=1).tolist()
-    return Comfort(float(lon.min()), float(lon.max()), *largest)
+    count = len(heading)
+    smooth, slope, turn, bend = (fit(min(window, count), order) for window, order in ((8, 2), (15, 2), (5, 2), (5, 3)))
+    extremes = np.zeros(7)
+    find_extremes(acceleration, heading, dt, (smooth, slope, turn, bend), np.empty((_NUM_SERIES, count)), extremes)
+    lowest, *highest = extremes.tolist()
+    return Comfort(lowest, *highest)
+
+
+LON, LAT, SIZE, LON_JERK, JERK, YAW_RATE, YAW_ACCELERATION, _RAW, _TURN, _NUM_SERIES = range(10)
+"""Series of an episode: smoothed accelerations along and across, and their magnitude; their derivatives; those of the
+heading; what is smoothed next, and the heading without jumps."""
+
+
+@kernel(allocates=False)
+def find_extremes(
+    acceleration: Float64,
+    heading: Float64,
+    dt: float,
+    fits: tuple[Float64, Float64, Float64, Float64],
+    series: Float64,
+    extremes: Float64,
+) -> None:
+    """Write the extremes (7,) of an episode, in the order of ``Comfort``.
+
+    Args:
+        acceleration, heading, dt: See :func:`measure_comfort`.
+        fits: For accelerations, jerks, yaw rate and yaw acceleration.
+        series: (_NUM_SERIES, T) memory.
+        extremes: Output.
+    """
+    turns = 0.0
+    for t in range(len(heading)):
+        if t and abs(heading[t] - heading[t - 1]) > math.pi:
+            turns += (heading[t] - heading[t - 1] + math.pi) // (2.0 * math.pi)
+        series[_TURN, t] = heading[t] - turns * 2.0 * math.pi
+    for row in (LON, LAT, SIZE):
+        for t in range(len(heading)):
+            size = math.hypot(acceleration[t, 0], acceleration[t, 1])
+            series[_RAW, t] = size if row == SIZE else acceleration[t, row]
+        smooth_series(series[_RAW], fits[0], 0, dt, series[row])
+        _round(series[row])
+    smooth_series(series[LON], fits[1], 1, dt, series[LON_JERK])
+    smooth_series(series[SIZE], fits[1], 1, dt, series[JERK])
+    smooth_series(series[_TURN], fits[2], 1, dt, series[YAW_RATE])
+    smooth_series(series[_TURN], fits[3], 2, dt, series[YAW_ACCELERATION])
+    for row in range(LON_JERK, _RAW):
+        _round(series[row])
+    extremes[0], extremes[1] = series[LON, 0], series[LON, 0]
+    for t in range(len(heading)):
+        extremes[0], extremes[1] = min(extremes[0], series[LON, t]), max(extremes[1], series[LON, t])
+        for n, row in enumerate((LAT, JERK, LON_JERK, YAW_RATE, YAW_ACCELERATION)):
+            extremes[2 + n] = max(extremes[2 + n], abs(series[row, t])) if t else abs(series[row, t])
+
+
+@device_function
+def _round(values: Float64) -> None:
+    """Round to ``_DECIMALS`` decimals, as ``numpy.round``."""
+    for n in range(len(values)):
+        values[n] = np.rint(values[n] * 10.0**_DECIMALS) / 10.0**_DECIMALS
 
 
 def body_acceleration(velocity: Float64, heading: Float64, dt: float) -> Float64:
@@ -79,8 +131,19 @@ def body_acceleration(velocity: Float64, heading: Float64, dt: float) -> Float64
         heading: (T,) [rad].
         dt: [s].
     """
-    if len(velocity) < 2:
-        return np.zeros((len(velocity), 2))
-    change = np.gradient(velocity.astype(np.float64), dt, axis=0)
-    cos, sin = np.cos(heading), np.sin(heading)
-    return np.column_stack((cos * change[:, 0] + sin * change[:, 1], cos * change[:, 1] - sin * change[:, 0]))
+    found = np.zeros((len(velocity), 2))
+    if len(velocity) > 1:
+        _accelerate(velocity.astype(np.float64), heading.astype(np.float64), dt, found)
+    return found
+
+
+@kernel(allocates=False)
+def _accelerate(velocity: Float64, heading: Float64, dt: float, found: Float64) -> None:
+    """Write the accelerations (T, 2)."""
+    last = len(velocity) - 1
+    for t in range(last + 1):
+        first, end = max(t - 1, 0), min(t + 1, last)
+        time = (end - first) * dt
+        x, y = (velocity[end, 0] - velocity[first, 0]) / time, (velocity[end, 1] - velocity[first, 1]) / time
+        cos, sin = math.cos(heading[t]), math.sin(heading[t])
+        found[t, 0], found[t, 1] = cos * x + sin * y, cos * y - sin * x

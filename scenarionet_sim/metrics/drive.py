@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.metrics.comfort import body_acceleration
 from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
 
-_CORNERS = np.array([[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]])
+_AXLES = Drive().wheelbase
+"""Distance between the axles, as a share of the length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,32 +71,50 @@ class EgoDrive:
             time=world.dt * np.arange(len(heading), dtype=np.float64),
             position=np.ascontiguousarray(position),
             heading=np.ascontiguousarray(heading),
-            speed=np.hypot(*velocity.T),
+            speed=np.hypot(velocity[:, 0], velocity[:, 1]),
             acceleration=body_acceleration(velocity, heading, world.dt),
             length=length,
             width=width,
-            rear=0.5 * Drive().wheelbase * length,
+            rear=0.5 * _AXLES * length,
         )
 
-    @property
+    @cached_property
     def dt(self) -> float:
         """Mean time between two moments [s]."""
         return float(np.diff(self.time).mean())
 
-    @cached_property
+    @property
     def rear_axle(self) -> Float64:
         """(T, 2) positions of the rear axle [m]."""
-        axis = np.column_stack((np.cos(self.heading), np.sin(self.heading)))
-        return self.position - self.rear * axis
+        return self._box[1]
 
-    @cached_property
+    @property
     def corners(self) -> Float64:
         """(T, 4, 2) corners of the box [m]: front left, rear left, rear right, front right."""
-        cos, sin = np.cos(self.heading), np.sin(self.heading)
-        x, y = (_CORNERS * [self.length, self.width]).T
-        turned = np.stack((np.outer(cos, x) - np.outer(sin, y), np.outer(sin, x) + np.outer(cos, y)), axis=-1)
-        found: Float64 = self.position[:, None] + turned
-        return found
+        return self._box[0]
+
+    @cached_property
+    def _box(self) -> tuple[Float64, Float64]:
+        """Corners (T, 4, 2) and rear axle (T, 2) [m]."""
+        corners, axle = np.empty((len(self.heading), 4, 2)), np.empty((len(self.heading), 2))
+        place_box(self.position, self.heading, (self.length, self.width, self.rear), corners, axle)
+        return corners, axle
+
+
+@kernel(allocates=False)
+def place_box(
+    position: Float64, heading: Float64, box: tuple[float, float, float], corners: Float64, axle: Float64
+) -> None:
+    """Write corners and rear axle of a box, given by length, width, and distance from the axle to the centre [m]."""
+    length, width, rear = box
+    for t in range(len(heading)):
+        cos, sin = math.cos(heading[t]), math.sin(heading[t])
+        for k in range(4):
+            along = 0.5 * length if k in (0, 3) else -0.5 * length
+            across = 0.5 * width if k < 2 else -0.5 * width
+            corners[t, k, 0] = position[t, 0] + cos * along - sin * across
+            corners[t, k, 1] = position[t, 1] + sin * along + cos * across
+        axle[t, 0], axle[t, 1] = position[t, 0] - rear * cos, position[t, 1] - rear * sin
 
 
 @dataclass(frozen=True, eq=False)

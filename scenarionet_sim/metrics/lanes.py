@@ -26,6 +26,9 @@ from scenarionet_sim.roads.roads import Roads
 _NEAR_CONNECTOR = 5.0  # [m] from a connector a vehicle is still assigned to it, while in an intersection
 
 
+_ROUNDING = 1e-6  # [m]
+
+
 @dataclass(frozen=True, eq=False)
 class DrivenLanes:
     """Lanes of a drive.
@@ -43,7 +46,7 @@ class DrivenLanes:
     @classmethod
     def of(cls, drive: EgoDrive, roads: Roads) -> DrivenLanes:
         """Find the lanes of a drive."""
-        graph = LaneLinks(roads)
+        graph = roads.once(LaneLinks)
         return cls(graph, driven_route(graph, drive), _is_in_lane(graph, _stays(roads, drive.corners)))
 
     def progress(self, position: Float64) -> Float64:
@@ -57,7 +60,8 @@ class DrivenLanes:
         if len(steps) < 2:
             return progress
         every, lanes = np.full(len(position), np.nan), self.graph.roads.lanes
-        _find_arcs(np.ascontiguousarray(position), lane, lanes.values, lanes.offsets, every)
+        arc = self.graph.roads.once(arcs_of_points)
+        _find_arcs(np.ascontiguousarray(position), lane, lanes.values, lanes.offsets, arc, every)
         arcs = every[steps]
         is_same = lane[steps] == np.append(lane[0], lane[steps[:-1]])
         moved = arcs[1:] - arcs[:-1]
@@ -78,30 +82,60 @@ class DrivenLanes:
         return np.array([limits[lanes] for lanes in self.route])
 
 
+def arcs_of_points(roads: Roads) -> Float64:
+    """Return the arc length (P,) of every point of the lanes along its lane [m]."""
+    arc, lanes = np.zeros(len(roads.lanes.values)), roads.lanes
+    for first, end in pairwise(lanes.offsets.tolist()):
+        steps = np.diff(lanes.values[first:end].astype(np.float64), axis=0)
+        arc[first + 1 : end] = np.cumsum(np.sqrt(steps[:, 0] * steps[:, 0] + steps[:, 1] * steps[:, 1]))
+    return arc
+
+
 @kernel(allocates=False)
-def _find_arcs(position: Float64, lane: IntP, points: Float32, offsets: Int32, arcs: Float64) -> None:
-    """Write the arc length (T,) of the nearest point on each moment's lane, if it has one of two points."""
+def _find_arcs(position: Float64, lane: IntP, points: Float32, offsets: Int32, along: Float64, arcs: Float64) -> None:
+    """Write the arc length (T,) of the nearest point on each moment's lane, if it has one of two points.
+
+    Args:
+        position: (T, 2) [m].
+        lane: (T,) row of the lane, or -1.
+        points, offsets: The lanes.
+        along: (P,) arc length of the points [m].
+        arcs: Output.
+    """
+    last = 0  # row of the nearest segment of the moment before
     for t in range(len(position)):
         if lane[t] < 0:
             continue
-        x, y, start, nearest = position[t, 0], position[t, 1], 0.0, np.inf
-        for n in range(offsets[lane[t]], offsets[lane[t] + 1] - 1):
+        x, y, nearest = position[t, 0], position[t, 1], np.inf
+        first, end = offsets[lane[t]], offsets[lane[t] + 1] - 1
+        guess = last if first <= last < end else first
+        most = math.hypot(x - points[guess, 0], y - points[guess, 1])
+        n, free = first - 1, -np.inf
+        while n + 1 < end:
+            n += 1
+            if along[n + 1] < free:
+                continue
             x0, y0 = np.float64(points[n, 0]), np.float64(points[n, 1])
+            away = math.sqrt((x - x0) * (x - x0) + (y - y0) * (y - y0))
+            free = (
+                along[n] + away - min(most, nearest) - _ROUNDING
+            )  # up to there the lane is farther than what is found
+            if along[n + 1] < free:
+                continue
             dx, dy = points[n + 1, 0] - x0, points[n + 1, 1] - y0
             square = dx * dx + dy * dy
             length, share = math.sqrt(square), 0.0
             if square > 0.0:
                 share = min(max(((x - x0) * dx + (y - y0) * dy) / square, 0.0), 1.0)
             if share == 0.0:
-                apart = math.sqrt((x - x0) * (x - x0) + (y - y0) * (y - y0))
+                apart = away
             elif share == 1.0:
                 x1, y1 = np.float64(points[n + 1, 0]), np.float64(points[n + 1, 1])
                 apart = math.sqrt((x - x1) * (x - x1) + (y - y1) * (y - y1))
             else:
                 apart = abs(((y0 - y) * dx - (x0 - x) * dy) / square) * length
             if apart < nearest:
-                nearest, arcs[t] = apart, start + share * length
-            start += length
+                nearest, last, arcs[t] = apart, n, along[n] + share * length
 
 
 def driven_route(graph: LaneLinks, drive: EgoDrive) -> list[LaneRows]:
@@ -161,6 +195,8 @@ def _stays(roads: Roads, points: Float64) -> list[_Stay]:
 
 def _without_other_branches(graph: LaneLinks, route: list[LaneRows]) -> list[LaneRows]:
     """Of several lanes keep those on which the drive goes on."""
+    if max(map(len, {*route}), default=0) < 2:
+        return route
     several = [step for step, lanes in enumerate(route[:-1]) if len(lanes) > 1]
     for step in reversed(several):
         lanes, later = route[step], route[step + 1]

@@ -34,46 +34,57 @@ def savitzky_golay(values: Float64, window: int, order: int, dt: float, derivati
         [0.0, 2.0, 4.0, 6.0, 8.0]
     """
     count = values.shape[-1]
-    window = min(window, count)
-    if window <= order:
-        return np.full(values.shape, np.nan)
-    series = values.reshape(-1, count)
-    polynomials = np.lib.stride_tricks.sliding_window_view(series, window, axis=-1) @ _fit(window, order).T
+    series = np.ascontiguousarray(values.reshape(-1, count))
     smooth = np.empty_like(series)
-    _evaluate_windows(polynomials, window, derivative, dt**derivative, smooth)
+    _smooth_all(series, fit(min(window, count), order), derivative, dt, smooth)
     return smooth.reshape(values.shape)
 
 
 @kernel(allocates=False)
-def _evaluate_windows(polynomials: Float64, window: int, derivative: int, unit: float, smooth: Float64) -> None:
-    """Write a derivative (S, T) of the polynomials through the windows of some series.
-
-    Args:
-        polynomials: (S, W, C) coefficients, which rise in degree, by window.
-        window: Window length [samples].
-        derivative: Order of the derivative.
-        unit: Sampling interval to the power of that order.
-        smooth: (S, T) output.
-    """
-    half, middle, last = window // 2, 0.5 * (window - 1), polynomials.shape[1] - 1
-    scale = 1.0
-    for power in range(2, derivative + 1):
-        scale *= power
-    for s in range(len(smooth)):
-        for start in range(last + 1):
-            smooth[s, start + int(middle)] = polynomials[s, start, derivative] * (scale / unit)
-        for n in range(half):
-            smooth[s, n] = _evaluate(polynomials[s, 0], n - middle, derivative) / unit
-            end = _evaluate(polynomials[s, last], window - half - middle + n, derivative)
-            smooth[s, smooth.shape[1] - half + n] = end / unit
+def _smooth_all(series: Float64, fitted: Float64, derivative: int, dt: float, smooth: Float64) -> None:
+    """Smooth series (S, T); see :func:`smooth_series`."""
+    for s in range(len(series)):
+        smooth_series(series[s], fitted, derivative, dt, smooth[s])
 
 
 @device_function
-def _evaluate(polynomial: Float64, at: float, derivative: int) -> float:
-    """Return the value of a derivative of a polynomial, whose coefficients rise in degree, by Horner's rule."""
+def smooth_series(series: Float64, fitted: Float64, derivative: int, dt: float, smooth: Float64) -> None:
+    """Write a derivative (T,) of the polynomials through the windows of a series (T,).
+
+    Args:
+        series: The samples.
+        fitted: See :func:`fit`.
+        derivative: Order of the derivative.
+        dt: Sampling interval [s].
+        smooth: Output; NaN where the windows have at most ``order`` samples.
+    """
+    order, window = fitted.shape[0] - 1, fitted.shape[1]
+    half, middle, last = window // 2, 0.5 * (window - 1), len(series) - window
+    if window <= order:
+        smooth[:] = np.nan
+        return
+    unit, scale = dt**derivative, 1.0
+    for power in range(2, derivative + 1):
+        scale *= power
+    for start in range(last + 1):
+        coefficient = 0.0
+        for k in range(window):
+            coefficient += fitted[derivative, k] * series[start + k]
+        smooth[start + int(middle)] = coefficient * (scale / unit)
+    for n in range(half):
+        smooth[n] = _evaluate(series, 0, fitted, n - middle, derivative) / unit
+        end = _evaluate(series, last, fitted, window - half - middle + n, derivative)
+        smooth[len(series) - half + n] = end / unit
+
+
+@device_function
+def _evaluate(series: Float64, start: int, fitted: Float64, at: float, derivative: int) -> float:
+    """Return the value of a derivative of the polynomial through a window, by Horner's rule."""
     value = 0.0
-    for power in range(len(polynomial) - 1, derivative - 1, -1):
-        factor = polynomial[power]
+    for power in range(fitted.shape[0] - 1, derivative - 1, -1):
+        factor = 0.0
+        for k in range(fitted.shape[1]):
+            factor += fitted[power, k] * series[start + k]
         for degree in range(power, power - derivative, -1):
             factor *= degree
         value = factor + value * at
@@ -81,6 +92,6 @@ def _evaluate(polynomial: Float64, at: float, derivative: int) -> float:
 
 
 @cache
-def _fit(window: int, order: int) -> Float64:
-    """Matrix (order + 1, window) from the samples of a window to the coefficients of their polynomial."""
+def fit(window: int, order: int) -> Float64:
+    """Return the matrix (order + 1, window) from the samples of a window to their polynomial's rising coefficients."""
     return np.linalg.pinv(np.vander(np.arange(window) - (window - 1) / 2, order + 1, increasing=True))

@@ -5,8 +5,10 @@ Heights are dropped: sensors and rules work in the plane.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +16,7 @@ import numpy.typing as npt
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Object, UInt8
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import MapBuilder
+from scenarionet_data.scenario.content_hash import map_hash
 from scenarionet_data.scenario.description import MapFeatures
 from scenarionet_data.scenario.lane_polygons import lane_outlines
 from scenarionet_data.scenario.vocabulary import (
@@ -23,10 +26,20 @@ from scenarionet_data.scenario.vocabulary import (
     is_road_edge,
     is_road_line,
 )
-from scenarionet_sim.arrays.containment import PolygonGrid, find_polygon, find_stays, strips_of
+from scenarionet_sim.arrays.containment import PolygonGrid, blocks_of, find_polygon, find_stays, strips_of
 from scenarionet_sim.roads.grid import Grid
 from scenarionet_sim.roads.lane_kernels import find_lanes
 from scenarionet_sim.roads.line_grid import LineGrid
+
+_Derived = TypeVar("_Derived")
+
+
+@dataclass(frozen=True)
+class _MapContent:
+    """The features of a map, equal if their content is."""
+
+    number: int
+    features: MapFeatures = field(compare=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +87,15 @@ class Roads:
 
     @classmethod
     def from_map(cls, features: MapFeatures | None) -> Roads:
-        """Convert a scenario's map; None gives empty roads."""
+        """Convert a scenario's map, or return what a map of equal content was converted to; None gives empty roads."""
         if features is None:
             return cls.from_map(MapBuilder().build(np.zeros(3)))
+        return cls._converted(_MapContent(map_hash(features), features))
+
+    @classmethod
+    @lru_cache(maxsize=8)
+    def _converted(cls, content: _MapContent) -> Roads:
+        features = content.features
         segments, feature = _segments(features)
         lane_rows = np.flatnonzero(is_lane(features.feature_type))
         other_rows = np.flatnonzero(~is_lane(features.feature_type) & (features.polygon.lengths > 0))
@@ -102,6 +121,16 @@ class Roads:
         )
         _ = roads.segment_grid  # in the thread that loads
         return roads
+
+    def once(self, make: Callable[[Roads], _Derived]) -> _Derived:
+        """Return what a function makes of the map, which is made once and kept with it."""
+        made: dict[Callable[[Roads], object], _Derived] = vars(self).setdefault("_made", {})
+        if make not in made:
+            made[make] = make(self)
+        return made[make]
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: value for name, value in vars(self).items() if name != "_made"}
 
     @cached_property
     def segment_grid(self) -> LineGrid:
@@ -164,24 +193,29 @@ class Roads:
         Returns:
             (S,) the first moment of each stay, and S * K lists of the lanes (int32) around each point.
         """
-        polygons, (moments, count) = self._gridded_polygons, points.shape[:2]
+        (polygons, most), (moments, count) = self._gridded_polygons, points.shape[:2]
         first, starts = np.empty(moments, np.int32), np.zeros(moments * count + 1, np.int32)
-        around = np.empty(moments * count * int(np.diff(polygons.cell_start).max(initial=0)), np.int32)
+        around = np.empty(moments * count * most, np.int32)
         stays = find_stays(np.ascontiguousarray(points), polygons, self.num_lanes, first, starts, around)
         offsets = starts[: stays * count + 1]
         return first[:stays], Ragged(offsets, around[: offsets[-1]])
 
     def _find(self, points: npt.ArrayLike, is_selected: Bool) -> Int32:
         where = np.asarray(points, dtype=np.float64)
+        if not is_selected.any():
+            return np.full(where.shape[:-1], -1, np.int32)
         flat = np.ascontiguousarray(where.reshape(-1, 2))
         found = np.empty(len(flat), np.int32)
-        find_polygon(flat, self._gridded_polygons, is_selected, found)
+        find_polygon(flat, self._gridded_polygons[0], is_selected, found)
         return found.reshape(where.shape[:-1])
 
     @cached_property
-    def _gridded_polygons(self) -> PolygonGrid:
+    def _gridded_polygons(self) -> tuple[PolygonGrid, int]:
+        """The polygons, and the largest number of them in a cell."""
         grid, points, offsets = self.polygon_grid, self.polygons.values, self.polygons.offsets
-        return PolygonGrid(points, strips_of(points), offsets, grid.frame, grid.cell_start, grid.cell_items)
+        places, strips = (grid.frame, grid.cell_start, grid.cell_items), strips_of(points)
+        polygons = PolygonGrid(points, strips, blocks_of(strips), offsets, self.polygon_bounds, *places)
+        return polygons, int(np.diff(grid.cell_start).max(initial=0))
 
 
 def _segments(features: MapFeatures) -> tuple[Float32, Int32]:

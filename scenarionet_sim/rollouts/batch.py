@@ -69,6 +69,7 @@ class RolloutBatch:
     def __init__(self, drivers: Drivers, backend: Backend, slots: int = SLOTS) -> None:
         self._drivers, self._backend, self._slots = drivers, backend, slots
         self._drivers_by_slot = {} if drivers.driver is None else {0: drivers.driver}
+        self._batch_driver = drivers.driver if isinstance(drivers.driver, BatchDriver) else None
 
     def run(self, jobs: Iterable[RolloutJob]) -> Iterator[tuple[RolloutJob, Rollout | Exception]]:
         """Yield the rollout of each job, in the order in which they end, or why it failed.
@@ -130,8 +131,8 @@ class RolloutBatch:
 
     def _driver_of(self, slot: int) -> Driver | None:
         """Return the driver of a slot: its own, unless one drives batches, as drivers may remember their episode."""
-        if isinstance(self._drivers.driver, BatchDriver):
-            return self._drivers.driver
+        if self._batch_driver is not None:
+            return self._batch_driver
         if self._drivers.driver is not None and slot not in self._drivers_by_slot:
             self._drivers_by_slot[slot] = self._drivers.make_driver()
         return self._drivers_by_slot.get(slot)
@@ -145,8 +146,8 @@ class RolloutBatch:
         places = np.array(list(seats))  # each world has one agent
         for slot, seat in seats.items():
             seen = core.observe_by_place(seat.rng, np.array([slot]))
-        if isinstance(driver, BatchDriver):
-            actions[places] = _checked(driver.act_batch(seen[places]), len(places))
+        if self._batch_driver is not None:
+            actions[places] = _checked(self._batch_driver.act_batch(seen[places]), len(places))
             return actions
         for slot, seat in seats.items():
             if seat.driver is not None:

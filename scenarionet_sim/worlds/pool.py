@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float32, IntP, UInt8
+from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, IntP, UInt8
 from scenarionet_data.compiled.checking import unchecked
 from scenarionet_sim.arrays.log import VALID
 from scenarionet_sim.arrays.structures import (
@@ -29,6 +29,7 @@ from scenarionet_sim.arrays.structures import (
     Slots,
     StoredWorlds,
 )
+from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.blocks import Blocks
 from scenarionet_sim.worlds.episode_kernels import play_worlds
 from scenarionet_sim.worlds.world import World
@@ -49,17 +50,36 @@ class PooledWorld:
         key: The world as recorded, and the policies it was prepared for.
         world: As these need it.
         blocks: First row and end of its block of each kind.
+        map: The map, which other worlds may have as well.
     """
 
     key: tuple[World, Hashable]
     world: World
     blocks: dict[str, tuple[int, int]]
+    map: PooledMap
 
     @property
     def name(self) -> tuple[int, int]:
         """Identity of its key."""
         world, policies = self.key
         return id(world), id(policies)
+
+
+@dataclass(eq=False)
+class PooledMap:
+    """A map in a pool.
+
+    Attributes:
+        roads: The map.
+        frame: (5,) that of its grid over the lines.
+        blocks: First row and end of its block of each kind.
+        num_worlds: Number of stored worlds that have it.
+    """
+
+    roads: Roads
+    frame: Float64
+    blocks: dict[str, tuple[int, int]]
+    num_worlds: int = 0
 
 
 class WorldPool:
@@ -85,6 +105,7 @@ class WorldPool:
         self._prepare, self._keep = prepare, keep
         self._numbers: dict[tuple[int, int], int] = {}  # by identity of world and policies
         self.worlds: dict[int, PooledWorld] = {}
+        self._maps: dict[int, PooledMap] = {}  # by identity of the roads
         self.stored = StoredWorlds.of_none()
         self._free: list[int] = []
         self._num_stored = 0
@@ -127,27 +148,21 @@ class WorldPool:
                 for world in (removed.key[0], removed.world):
                     world.restore_log()
                 del self._numbers[removed.name]
-                for kind, block in removed.blocks.items():
-                    self.kinds[kind].remove(*block)
+                self._remove(removed.blocks)
+                removed.map.num_worlds -= 1
+                if not removed.map.num_worlds:
+                    self._remove(self._maps.pop(id(removed.map.roads)).blocks)
                 usage[number, USERS], usage[number, SERIAL] = FREE, 0
                 self._free.append(number)
 
     def _store(self, original: World, policies: Hashable) -> int:
         world, driver, are_agents = self._prepare(original, policies)
-        count, grid = world.num_objects, world.roads.segment_grid
+        count, pooled_map = world.num_objects, self._map(world.roads)
         path = self.kinds["path"].put({"path": world.paths.path})
         stops = self.kinds["stops"].put({"stop_arc": world.stops.stop_arc, "stop_light": world.stops.stop_light})
-        items = grid.cell_items
-        segments = self.kinds["segments"].put(
-            {"segments": world.roads.segments[items], "segment_type": world.roads.segment_type[items]}
-        )
-        filled = self.kinds["filled"].put({"filled_start": segments[0] + grid.filled_start})
         blocks = {
             "path": path,
             "stops": stops,
-            "segments": segments,
-            "filled": filled,
-            "blocks": self.kinds["blocks"].put({"block_start": filled[0] + grid.block_start}),
             "objects": self.kinds["objects"].put({
                 "driver": _with_end(driver), "object_type": _with_end(world.object_type), "size": _with_end(world.size),
                 "top_speed": _with_end(world.top_speed), "path_offsets": path[0] + world.paths.path_offsets,
@@ -155,7 +170,6 @@ class WorldPool:
             }),
             "log": self.kinds["log"].put({"log": world.log.reshape(-1, 8)}),
             "lights": self.kinds["lights"].put({"light_state": world.light_state.ravel()}),
-            "cells": self.kinds["cells"].put({"cell_types": grid.cell_types, "cell_rank": grid.cell_rank}),
         }  # fmt: skip
         self.arrays = {name: array for kind in self.kinds.values() for name, array in kind.arrays.items()}
         self.max_objects, self.max_agents = max(self.max_objects, count), max(self.max_agents, int(are_agents.sum()))
@@ -165,22 +179,46 @@ class WorldPool:
             self.stored = StoredWorlds(
                 *(np.concatenate([old, np.full((more, *old.shape[1:]), FREE, old.dtype)]) for old in self.stored)
             )
-        self.worlds[number] = pooled = PooledWorld((original, policies), world, blocks)
+        self.worlds[number] = pooled = PooledWorld((original, policies), world, blocks, pooled_map)
         self._numbers[pooled.name] = number
-        self.stored.frame[number], place = grid.frame, self.stored.place[number]
+        self.stored.frame[number], place = pooled_map.frame, self.stored.place[number]
         self._num_stored += 1
         self.stored.usage[number] = 0, self.moment, self._num_stored
         place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego
         place[FIRST_STEP] = int(np.argmax(world.log[:, world.ego, VALID] != 0))
         place[DRIVERS] = np.bitwise_or.reduce(np.left_shift(1, driver[driver < 63], dtype=np.int64), initial=0)
         place[OBJECTS], place[LOG] = blocks["objects"][0], blocks["log"][0]
-        place[LIGHTS], place[CELLS], place[BLOCKS] = blocks["lights"][0], blocks["cells"][0], blocks["blocks"][0]
-        # The pool has these now.
-        world.roads.forget_segment_grid()
+        place[LIGHTS], lines = blocks["lights"][0], pooled_map.blocks
+        place[CELLS], place[BLOCKS] = lines["cells"][0], lines["blocks"][0]
+        pooled_map.num_worlds += 1
         read_log = partial(_log_in, self.kinds["log"], blocks["log"], world.log.shape)
         for same in [each for each in (original, world) if each.log is world.log]:  # policies may change the log
-            same.store_log(read_log)
+            same.store_log(read_log)  # the pool has it now
         return number
+
+    def _map(self, roads: Roads) -> PooledMap:
+        """Return the map of a world; store it if no other world has it."""
+        if id(roads) in self._maps:
+            return self._maps[id(roads)]
+        grid = roads.segment_grid
+        items = grid.cell_items
+        segments = self.kinds["segments"].put(
+            {"segments": roads.segments[items], "segment_type": roads.segment_type[items]}
+        )
+        filled = self.kinds["filled"].put({"filled_start": segments[0] + grid.filled_start})
+        blocks = {
+            "segments": segments,
+            "filled": filled,
+            "blocks": self.kinds["blocks"].put({"block_start": filled[0] + grid.block_start}),
+            "cells": self.kinds["cells"].put({"cell_types": grid.cell_types, "cell_rank": grid.cell_rank}),
+        }
+        self._maps[id(roads)] = pooled = PooledMap(roads, grid.frame, blocks)
+        roads.forget_segment_grid()  # the pool has it now
+        return pooled
+
+    def _remove(self, blocks: Mapping[str, tuple[int, int]]) -> None:
+        for kind, block in blocks.items():
+            self.kinds[kind].remove(*block)
 
 
 def _log_in(blocks: Blocks, block: tuple[int, int], shape: tuple[int, ...]) -> Float32:

@@ -42,7 +42,9 @@ def figures() -> Iterator[Figure]:
         convert("logical", str(file), lake, options={"number": _NUMBER})
         for policy in ("idm", "careful-human"):
             evaluation = plan_evaluation(lake, None, policy, traffic="idm")
-            first, *jobs = (EvaluationJob(evaluation, part, None) for part in parts_of(len(Lake(lake)), 32))
+            first, *jobs = (
+                EvaluationJob(evaluation, part, None, has_trajectories=False) for part in parts_of(len(Lake(lake)), 32)
+            )
             simulate(first)
             started, count = time.process_time(), sum(len(simulate(job)[0]) for job in jobs)
             rate = count / (time.process_time() - started)

@@ -44,7 +44,7 @@ class PlanScene:
             recorded: The whole recorded drive, of which the lanes are the route.
         """
         roads, count = world.roads, len(others.position)
-        driven = [lanes[0] for lanes in driven_route(LaneLinks(roads), recorded) if lanes]
+        driven = [lanes[0] for lanes in driven_route(roads.once(LaneLinks), recorded) if lanes]
         order = list(dict.fromkeys(driven))
         lines = [roads.lanes[lane].astype(np.float64) for lane in order if len(roads.lanes[lane]) > 1]
         steps = np.minimum(start + np.arange(count), world.num_steps - 1)

@@ -54,7 +54,9 @@ def count_collisions(contacts: Bool, object_type: UInt8) -> Collisions:
         contacts: (T, N) objects that its box overlaps.
         object_type: (N,) codes of ``ObjectType``.
     """
-    crashes = contacts[1:] & ~contacts[:-1]
+    crashes = contacts[1:] > contacts[:-1]
+    if not crashes.any():
+        return Collisions(0, 0, 0, 0, None)
     hit = object_type[crashes.any(axis=0)]
     vehicles, humans = int((hit == ObjectType.VEHICLE).sum()), int(np.isin(hit, _HUMANS).sum())
     steps = np.flatnonzero(crashes.any(axis=1))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -51,7 +50,7 @@ def measure(episode: DrivenEpisode) -> dict[str, Any]:
         "no_ego_at_fault_collisions": collision_score(collisions) if knows_lanes else None,
         "min_time_to_collision": 0.0 if collisions else soonest,
         "is_time_to_collision_in_bound": soonest > BOUND,
-        **asdict(comfort),
+        **vars(comfort),
         "is_comfortable": None if math.isnan(comfort.max_jerk) else comfort.is_comfortable,
         "off_road_time": _off_road_time(drive, recorded, roads),
         **_along_lanes(drive, lanes),

@@ -4,6 +4,7 @@ from scenarionet_sim.metrics.waymax.kinematics import is_infeasible as is_infeas
 from scenarionet_sim.metrics.waymax.overlap import overlaps as overlaps
 from scenarionet_sim.metrics.waymax.roadgraph import RoadEdges as RoadEdges
 from scenarionet_sim.metrics.waymax.roadgraph import is_offroad as is_offroad
+from scenarionet_sim.metrics.waymax.routes import RouteDistances as RouteDistances
 from scenarionet_sim.metrics.waymax.routes import Routes as Routes
 from scenarionet_sim.metrics.waymax.routes import off_route as off_route
 from scenarionet_sim.metrics.waymax.routes import progression as progression

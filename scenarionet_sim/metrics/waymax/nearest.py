@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64, Int32
@@ -11,28 +14,58 @@ _IN_BOX = 16
 """Consecutive points that are left out together, if the box around them is far; and boxes around that many boxes."""
 
 
-def nearest_rows(places: Float64, points: Float64) -> Int32:
-    """Return the row (Q,) of the point nearest to each place, the first of several.
+@dataclass(frozen=True, eq=False)
+class PointSet:
+    """Points among which the nearest are searched.
 
-    Args:
-        places: (Q, D) [m], best in order along a drive.
+    Attributes:
         points: (P, D) [m], at least one, line by line; D is 2 or 3.
+        boxes: (B, 2, 2) lower and upper corner of the box around each 16 points.
+        groups: (G, 2, 2) those around each 16 boxes.
     """
-    found = np.zeros(len(places), np.int32)
-    boxes = _boxes(points[:, :2], points[:, :2])
-    _find_nearest(places, points, boxes, _boxes(boxes[:, 0], boxes[:, 1]), found)
-    return found
 
+    points: Float64
+    boxes: Float64
+    groups: Float64
 
-def _boxes(lower: Float64, upper: Float64) -> Float64:
-    """Return lower and upper corner (B, 2, 2) of the box around each 16 of some boxes, given by corners (P, 2)."""
-    starts = np.arange(0, len(lower), _IN_BOX)
-    return np.stack([np.minimum.reduceat(lower, starts), np.maximum.reduceat(upper, starts)], axis=1)
+    @classmethod
+    def of(cls, points: Float64) -> PointSet:
+        """Prepare points (P, D) [m] for a search."""
+        boxes, groups = (np.empty((-(-len(points) // count), 2, 2)) for count in (_IN_BOX, _IN_BOX**2))
+        _bound(points, _IN_BOX, boxes)
+        _bound(points, _IN_BOX**2, groups)
+        return cls(points, boxes, groups)
+
+    def nearest(self, places: Float64) -> tuple[Int32, Float64]:
+        """Return the row (Q,) of the point nearest to each place, the first of several, and the distances [m].
+
+        Args:
+            places: (Q, D) [m], best in order along a drive.
+        """
+        rows, distance = np.zeros(len(places), np.int32), np.empty(len(places))
+        _find_nearest(places, self.points, self.boxes, self.groups, rows, distance)
+        return rows, distance
 
 
 @kernel(allocates=False)
-def _find_nearest(places: Float64, points: Float64, boxes: Float64, groups: Float64, found: Int32) -> None:
-    """Write the rows; boxes farther than the point nearest to the place before, or than one found, are left out."""
+def _bound(points: Float64, count: int, boxes: Float64) -> None:
+    """Write the boxes around each ``count`` points."""
+    for b in range(len(boxes)):
+        for axis in range(2):
+            lower = upper = points[b * count, axis]
+            for p in range(b * count + 1, min((b + 1) * count, len(points))):
+                lower, upper = min(lower, points[p, axis]), max(upper, points[p, axis])
+            boxes[b, 0, axis], boxes[b, 1, axis] = lower, upper
+
+
+@kernel(allocates=False)
+def _find_nearest(
+    places: Float64, points: Float64, boxes: Float64, groups: Float64, found: Int32, distance: Float64
+) -> None:
+    """Write rows and distances.
+
+    Boxes farther than the point nearest to the place before, or than one found, are left out.
+    """
     last = 0
     for q in range(len(places)):
         best, most = np.inf, _square(places, q, points, last)
@@ -46,7 +79,7 @@ def _find_nearest(places: Float64, points: Float64, boxes: Float64, groups: Floa
                     square = _square(places, q, points, p)
                     if square < best:
                         best, last = square, p
-        found[q] = last
+        found[q], distance[q] = last, math.sqrt(best)
 
 
 @device_function(forceinline=True)

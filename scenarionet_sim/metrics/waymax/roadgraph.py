@@ -7,13 +7,14 @@ their left, as in the Waymo Open Motion Dataset.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32, Int64
 from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_sim.metrics.waymax.nearest import nearest_rows
+from scenarionet_sim.metrics.waymax.nearest import PointSet
 from scenarionet_sim.roads.roads import Roads
 
 EDGES = (MapFeatureType.ROAD_EDGE_BOUNDARY, MapFeatureType.ROAD_EDGE_MEDIAN)
@@ -24,6 +25,8 @@ SPACING = 0.5
 
 Z_STRETCH = 2.0
 """Factor on differences of height, so that an edge on another level is far."""
+
+_STRETCH = np.array([1.0, 1.0, Z_STRETCH])
 
 _IS_EDGE: Bool = np.isin(np.arange(256), EDGES)
 """(256,) whether a code of ``MapFeatureType`` is in EDGES."""
@@ -57,14 +60,17 @@ class RoadEdges:
         _sample(start, step, np.maximum(length, 1e-9), edge, count, edges.position, edges.direction, edges.edge)
         return edges
 
+    @cached_property
+    def _stretched(self) -> PointSet:
+        return PointSet.of(_STRETCH * self.position)
+
     def signed_distance(self, points: Float64) -> Float64:
         """Distance (Q,) in the plane to the nearest point of an edge [m], positive off the road.
 
         Args:
             points: (Q, 3) [m].
         """
-        stretch = np.array([1.0, 1.0, Z_STRETCH])
-        nearest = nearest_rows(stretch * points, stretch * self.position)
+        nearest, _ = self._stretched.nearest(_STRETCH * points)
         before = np.maximum(nearest - 1, 0)
         away = points[:, :2] - self.position[nearest, :2]
         side, side_before = _cross(away, self.direction[nearest]), _cross(away, self.direction[before])

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
 from scenarionet_sim.metrics.drive import EgoDrive
-from scenarionet_sim.metrics.lane_links import LaneLinks
+from scenarionet_sim.metrics.lane_links import LaneLinks, LaneRows
 from scenarionet_sim.metrics.lanes import driven_route
-from scenarionet_sim.metrics.waymax.nearest import nearest_rows
+from scenarionet_sim.metrics.waymax.nearest import PointSet
 from scenarionet_sim.roads.roads import Roads
 
 WRONG_WAY = 3.5
@@ -50,19 +49,13 @@ class Routes:
     @classmethod
     def of(cls, recorded: EgoDrive, roads: Roads) -> Routes:
         """Paths from the start of a recorded drive."""
-        lines, is_on_route, graph = [recorded.position], [True], LaneLinks(roads)
+        graph, ways = roads.once(LaneLinks), roads.once(_SampledWays)
         driven = [lanes[0] for lanes in driven_route(graph, recorded) if lanes]
-        if driven:
-            length = float(np.hypot(*np.diff(recorded.position, axis=0).T).sum()) + _BEYOND
-            for way in _ways(graph, driven[0], length):
-                lines.append(np.concatenate([roads.lanes[lane] for lane in way]).astype(np.float64))
-                is_on_route.append(driven[-1] in way)
-        sampled = []
-        for line in lines:  # every metre
-            hops = np.hypot(*np.diff(line, axis=0).T) if len(line) > 1 else np.zeros(0)
-            arc = np.append(0.0, np.cumsum(hops))
-            wanted = np.arange(0.0, arc[-1] + _SPACING, _SPACING)
-            sampled.append(np.column_stack([np.interp(wanted, arc, line[:, axis]) for axis in range(2)]))
+        arc = _arcs(recorded.position)
+        sampled, is_on_route = [_sampled(recorded.position, arc)], [True]
+        for way in ways.of(graph, driven[0], float(arc[-1]) + _BEYOND) if driven else ():
+            sampled.append(ways.points(way))
+            is_on_route.append(driven[-1] in way)
         count = [len(line) for line in sampled]
         return cls(
             np.concatenate(sampled),
@@ -72,28 +65,37 @@ class Routes:
         )
 
 
-def wrong_way(position: Float64, routes: Routes) -> Float64:
-    """Return the distance (T,) from all paths, 0 where it is below 3.5 m [m].
+@dataclass(frozen=True, eq=False)
+class RouteDistances:
+    """Distances of a vehicle over T moments.
 
-    Args:
-        position: (T, 2) [m].
-        routes: The paths.
+    Attributes:
+        on, off: (T,) to the route, and to the other paths [m]; infinite without any.
     """
-    nearest = _distance(position, routes.position)
+
+    on: Float64
+    off: Float64
+
+    @classmethod
+    def of(cls, position: Float64, routes: Routes) -> RouteDistances:
+        """Measure the distances of positions (T, 2) [m] from paths."""
+        points = routes.position[routes.is_on_route], routes.position[~routes.is_on_route]
+        missing = np.full(len(position), np.inf)
+        return cls(*(PointSet.of(each).nearest(position)[1] if len(each) else missing for each in points))
+
+
+def wrong_way(distances: RouteDistances) -> Float64:
+    """Return the distance (T,) from all paths, 0 where it is below 3.5 m [m]."""
+    nearest = np.minimum(distances.on, distances.off)
     return np.where(nearest < WRONG_WAY, 0.0, nearest)
 
 
-def off_route(position: Float64, routes: Routes) -> Float64:
+def off_route(distances: RouteDistances) -> Float64:
     """Return the distance (T,) from the route, 0 while on it [m].
 
     It is off the route if that is farther than 5 m, or another path is nearer by more than 2 m.
-
-    Args:
-        position: (T, 2) [m].
-        routes: The paths.
     """
-    on = _distance(position, routes.position[routes.is_on_route])
-    off = _distance(position, routes.position[~routes.is_on_route])
+    on, off = distances.on, distances.off
     return np.where((on > OFF_ROUTE) | (on - off > FARTHER_THAN_OTHERS), on, 0.0)
 
 
@@ -116,27 +118,50 @@ def progression(position: Float64, start: Float64, end: Float64, routes: Routes)
     return 1.0 if first == last else (arc(position) - first) / (last - first)
 
 
-def _distance(position: Float64, points: Float64) -> Float64:
-    """Distance (T,) to the nearest point [m]; infinite without points."""
-    if not len(points):
-        return np.full(len(position), np.inf)
-    away = points[nearest_rows(position, points)] - position
-    return np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2)
+class _SampledWays:
+    """Ways along the lanes of a map; their points are remembered.
+
+    Args:
+        roads: The map.
+    """
+
+    def __init__(self, roads: Roads) -> None:
+        self._lanes = roads.lanes
+        self._length: dict[int, float] = {}
+        self._points: dict[LaneRows, Float64] = {}
+
+    def of(self, graph: LaneLinks, first: int, length: float) -> Iterator[LaneRows]:
+        """Yield the ways from a lane, up to a length [m]."""
+        found, unfinished = 0, list[tuple[LaneRows, float]]([((first,), self._length_of(first))])
+        while unfinished and found < _MOST_PATHS:
+            way, driven = unfinished.pop(0)
+            following = [lane for lane in graph.after(way[-1]) if lane not in way]
+            if driven >= length or not following:
+                found += 1
+                yield way
+            else:
+                unfinished += [((*way, lane), driven + self._length_of(lane)) for lane in following]
+
+    def points(self, way: LaneRows) -> Float64:
+        """Return the points (P, 2) along a way, every metre."""
+        if way not in self._points:
+            line = np.concatenate([self._lanes[lane] for lane in way]).astype(np.float64)
+            self._points[way] = _sampled(line, _arcs(line))
+        return self._points[way]
+
+    def _length_of(self, lane: int) -> float:
+        if lane not in self._length:
+            self._length[lane] = float(_arcs(self._lanes[lane].astype(np.float64))[-1])
+        return self._length[lane]
 
 
-def _ways(graph: LaneLinks, first: int, length: float) -> Iterator[list[int]]:
-    """Ways along the lanes from one of them, up to a length [m]."""
+def _arcs(line: Float64) -> Float64:
+    """Return the arc length (P,) of the points of a line [m]; 0 for a line without points."""
+    steps = np.diff(line, axis=0)
+    return np.append(0.0, np.cumsum(np.hypot(steps[:, 0], steps[:, 1])))
 
-    @cache
-    def length_of(lane: int) -> float:
-        return float(np.hypot(*np.diff(graph.roads.lanes[lane], axis=0).T).sum())
 
-    found, unfinished = 0, [([first], length_of(first))]
-    while unfinished and found < _MOST_PATHS:
-        way, driven = unfinished.pop(0)
-        following = [lane for lane in graph.after(way[-1]) if lane not in way]
-        if driven >= length or not following:
-            found += 1
-            yield way
-        else:
-            unfinished += [([*way, lane], driven + length_of(lane)) for lane in following]
+def _sampled(line: Float64, arc: Float64) -> Float64:
+    """Return points (S, 2) of a line, every metre."""
+    wanted = np.arange(0.0, arc[-1] + _SPACING, _SPACING)
+    return np.column_stack([np.interp(wanted, arc, line[:, axis]) for axis in range(2)])

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
@@ -77,3 +78,21 @@ def test_speed_limit_of_a_connector_is_the_highest_of_the_lanes_it_joins(roads):
 def test_box_is_in_a_lane_in_lanes_that_follow_or_between(roads, x, y, is_in_lane):
     found = DrivenLanes.of(drive(np.full(3, x), y), roads).is_in_lane
     assert found.tolist() == [is_in_lane] * 3
+
+
+def test_progress_is_measured_from_the_nearest_point_of_a_long_lane():
+    """Segments that are too far are left out: the answers are those of all of them."""
+    rng = np.random.default_rng(1)
+    points = np.cumsum(rng.uniform([0.5, -1.0], [3.0, 1.0], (400, 2)), axis=0).astype(np.float32)
+    builder = MapBuilder()
+    builder.add("lane", Type.LANE_SURFACE_STREET, polyline=points, width=[[2.5, 2.5]])
+    line = shapely.LineString(points.astype(np.float64))
+    along = np.sort(rng.uniform(0.0, line.length, 60))
+    rng.shuffle(along[:30])  # jumps there and back
+    position = shapely.get_coordinates(line.interpolate(along)) + rng.uniform(-1.0, 1.0, (60, 2))
+    moved = EgoDrive(0.1 * np.arange(60), position, np.zeros(60), np.full(60, 9.0), np.zeros((60, 2)), 4.0, 2.0, 1.2)
+    lanes = DrivenLanes.of(moved, Roads.from_map(builder.build(np.zeros(3))))
+    is_on = np.array([bool(each) for each in lanes.route])
+    assert is_on.all()
+    arc = line.project(shapely.points(position))
+    assert np.abs(lanes.progress(position)[1:] - np.diff(arc)).max() < 1e-3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from itertools import pairwise
 
 import numpy as np
@@ -170,3 +171,38 @@ def test_recorded_egos_drive_on_roads(recordings, dataset, folder):
             assert np.isfinite(areas).all()
             lengths = [shapely.LineString(lane).length if len(lane) > 1 else 0.0 for lane in roads.lanes]
             assert areas[: roads.num_lanes].sum() < 12.0 * sum(lengths)
+
+
+def test_a_map_is_converted_once_as_long_as_its_content_is_the_same():
+    def lane(end):
+        return roads_of((MapFeatureType.LANE_SURFACE_STREET, {"polyline": [[0, 0], [end, 0]]}))
+
+    assert lane(10.0) is lane(10.0)
+    assert lane(10.5) is not lane(10.0)
+    assert lane(10.5).lanes.values[-1].tolist() == [10.5, 0.0]
+
+
+def test_what_is_made_of_a_map_is_made_once():
+    roads, made = roads_of((MapFeatureType.LANE_SURFACE_STREET, {"polyline": [[0, 0], [7, 0]]})), []
+
+    def count(found):
+        made.append(found)
+        return len(made)
+
+    assert [roads.once(count), roads.once(count)] == [1, 1] and made == [roads]
+    assert pickle.loads(pickle.dumps(roads)).once(count) == 2, "what was made stays in this process"
+
+
+def test_points_in_long_outlines_with_many_turns():
+    """Outlines of a thousand points, of which blocks of edges are left out, next to each other in memory."""
+    rng, features, shapes = np.random.default_rng(0), [], []
+    for number in range(3):
+        angle = np.linspace(0.0, 2.0 * np.pi, 1000, endpoint=False)
+        radius = 10.0 + np.cumsum(rng.normal(0, 0.15, 1000)).clip(-8, 8)
+        outline = np.column_stack((30.0 * number + radius * np.cos(angle), radius * np.sin(angle))).astype(np.float32)
+        features.append((MapFeatureType.LANE_SURFACE_STREET, {"polygon": outline}))
+        shapes.append(shapely.Polygon(outline))
+    points = rng.uniform([-20, -20], [80, 20], (5000, 2))
+    wanted = np.any([shapely.contains_xy(shape.buffer(0), *points.T) for shape in shapes], axis=0)
+    assert 0.1 < wanted.mean() < 0.5
+    assert (roads_of(*features).is_on_road(points) == wanted).mean() > 0.999, "but for outlines that cross themselves"

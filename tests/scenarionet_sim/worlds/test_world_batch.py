@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -101,6 +102,19 @@ def test_slots_share_a_world():
         batch.replace([1], [small()])
         batch.replace([1], [middle()])
     assert batch.recorded.log is log
+
+
+def test_worlds_on_one_map_share_its_lines():
+    first, second = (replace(middle(), scenario_id=name) for name in ("first", "second"))
+    batch = WorldBatch([first, second], keep=0)
+    check(batch, 0, first)
+    check(batch, 1, second)
+    assert batch.place[0, CELLS] == batch.place[1, CELLS] and batch.place[0, LOG] != batch.place[1, LOG]
+    batch.replace([0], [small()])
+    check(batch, 1, second)  # the map stays for the other one
+    batch.replace([1], [small()])
+    batch.replace([0], [first])
+    check(batch, 0, first)
 
 
 def test_worlds_come_and_go_without_a_trace():

@@ -11,6 +11,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.waymax import (
     RoadEdges,
+    RouteDistances,
     Routes,
     is_infeasible,
     is_offroad,
@@ -90,12 +91,14 @@ def test_progression_of_a_standing_recording_is_full():
 
 
 def test_off_route_and_wrong_way():
+    def distances(points: list[list[float]], routes: Routes) -> RouteDistances:
+        return RouteDistances.of(np.array(points, float), routes)
+
     routes = lines(([0.0], True), ([0.0], False))
-    assert off_route(np.array([[0, 0], [0, 4.9], [0, 5.5], [0, 5.9], [0, 6.5]], float), routes).tolist() == [
-        0.0, 0.0, 5.5, 5.9, 6.5,
-    ]  # fmt: skip
+    found = off_route(distances([[0, 0], [0, 4.9], [0, 5.5], [0, 5.9], [0, 6.5]], routes))
+    assert found.tolist() == [0.0, 0.0, 5.5, 5.9, 6.5]
     near = lines(([0.0], True))
-    assert off_route(np.array([[4.9, 0], [5.1, 0]], float), near).tolist() == [0.0, 5.1]
+    assert off_route(distances([[4.9, 0], [5.1, 0]], near)).tolist() == [0.0, 5.1]
     beside = Routes(np.array([[0.0, 0], [4.0, 0]]), np.zeros(2), np.arange(2, dtype=np.int32), np.array([True, False]))
-    assert off_route(np.array([[2.9, 0], [3.1, 0]], float), beside).tolist() == [0.0, 3.1], "2 m nearer to another"
-    assert wrong_way(np.array([[3.4, 0], [3.6, 0]], float), near).tolist() == [0.0, 3.6]
+    assert off_route(distances([[2.9, 0], [3.1, 0]], beside)).tolist() == [0.0, 3.1], "2 m nearer to another"
+    assert wrong_way(distances([[3.4, 0], [3.6, 0]], near)).tolist() == [0.0, 3.6]
