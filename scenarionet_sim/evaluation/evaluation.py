@@ -27,6 +27,7 @@ from scenarionet_sim.bridges.commonroad.by_name import environment_of, is_outsid
 from scenarionet_sim.drivers.by_name import REACTIVE, Drivers, drives_alone, find_backend, resolve_drivers
 from scenarionet_sim.drivers.code import PolicyCode, code_digest, pinned_code, policy_name
 from scenarionet_sim.drivers.own_process import executor_of
+from scenarionet_sim.drivers.requirements import made_interpreter
 from scenarionet_sim.drivers.trained import PREFIX, pinned
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.rollouts.batch import SLOTS, RolloutBatch, RolloutJob
@@ -197,7 +198,8 @@ def evaluate(
         episode: ``log`` (the whole recording), ``nuplan`` (15 s) or ``wosac`` (8 s after the history).
         tracker: ``lqr`` or ``perfect``: what follows the trajectories of a planner.
         route: ``log`` (the recorded path) or ``lanes`` (along the lanes to its end).
-        python: Interpreter of another environment, which has this version of this software, for the policy; of
+        python: Interpreter of another environment, which has this version of this software, for the policy, or a
+            requirements file (``.txt``), of which an environment is made once; of
             planners of CommonRoad, it is that of the variable SCENARIONET_PLANNERS unless given.
         workers: Number of processes.
         executor: Runs the parts instead of local processes, for example on a cluster.
@@ -208,6 +210,7 @@ def evaluate(
         DatabaseNotFound: The database does not exist.
         BadParameter: A policy, traffic, backend or episode is unknown, the number of rollouts is not positive, or a
             run of that name has other parameters.
+        SourceNotFound: There is no such commit, file or requirements file.
         MissingDependency: The backend needs a package that is not installed.
         WorkerLost: A part kills its worker also when it runs alone; finished parts are kept.
     """
@@ -255,7 +258,7 @@ def plan_evaluation(
     lake, reference = resolved(lake, database)
     if policy.startswith(PREFIX):
         policy = pinned(lake.files, policy)
-    policy, python, number = pinned_code(policy), environment_of(policy, python), lake.snapshot.number
+    policy, python, number = pinned_code(policy), environment_of(policy, made_interpreter(python)), lake.snapshot.number
     evaluation = Evaluation(
         str(lake.root), reference, number, policy, traffic, backend, seed, num_rollouts, episode, tracker, route, python
     )

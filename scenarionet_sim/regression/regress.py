@@ -25,7 +25,7 @@ class RegressionPlan:
     Attributes:
         old, new: Policies, see :func:`scenarionet_sim.evaluate`.
         primary, margin, level: See :func:`~scenarionet_sim.regression.judgement.judge`; they are chosen before.
-        old_python, new_python: Interpreters of other environments.
+        old_python, new_python: Interpreters of other environments, or requirements files (``.txt``).
         traffic, backend, tracker, route, episode, seed, rollouts: See :func:`scenarionet_sim.evaluate`.
     """
 

@@ -39,6 +39,7 @@ class SimVerb(LakeVerb, Distributed):
         "scenarionet sim lake busy_val --policy my_planner:Planner --backend kinematic --traffic idm --workers 4",
         "scenarionet sim lake busy_val --policy runs/busy_train-ppo-seed0 --workers 4",
         "scenarionet sim lake busy_val --policy git:main:my_planner:Planner --name main",
+        "scenarionet sim lake busy_val --policy git:v1.0:my_planner:Planner --python requirements.txt",
         "scenarionet sim lake busy_val --policy idm --name idm_twice --json",
         "scenarionet sim lake busy_val --policy idm-sampled --traffic idm-sampled --rollouts 32 --seed 0",
         "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
@@ -85,7 +86,8 @@ class SimVerb(LakeVerb, Distributed):
         default="log",
     )
     python: str = option(
-        "Interpreter of another environment for the policy; it has this version of this software.",
+        "Interpreter of another environment for the policy, with this version of this software, or a requirements file "
+        "(.txt) of which one is made, once.",
         default="",
         show_default=False,
         metavar="FILE",

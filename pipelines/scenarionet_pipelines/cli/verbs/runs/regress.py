@@ -43,8 +43,12 @@ class RegressVerb(DatabaseVerb, Progressing):
     primary: str = option("The measure that decides.", default="nuplan_score", metavar="MEASURE")
     margin: float = option("What of it may be lost, for `no worse`.", default=0.02)
     level: float = option("Probability of a false alarm.", default=0.05)
-    old_python: str = option("Interpreter of the old policy.", default="", show_default=False, metavar="FILE")
-    new_python: str = option("Interpreter of the new policy.", default="", show_default=False, metavar="FILE")
+    old_python: str = option(
+        "Interpreter of the old policy, or its requirements (.txt).", default="", show_default=False, metavar="FILE"
+    )
+    new_python: str = option(
+        "Interpreter of the new policy, or its requirements (.txt).", default="", show_default=False, metavar="FILE"
+    )
     traffic: str = option("Policy of the others, as of `scenarionet sim`.", default="replay", metavar="NAME")
     backend: str = option("Vehicle dynamics: kinematic or bullet.", default="kinematic", metavar="NAME")
     tracker: str = option("What follows the trajectories of a planner.", choices=("lqr", "perfect"), default="lqr")
