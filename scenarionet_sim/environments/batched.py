@@ -57,7 +57,8 @@ class BatchedEnvironment:
         threads: int = 1,
         seats: Seats | None = None,
     ) -> None:
-        self._scorer = _Scorer(task_parameters(config.reward, config.termination), observation, len(worlds), seats)
+        task = task_parameters(config.reward, config.termination, config.dt)
+        self._scorer = _Scorer(task, observation, len(worlds), seats)
         has_agents = any(isinstance(policy, External) for policy in config.policies)
         self.simulation = Simulation(
             worlds, config.policies, config.backend, max(getattr(sensor, "history", 0) for sensor in config.sensors),

@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Literal, get_args
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.public_names import load_by_name
+from scenarionet_sim.task.task import TASKS
 
 TrafficDriver = Literal["replay", "idm"]
 
@@ -31,6 +32,7 @@ class LearnerConfig:
         seats: Agents of a world; 1 for the ego alone.
         hidden: Widths of the hidden layers, of the policy and of the critics.
         traffic: Driver of all other vehicles: ``replay``, or ``idm`` which reacts.
+        task: Reward and ends of one agent, a name in ``task.TASKS``; several agents have the paper's.
         levels: Levels of a curriculum by difficulty; 0 for all scenarios in random order.
         promotion: Success rate that ends a level.
         bins: Actions of each of steering and throttle for a discrete policy; 0 for a continuous one.
@@ -56,6 +58,7 @@ class LearnerConfig:
     seats: int = 1
     hidden: tuple[int, ...] = (128, 128)
     traffic: TrafficDriver = "replay"
+    task: str = "paper"
     levels: int = 0
     promotion: float = 0.75
     bins: int = 0
@@ -72,6 +75,8 @@ class LearnerConfig:
             raise BadParameter(f"rate={self.rate}, gamma={self.gamma}; expected rate > 0 and 0 <= gamma <= 1")
         if self.traffic not in get_args(TrafficDriver):
             raise BadParameter(f"traffic={self.traffic!r}; expected {' or '.join(get_args(TrafficDriver))}")
+        if self.task not in (TASKS if self.seats == 1 else ("paper",)):
+            raise BadParameter(f"task={self.task!r}; expected {' or '.join(TASKS)}; several agents have paper")
         if self.bins == 1 or self.bins < 0:
             raise BadParameter(f"bins={self.bins}; expected 0 for continuous actions, or at least 2")
 

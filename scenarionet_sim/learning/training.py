@@ -37,6 +37,7 @@ from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.policies.route_sight import Guidance
 from scenarionet_sim.scenarios.sampling import Curriculum
 from scenarionet_sim.scenarios.selection import Scenarios, resolved
+from scenarionet_sim.task.task import TASKS
 
 _KEPT_WORLDS = 256
 """Largest number of scenarios to keep in memory."""
@@ -108,7 +109,11 @@ class Training:
         if config.seats > 1:
             return MultiAgentConfig(scenarios, sensors=sensors, cache_size=_KEPT_WORLDS)
         others = (Replay(), Idm(objects=other_vehicles)) if config.traffic == "idm" else (Replay(),)
-        return VectorConfig(scenarios, policies=(*others, External()), sensors=sensors, cache_size=_KEPT_WORLDS)
+        reward, termination = TASKS[config.task]
+        return VectorConfig(
+            scenarios, policies=(*others, External()), sensors=sensors, reward=reward, termination=termination,
+            cache_size=_KEPT_WORLDS,
+        )  # fmt: skip
 
 
 @dataclass

@@ -17,8 +17,8 @@ class Observer:
     """Scores and observes the agents as a part of each step.
 
     Attributes:
-        task: (12,) see ``task.task_parameters``.
-        totals: (W, N, 8) sums over the episodes, see ``task.scoring_kernels.NUM_TOTALS``.
+        task: (16,) see ``task.task_parameters``.
+        totals: (W, N, 9) sums over the episodes, see ``task.scoring_kernels.NUM_TOTALS``.
         result: Scores of the agents, by place.
         sensing: Sensors of the agents.
         phases: Any of ``SCORE``, ``OBSERVE`` and ``SETTLE``.

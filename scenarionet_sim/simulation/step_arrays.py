@@ -44,8 +44,8 @@ class StepArrays(NamedTuple):
         agents: Agents and their contacts.
         vehicles: (W, N, NUM_COLUMNS) see ``backends.bicycle_kernels``.
         new_vehicle: (NUM_COLUMNS,) a vehicle at the beginning of an episode; empty if the backend sets the vehicles.
-        task: (12,) see ``task.task_parameters``.
-        totals: (W, N, 8) sums over the episodes of the agents, see ``NUM_TOTALS``.
+        task: (16,) see ``task.task_parameters``.
+        totals: (W, N, 9) sums over the episodes of the agents, see ``NUM_TOTALS``.
         seats: Flat buffers.
     """
 

@@ -37,10 +37,10 @@ NUMBERS = (
 
 COMPLETION, _LATERAL, _COST, _CRASHES, _SPEED, _MEAN_SPEED, _DISTANCE, _MEAN_DISTANCE = 4, 5, 6, 7, 10, 11, 12, 13
 _VEHICLE, _PEDESTRIAN, _CYCLIST = int(ObjectType.VEHICLE), int(ObjectType.PEDESTRIAN), int(ObjectType.CYCLIST)
-_STEPS, _SPEEDS, _LOG_STEPS, _LOG_DISTANCES, _LAST_DISTANCE = 3, 4, 5, 6, 7  # of totals, after three of crashes
-NUM_TOTALS = 8
+_STEPS, _SPEEDS, _LOG_STEPS, _LOG_DISTANCES, _LAST_DISTANCE, _LAST_SPEED = range(3, 9)  # of totals, after crashes
+NUM_TOTALS = 9
 """Sums over the episode, by object: crashes with vehicles, humans and objects; steps, speeds; steps with a recorded
-position, distances from it, and the last of these."""
+position, distances from it, and the last of these; the last speed."""
 
 _NUM_TERMS = len(TERMS)
 
@@ -148,16 +148,17 @@ def score(
         routes: (2,) location on the reference trajectory, now and a step before; see ``State``.
         now: Current state.
         recorded: Logs and paths.
-        task: (12,) see ``task.task_parameters``.
-        totals: (W, N, 8) see ``NUM_TOTALS``; increased.
+        task: (16,) see ``task.task_parameters``.
+        totals: (W, N, 9) see ``NUM_TOTALS``; increased.
         result: Output.
     """
     # Indexed, since unpacking an array compiles an iterator for every name.
     c1, c2, c3 = task[0], task[1], task[2]
     p_road_user, p_object = task[3], task[4]
     r_arrived, r_off_route, slow = task[5], task[6], task[7]
-    max_lateral, min_completion = task[8], task[9]
-    short_route, extra_steps = task[10], task[11]
+    speeding, harshness, harsh = task[8], task[9], task[10]
+    max_lateral, min_completion = task[11], task[12]
+    short_route, extra_steps, dt = task[13], task[14], task[15]
     contacts, before, hits = touched
     route, route_before = routes
     count, num_steps = recorded.place[w, NUM_OBJECTS], recorded.place[w, NUM_STEPS]
@@ -182,6 +183,10 @@ def score(
         collision = p_object
     numbers[0, a] = c1 * (route[0] - route_before[0]) if status == DRIVING else 0.0
     numbers[1, a] = c2 * smaller(0.0, 1.0 / speed - abs(steering)) if speed >= slow else c2 * 0.0
+    numbers[1, a] += speeding * larger(speed - recorded.top_speed[path_row], 0.0)
+    if total[_STEPS] > 0.0:
+        numbers[1, a] += harshness * larger(abs(speed - total[_LAST_SPEED]) / dt - harsh, 0.0)
+    total[_LAST_SPEED] = speed
     numbers[2, a], numbers[3, a] = c3 * collision, terminal
     numbers[COMPLETION, a], numbers[_LATERAL, a] = done, route[1]
     _end(a, status, result)

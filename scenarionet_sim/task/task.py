@@ -1,9 +1,11 @@
-"""The driving task of the ScenarioNet paper: reward and termination."""
+"""Driving tasks, reward and termination: those of the ScenarioNet paper, and a careful one."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import astuple, dataclass
 from enum import IntEnum
+from types import MappingProxyType
 
 import numpy as np
 
@@ -32,11 +34,15 @@ class Reward:
     * P_collision: the largest penalty of all objects touched in this step, once.
     * R_term: at the last step, depending on how the episode ended; R_disp is 0 then.
 
+    The paper has neither a limit of speed nor comfort; with ``speeding`` and ``harshness`` they are part of P_smooth.
+
     Attributes:
         displacement, smoothness, collision: c1, c2, c3.
         road_user, object: P_collision for touching a road user, or another object.
         arrived, off_route: R_term for reaching the destination, and for leaving the reference trajectory.
-        slow: Speed below which P_smooth is 0 [m/s].
+        slow: Speed below which the paper's P_smooth is 0 [m/s].
+        speeding: For each m/s above the agent's highest recorded speed, which stands for a limit, in each step.
+        harshness: For each m/s² of a change of speed beyond ``harsh`` [m/s²], in each step.
     """
 
     displacement: float = 2.0
@@ -47,6 +53,9 @@ class Reward:
     arrived: float = 10.0
     off_route: float = -5.0
     slow: float = 0.1
+    speeding: float = 0.0
+    harshness: float = 0.0
+    harsh: float = 3.0
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -82,6 +91,13 @@ MULTI_AGENT = (
 """The paper's multi-agent task: R = R_disp + P_collision + R_term."""
 
 
-def task_parameters(reward: Reward, termination: Termination) -> Float64:
-    """Return (12,) the attributes of both, in their order, as ``task.scoring_kernels.score`` takes them."""
-    return np.array([*astuple(reward), *astuple(termination)], dtype=np.float64)
+CAREFUL = (Reward(road_user=-20.0, object=-10.0, speeding=-1.0, harshness=-0.5), Termination())
+"""One agent for whom a step in contact with a road user costs as much as 10 m, and who keeps the limit softly."""
+
+TASKS: Mapping[str, tuple[Reward, Termination]] = MappingProxyType({"paper": SINGLE_AGENT, "careful": CAREFUL})
+"""Tasks of one agent that learners' settings name."""
+
+
+def task_parameters(reward: Reward, termination: Termination, dt: float) -> Float64:
+    """Return (16,) the attributes of both, in their order, and the timestep [s], as ``scoring_kernels.score`` takes."""
+    return np.array([*astuple(reward), *astuple(termination), dt], dtype=np.float64)

@@ -73,6 +73,8 @@ def test_copo_has_the_published_values():
         ("dagger", {"updates": 0}, "updates=0; expected at least 1"),
         ("dagger", {"share": 1.5}, "expected a share within [0, 1]".replace("[", r"\[")),
         ("ppo", {"traffic": "none"}, "expected replay or idm"),
+        ("ppo", {"task": "fast"}, "task='fast'; expected paper or careful"),
+        ("ippo", {"task": "careful"}, "several agents have paper"),
     ],
 )
 def test_wrong_settings_are_refused(algorithm, settings, message):

@@ -15,7 +15,7 @@ from scenarionet_data.storage import checkpoints  # noqa: E402
 from scenarionet_data.storage.files.places import open_files  # noqa: E402
 from scenarionet_sim import record  # noqa: E402
 from scenarionet_sim.learning.config import make_learner_config  # noqa: E402
-from scenarionet_sim.learning.training import train  # noqa: E402
+from scenarionet_sim.learning.training import plan_training, train  # noqa: E402
 
 TINY = {
     "ppo": {"worlds": 3, "horizon": 20, "minibatch": 32, "epochs": 2, "steps": 600, "levels": 2, "traffic": "idm"},
@@ -96,6 +96,14 @@ def test_curves_have_tests_at_checkpoints(lake):
     assert lake.sql("SELECT max(coverage) FROM training").item() == pytest.approx(1.0)
     assert len(checkpoints.numbers(open_files(lake.root), "curve")) == 2
     assert not fsck(lake.root).problems
+
+
+def test_the_task_is_that_of_training_and_of_tests(lake):
+    for task, road_user in (("paper", -2.0), ("careful", -20.0)):
+        training = plan_training(lake, None, "ppo", config=tiny("ppo", levels=0, task=task))
+        for environment in (training.environment(), training.environment(None, is_test=True)):
+            assert environment.reward.road_user == road_user
+        assert training.description["config"]["task"] == task
 
 
 def test_rounds_say_how_difficult_their_scenarios_are(tmp_path):

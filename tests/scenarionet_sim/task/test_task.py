@@ -1,4 +1,4 @@
-"""The paper's formulas against hand-computed values."""
+"""The paper's formulas, and the careful task's, against hand-computed values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.arrays.log import ARC, VX, VY
 from scenarionet_sim.arrays.structures import NUM_OBJECTS, NUM_PLACES, NUM_STEPS, OBJECTS, StateArrays
 from scenarionet_sim.task.scoring_kernels import COMPLETION, NUM_TOTALS, TERMS, StepResult, score
-from scenarionet_sim.task.task import MULTI_AGENT, SINGLE_AGENT, Status, task_parameters
+from scenarionet_sim.task.task import CAREFUL, MULTI_AGENT, SINGLE_AGENT, Status, task_parameters
 from tests.fixtures.recorded import recorded
 
 VEHICLE, PERSON, CYCLIST, CONE, BARRIER = (
@@ -25,7 +25,7 @@ VEHICLE, PERSON, CYCLIST, CONE, BARRIER = (
 )  # fmt: skip
 STEP = {
     "arc": 11.0, "arc_before": 10.0, "lateral": 0.5, "length": 100.0, "speed": 4.0, "steering": 0.0, "hits": 0,
-    "timestep": 5, "num_steps": 90,
+    "timestep": 5, "num_steps": 90, "top_speed": 30.0, "speed_before": np.nan,
 }  # fmt: skip
 
 
@@ -43,20 +43,24 @@ def scored(task=SINGLE_AGENT, **changes):
     count = max(map(len, numbers.values()))
     step = {name: np.broadcast_to(values, count) for name, values in numbers.items()}
     motion, route, before = np.zeros((count, 1, 7)), np.zeros((count, 1, 2)), np.zeros((count, 1, 2))
-    motion[:, 0, VX], motion[:, 0, VY] = 0.6 * step["speed"], -0.8 * step["speed"]
     route[:, 0, 0], route[:, 0, 1], before[:, 0, 0] = step["arc"], step["lateral"], step["arc_before"]
     path, log = np.zeros((count, 2, 5), np.float32), np.zeros((200, 8), np.float32)
     path[:, 1, ARC] = step["length"]
     place = np.zeros((count, NUM_PLACES), np.int64)
     place[:, NUM_OBJECTS], place[:, NUM_STEPS], place[:, OBJECTS] = 1, step["num_steps"], np.arange(count)
     offsets = 2 * np.arange(count + 1)  # the end of a path is the beginning of the next one
-    worlds = recorded(place=place, log=log.reshape(-1, 8), path=path.reshape(-1, 5), path_offsets=offsets)
+    worlds = recorded(
+        place=place, log=log.reshape(-1, 8), path=path.reshape(-1, 5), path_offsets=offsets, top_speed=step["top_speed"]
+    )
     present, timestep = np.ones((count, 1), np.bool_), np.array(step["timestep"], np.int32)
     now = StateArrays(motion, route, present, np.ones((count, 1, 3)), np.ones((count, 1), np.uint8), timestep)
     nothing = np.zeros((count, 1), np.bool_)
     result, totals = StepResult.of(count), np.zeros((count, 1, NUM_TOTALS))
     steering, hits = np.array(step["steering"], np.float64), np.array(step["hits"], np.uint32)
-    score_agents(steering, nothing, hits, now, before, worlds, task_parameters(*task), totals, result)
+    for speed in (step["speed_before"], step["speed"]):
+        if not np.isnan(speed).any():
+            motion[:, 0, VX], motion[:, 0, VY] = 0.6 * speed, -0.8 * speed
+            score_agents(steering, nothing, hits, now, before, worlds, task_parameters(*task, 0.5), totals, result)
     terms, completion = result.numbers[:4].T, result.numbers[COMPLETION]
     np.testing.assert_array_equal(result.rewards, sum(result.numbers[:4]))
     ends = [result.status == code for code in (Status.ARRIVED, Status.OFF_ROUTE, Status.TIMED_OUT)]
@@ -167,6 +171,30 @@ def test_agents_are_scored_independently():
         assert list(terms.values()) == all_terms[agent].tolist()
         assert (status, completion) == (all_status[agent], all_completion[agent])
     assert set(all_status.tolist()) == {0, 1, 2, 3}
+
+
+@pytest.mark.parametrize(
+    ("changes", "smoothness"),
+    [
+        ({"speed": 14.5, "top_speed": 12.0}, -2.5),  # 1 for each m/s above
+        ({"speed": 12.0, "top_speed": 12.0}, 0.0),
+        ({"speed": 8.0, "speed_before": 10.5}, -1.0),  # 5 m/s² in half a second, 2 beyond 3, at 0.5 each
+        ({"speed": 10.5, "speed_before": 8.0}, -1.0),
+        ({"speed": 8.0, "speed_before": 9.4}, 0.0),
+        ({"speed": 8.0, "speed_before": 10.5, "top_speed": 7.0, "steering": 1.0}, -1.0 - 1.0 - 0.875),
+    ],
+)
+def test_the_careful_task_counts_speed_above_the_limit_and_harsh_changes(changes, smoothness):
+    assert scored(CAREFUL, **changes)[0]["smoothness"] == pytest.approx(smoothness, abs=1e-12)
+    wanted = min(0.0, 1.0 / changes["speed"] - changes.get("steering", 0.0))
+    assert scored(**changes)[0]["smoothness"] == pytest.approx(wanted, abs=1e-12)  # the paper's has neither
+
+
+def test_in_the_careful_task_a_crash_costs_more_than_it_gains():
+    """Contact in each step of a drive at 9 m/s costs more than the 0.9 m forward are worth."""
+    terms = scored(CAREFUL, hits=VEHICLE, arc=10.9)[0]
+    assert terms["displacement"] == pytest.approx(1.8) and terms["collision"] == -20.0
+    assert scored(CAREFUL, hits=CONE)[0]["collision"] == -10.0
 
 
 def test_weights_are_part_of_the_specification():
