@@ -218,7 +218,7 @@ def _stops(view: View) -> Iterator[tuple[Float64, float]]:
     route = view.route
     is_closed = view.lights.color[route.stop_light] >= LightColor.YELLOW
     for arc in route.stop_arc[is_closed & (route.stop_arc > route.position + 0.5 * view.ego.length - 0.5)].tolist():
-        arc += 0.5 * view.ego.length  # the recorded centre stops before it by so much at most
+        arc += _STOP[0]  # its near side is on the line
         x, y, heading = (
             float(np.interp(arc, route.arc, each)) for each in (*route.centreline.T, np.unwrap(route.heading))
         )
