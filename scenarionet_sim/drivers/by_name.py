@@ -23,6 +23,7 @@ from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.bridges.commonroad.by_name import PLANNERS as OUTSIDE
 from scenarionet_sim.bridges.commonroad.by_name import is_outside, load_planner
+from scenarionet_sim.bridges.driver.planner import DriverPlanner, is_driver
 from scenarionet_sim.bridges.stacks import StackPlanner, is_stack
 from scenarionet_sim.drivers.code import PolicyCode
 from scenarionet_sim.drivers.trained import PREFIX, load_driver
@@ -169,7 +170,8 @@ def resolve_drivers(
     """Return the drivers of ego and traffic.
 
     Args:
-        policy: A name in DRIVERS or PLANNERS, a stack (``bridges.stacks``), ``module:Class``, ``runs/NAME`` of a
+        policy: A name in DRIVERS or PLANNERS, a stack (``bridges.stacks``) or a driver (``bridges.driver``) in another
+            process, ``module:Class``, ``runs/NAME`` of a
             training run, or, in its process, pinned code (see ``drivers.code``) or a planner of CommonRoad.
         traffic: A name in TRAFFIC.
         backend: A name in BACKENDS: the vehicle of a planner that returns actions.
@@ -191,8 +193,8 @@ def resolve_drivers(
         planner = load_planner(policy) if is_outside(policy) else PLANNERS[policy]
         planned = Planned(planner=planner, tracker=follows, backend=vehicle, route=along)
         return Drivers((*others, planned), None)
-    if is_stack(policy):
-        stack = partial(StackPlanner, policy)
+    if is_stack(policy) or is_driver(policy):
+        stack = partial(DriverPlanner if is_driver(policy) else StackPlanner, policy)
         stack()  # whether there is such a stack
         return Drivers((*others, Planned(planner=stack, tracker=follows, backend=vehicle, route=along)), None)
     if ":" not in policy:

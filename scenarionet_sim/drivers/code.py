@@ -19,6 +19,7 @@ from pathlib import Path
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.storage.files.cache import folder_of
 from scenarionet_sim.bridges.commonroad.by_name import is_outside
+from scenarionet_sim.bridges.driver.planner import is_driver
 
 PREFIX = "git:"
 _CONTAINERS = ("container:", "docker:", "podman:", "oci:")
@@ -101,8 +102,8 @@ def pinned_code(policy: str) -> str:
 
 def interpreter_of(policy: str, python: str = "") -> str:
     """Return the interpreter of a policy; of ``module:Class`` at least another process of the one that runs now."""
-    is_module = ":" in policy and not policy.startswith("ros2:") and not is_apart(policy)
-    return python or (sys.executable if is_module and not is_outside(policy) else "")
+    is_elsewhere = policy.startswith("ros2:") or is_driver(policy) or is_outside(policy) or is_apart(policy)
+    return python or (sys.executable if ":" in policy and not is_elsewhere else "")
 
 
 def policy_name(policy: str) -> str:

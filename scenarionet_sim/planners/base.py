@@ -78,6 +78,12 @@ class Planner(ABC):
     frame: ClassVar[Literal["scenario", "ego"]] = "scenario"
     history: ClassVar[int] = 0
 
+    def expect(self, view: View) -> None:  # noqa: B027 - most planners need none
+        """Take a view that ``act`` gets in the same timestep, once all planners have theirs.
+
+        For planners that ask another process for all vehicles at once; others need nothing here.
+        """
+
     @abstractmethod
     def act(self, view: View) -> Action | Trajectory:
         """Return what to do in the next timestep.

@@ -115,7 +115,7 @@ class _Drives:
         self._session.reset(slot, state)
 
     def advance(self, worlds: Sequence[World], now: State, then: State, places: IntP, dt: float) -> None:
-        acting, actions = [], []
+        acting, actions, asked = [], [], []
         for slot, row in places.tolist():
             if not now.present[slot, row]:
                 log, later = worlds[slot].log, int(now.timestep[slot]) + 1
@@ -126,6 +126,9 @@ class _Drives:
             if seat is None:
                 seat = self._seats[slot, row] = _Seat(self._policy.planner(), self._policy.episode_limit)
             view = View(worlds[slot], now, slot, row, seat.planner.frame, seat.speed, seat.arc, skip=1)
+            seat.planner.expect(view)
+            asked.append((slot, row, seat, view))
+        for slot, row, seat, view in asked:
             started = time.perf_counter()
             with supervised(f"{type(seat.planner).__name__}.act", min(self._policy.step_limit, seat.left)):
                 answer = seat.planner.act(view)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import socket
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -11,11 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.bridges import stacks
+from scenarionet_sim.bridges.driver import wire
 from scenarionet_sim.bridges.link import Link
+from scenarionet_sim.drivers.by_name import resolve_drivers
 from scenarionet_sim.evaluation.evaluation import evaluate
+from scenarionet_sim.rollouts.batch import RolloutBatch, RolloutJob
+from scenarionet_sim.worlds.world import World
 from tests.bench.measure import Figure
-from tests.fixtures.drives import make_drive
+from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 from tests.ros.test_ros2 import stack
 
@@ -35,8 +43,35 @@ class _Timed(Link):
             self.taken.append(time.perf_counter() - started)
 
 
+def worlds_in_lockstep(count: int = 64, steps: int = 100) -> Iterator[Figure]:
+    """Measure: a driver in a process of its own, the example in Python, drives many worlds with ten other vehicles."""
+    others = tuple(Other(20.0 + 7.0 * number, 3.5, vx=6.0) for number in range(10))
+    worlds = [World.from_scenario(make_drive(f"d{k}", num_steps=steps + 1, others=others)) for k in range(count)]
+    jobs = [RolloutJob(number, world) for number, world in enumerate(worlds)]
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        policy = f"driver:{server.getsockname()[1]}"
+    descriptors = Path(wire.__file__).parent / "driver.binpb"
+    words = [sys.executable, "docs/examples/driver_process.py", policy.partition(":")[2], str(descriptors)]
+    process = subprocess.Popen(words)
+    try:
+        batch = RolloutBatch(resolve_drivers(policy), Kinematic(), count)
+        for is_warm in (False, True):
+            started, own = time.perf_counter(), time.process_time()
+            failed = [rollout for _, rollout in batch.run(jobs) if isinstance(rollout, Exception)]
+            seconds, own = time.perf_counter() - started, time.process_time() - own
+            if failed:
+                raise failed[0]
+            if is_warm:
+                yield Figure(f"{count} worlds in lockstep, driver", count * steps / seconds, "steps/s", ">= 2000")
+                yield Figure(f"{count} worlds, processor time of this process", count * steps / own, "steps/s")
+    finally:
+        process.kill()
+        process.wait()
+
+
 def figures() -> Iterator[Figure]:
     """Measure: messages made, sent, answered and read, with a driver of another process."""
+    yield from worlds_in_lockstep()
     with tempfile.TemporaryDirectory() as folder:
         scenarios = [make_drive(f"d{number}", speed=8.0 + number / 10) for number in range(12)]
         write_lake(Path(folder) / "lake", scenarios)

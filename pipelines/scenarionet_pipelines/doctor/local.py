@@ -40,6 +40,7 @@ EXTRAS = {
     "ducklake": "publishing lakes as DuckLakes",
     "viewers": "exports for Foxglove and rerun",
     "ros": "driving stacks over ROS 2, bags of ROS",
+    "driver": "drivers in other processes, in any language",
     "vary": "variations drawn evenly, or from distributions",
 }
 """The extras for users and what they are for; the others are for the development of this software."""

@@ -1,0 +1,73 @@
+"""A driver in a process of its own: python driver_process.py PORT DRIVER.BINPB; then sim --policy driver:PORT."""
+
+import math
+import socket
+import struct
+import sys
+from pathlib import Path
+
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+
+def messages(file, *names):
+    """Classes of messages, as `protoc --python_out` would write them into a module."""
+    pool = descriptor_pool.DescriptorPool()
+    pool.AddSerializedFile(
+        descriptor_pb2.FileDescriptorSet.FromString(Path(file).read_bytes()).file[0].SerializeToString()
+    )
+    return [
+        message_factory.GetMessageClass(pool.FindMessageTypeByName(f"scenarionet.driver.v1.{name}")) for name in names
+    ]
+
+
+def drive(route, ego, blocked):
+    """Steering and throttle to a point of the route (x, y) a second ahead, as in PurePursuitPlanner."""
+    ahead, reach = route[-1], max(4.0, ego.speed)
+    for point in route:
+        along = (point[0] - ego.x) * math.cos(ego.heading) + (point[1] - ego.y) * math.sin(ego.heading)
+        if along > 0.0 and math.hypot(point[0] - ego.x, point[1] - ego.y) >= reach:
+            ahead = point
+            break
+    dx, dy = ahead[0] - ego.x, ahead[1] - ego.y
+    x = math.cos(ego.heading) * dx + math.sin(ego.heading) * dy + 0.3 * ego.length
+    y = math.cos(ego.heading) * dy - math.sin(ego.heading) * dx
+    angle = math.atan(0.6 * ego.length * 2.0 * y / (x * x + y * y))
+    throttle = -1.0 if blocked else 0.5 * (8.0 - ego.speed)
+    return max(-1.0, min(1.0, angle / math.radians(40.0))), max(-1.0, min(1.0, throttle))
+
+
+def is_blocked(ego, objects):
+    """Whether an object is before the vehicle within the way that it needs to stop."""
+    for x, y in zip(objects.x, objects.y, strict=True):
+        along = (x - ego.x) * math.cos(ego.heading) + (y - ego.y) * math.sin(ego.heading)
+        beside = (y - ego.y) * math.cos(ego.heading) - (x - ego.x) * math.sin(ego.heading)
+        if 0.0 < along < 8.0 + ego.speed**2 / 6.0 and abs(beside) < 1.5:
+            return True
+    return False
+
+
+def main(port, file):
+    """Answer the simulators that connect, one after the other."""
+    moments_kind, commands_kind = messages(file, "Moments", "Commands")
+    server = socket.create_server(("127.0.0.1", int(port)))
+    while True:
+        connection, _ = server.accept()
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        routes = {}
+        while head := connection.recv(4, socket.MSG_WAITALL):
+            moments = moments_kind.FromString(connection.recv(struct.unpack("<I", head)[0], socket.MSG_WAITALL))
+            answer = commands_kind()
+            for moment in moments.moments:
+                if moment.HasField("begin"):
+                    begin = moment.begin
+                    x, y = [*begin.route_x, *begin.beyond_x], [*begin.route_y, *begin.beyond_y]
+                    routes[moment.episode] = list(zip(x, y, strict=True))
+                blocked = is_blocked(moment.ego, moment.objects)
+                command = answer.commands.add(episode=moment.episode)
+                command.action.steering, command.action.throttle = drive(routes[moment.episode], moment.ego, blocked)
+            content = answer.SerializeToString()
+            connection.sendall(struct.pack("<I", len(content)) + content)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

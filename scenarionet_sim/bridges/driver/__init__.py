@@ -1,0 +1,1 @@
+"""Drivers in other processes, in any language: messages over a socket."""
