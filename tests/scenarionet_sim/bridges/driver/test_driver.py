@@ -180,6 +180,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("fault", FAULTS)
 def test_faults_are_sentences_of_the_scenario_and_the_run_goes_on(
     lake: Path, fault: str, monkeypatch: pytest.MonkeyPatch
@@ -194,6 +195,7 @@ def test_faults_are_sentences_of_the_scenario_and_the_run_goes_on(
         assert re.search(sentence, row["error"]), row["error"]
 
 
+@pytest.mark.integration
 def test_without_a_driver_the_first_scenario_waits_and_the_others_do_not(lake: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(planner, "LIMIT", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as server:
