@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
+
+import click
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.storage.files.places import local_path
+
+
+class FiniteRange(click.FloatRange):
+    """Numbers of a range, without NaN and infinity, which ``FloatRange`` takes."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number", param, ctx)
+        return number
 
 
 def output_path(file: str, what: str, *, replace: bool) -> Path:

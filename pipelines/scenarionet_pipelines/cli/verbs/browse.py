@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from scenarionet_pipelines.cli.interrupt import stop
-from scenarionet_pipelines.cli.parameters import seconds
+from scenarionet_pipelines.cli.parameters import FiniteRange, seconds
 from scenarionet_pipelines.cli.verb import SNAPSHOT, LakeVerb, option
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -32,7 +32,7 @@ class BrowseVerb(LakeVerb):
     write: bool = option("Allow the page to save filters as databases.")
     is_opened: bool = option("Open the page in the default browser.", "--open")
     timeout: str = option("Stop filters that take longer (30s, 5min).", default="10s", metavar="TIME")
-    memory: float = option("Stop filters that need more memory.", type=click.FloatRange(0.1), default=1.0, metavar="GB")
+    memory: float = option("Stop filters that need more memory.", type=FiniteRange(0.1), default=1.0, metavar="GB")
     snapshot: int | None = SNAPSHOT
 
     def run(self) -> None:

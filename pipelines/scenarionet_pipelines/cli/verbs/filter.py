@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarionet_pipelines.cli.databases import described
+from scenarionet_pipelines.cli.parameters import FiniteRange
 from scenarionet_pipelines.cli.verb import ALLOW_EMPTY, DATABASE, LakeVerb, Saving, option
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ class FilterVerb(LakeVerb, Saving):
         choices=("ego", "actor", "other"),
         default="ego",
     )
-    margin: float = option("Of moments: time kept before and after each [s].", type=click.FloatRange(0.0), default=2.0)
+    margin: float = option("Of moments: time kept before and after each [s].", type=FiniteRange(0.0), default=2.0)
     allow_empty: bool = ALLOW_EMPTY
 
     def run(self) -> bool:

@@ -9,7 +9,7 @@ import click
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli import output
-from scenarionet_pipelines.cli.parameters import output_path
+from scenarionet_pipelines.cli.parameters import FiniteRange, output_path
 from scenarionet_pipelines.cli.verb import REPLACE, SNAPSHOT, LakeVerb, Progressing, argument, option
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class RenderVerb(LakeVerb, Progressing):
     run_name: str | None = option(
         "Draw this run of `scenarionet sim` instead of the recording.", "--run", metavar="NAME"
     )
-    at: float | None = option("Time of the picture [s]. [default: the current timestep]", type=click.FloatRange(0.0))
+    at: float | None = option("Time of the picture [s]. [default: the current timestep]", type=FiniteRange(0.0))
     view: str | None = option(
         "Frame the route, follow the ego, or show everything from above; or in space: the ego's camera, behind the "
         "ego, at its driver's eyes, or around it. [default: route in pictures, ego in videos]",
@@ -52,9 +52,9 @@ class RenderVerb(LakeVerb, Progressing):
     weather: str = option(
         "Weather of the views in space.", choices=("day", "dusk", "night", "overcast", "rain"), default="day"
     )
-    width: float = option("Width of the view `ego` [m].", type=click.FloatRange(1.0), default=100.0)
+    width: float = option("Width of the view `ego` [m].", type=FiniteRange(1.0), default=100.0)
     size: int = option("Length of the longer side [pixel].", type=click.IntRange(64, 8192), default=1000)
-    speed: float = option("Playback speed of a video.", type=click.FloatRange(0.01), default=1.0)
+    speed: float = option("Playback speed of a video.", type=FiniteRange(0.01), default=1.0)
     color_by: str | None = option(
         "Draw whole trajectories in a picture, coloured by time or speed.", choices=("time", "speed")
     )
