@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from scenarionet_data.variations.parameters import draw as draw
     from scenarionet_data.variations.parameters import parse_parameters as parse_parameters
     from scenarionet_data.variations.writing import VariationSpace as VariationSpace
+    from scenarionet_data.variations.writing import variations_of as variations_of
     from scenarionet_data.variations.writing import vary as vary
 
 __getattr__, __dir__, __all__ = import_on_first_use(__name__, __file__)

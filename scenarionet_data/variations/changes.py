@@ -16,7 +16,7 @@ from scenarionet_data.building.tracks import METRES, RADIANS, rounded
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.description import ScenarioDescription, Tracks, strings
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_data.variations.parameters import CHANGES, LIGHTS
+from scenarionet_data.variations.parameters import CHANGES, FRICTION, LIGHTS, ROAD
 
 DRIFT_TIME = 3.0
 """Time in which a drift or a delay grows from 0, at the current timestep, to its value [s]."""
@@ -104,7 +104,7 @@ def change(
         InvalidScenario: It has no such road user, or a changed one would leave its recorded path too far or never be.
     """
     by_target: dict[int, dict[str, float]] = {}
-    lights = scenario.lights
+    lights, extras = scenario.lights, scenario.extras
     for name, value in values.items():
         target, _, word = name.rpartition(".")
         if target == LIGHTS:
@@ -114,6 +114,8 @@ def change(
                     :, np.abs((scenario.timestamps - value)[:, None] - scenario.timestamps[None]).argmin(axis=1)
                 ],
             )
+        elif target == ROAD:
+            extras = {**extras, FRICTION: value * extras.get(FRICTION, 1.0)}
         else:
             by_target.setdefault(find_track(scenario, target, roles), {})[word] = value
     tracks = scenario.tracks
@@ -144,7 +146,7 @@ def change(
             raise InvalidScenario(scenario.id, "valid", f"track {tracks.ids[rows[row]]} is at no timestep any more")
         _check_extension(scenario, rows[row], motion)
     kept = [row for row, k in enumerate(rows) if row >= len(tracks) or by_target.get(k, {}).get("remove", 0.0) < 0.5]
-    parent = replace(scenario, tracks=replace(tracks, object_type=types), lights=lights)
+    parent = replace(scenario, tracks=replace(tracks, object_type=types), lights=lights, extras=extras)
     return _with_tracks(parent, rows, kept, motions), np.array(origins, np.intp)[kept]
 
 

@@ -26,8 +26,13 @@ Method = Literal["random", "sobol", "latin"]
 CHANGES = ("pace", "start", "delay", "speed", "gap", "offset", "drift", "size", "replace", "remove", "copy")
 """What can be changed of a road user, in the order in which changes are applied."""
 
-LIGHTS = "lights"
-"""Target of the only change that is not of a road user: ``lights.start``."""
+LIGHTS, ROAD = "lights", "road"
+"""Targets of the changes that are not of a road user: ``lights.start`` and ``road.friction``."""
+
+FRICTION = "friction"
+"""Change of the road: a factor on the grip of vehicles that are driven by actions; also the key in ``extras``."""
+
+_CHANGES_OF = {LIGHTS: ("start",), ROAD: (FRICTION,)}
 
 _CALL = re.compile(r"(\w+)\(([^()]*)\)")
 _EDGE = 1e-9  # unbounded distributions are infinite at 0 and 1
@@ -95,14 +100,14 @@ class DistributedParameter:
 class VariedParameter(DistributedParameter):
     """A parameter of a variation: ``TARGET.CHANGE``.
 
-    The target is ``ego``, ``nearest``, ``lights``, a track's id, or of a moment ``actor`` or ``other``.
+    The target is ``ego``, ``nearest``, ``lights``, ``road``, a track's id, or of a moment ``actor`` or ``other``.
     """
 
     def __post_init__(self) -> None:
-        if not self.target or self.change not in (("start",) if self.target == LIGHTS else CHANGES):
+        if not self.target or self.change not in _CHANGES_OF.get(self.target, CHANGES):
             raise BadParameter(
                 f"parameter {self.name!r}: wanted TARGET.CHANGE, with a target such as ego, nearest or a track, and "
-                f"one of the changes {', '.join(CHANGES)}; or lights.start"
+                f"one of the changes {', '.join(CHANGES)}; or lights.start, road.friction"
             )
         if (self.target, self.change) == ("ego", "remove"):
             raise BadParameter("ego.remove: a scenario needs its ego; remove another road user")
@@ -121,7 +126,7 @@ class VariedParameter(DistributedParameter):
     def at(self, quantiles: Float64) -> Float64:
         """Return the values at quantiles, as :meth:`DistributedParameter.at`; of a factor they must be above 0."""
         values = super().at(quantiles)
-        if self.change in ("speed", "pace", "size") and values.min() <= 0:
+        if self.change in ("speed", "pace", "size", FRICTION) and values.min() <= 0:
             text = self.distribution
             raise BadParameter(f"{self.name}={text} gives {values.min():.4g}; {self.change} is a factor above 0")
         if self.change == "replace" and (self.choices is None or not np.isin(values, range(5)).all()):

@@ -17,7 +17,7 @@ from scenarionet_data.conversion.committer import Committer, ConversionReport
 from scenarionet_data.conversion.jobs import ShardJob, convert_shard, lost_shard
 from scenarionet_data.conversion.plan import make_plan
 from scenarionet_data.converters.base import Converter
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.ingest.options import Options
@@ -32,7 +32,7 @@ from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.variations.changes import change, find_track
 from scenarionet_data.variations.limits import ACCELERATION, JERK, check_limits
 from scenarionet_data.variations.moment_windows import ALL, MOMENTS, MomentWindow, cut_out, read_windows
-from scenarionet_data.variations.parameters import LIGHTS, Method, draw, parse_parameters
+from scenarionet_data.variations.parameters import LIGHTS, ROAD, Method, draw, parse_parameters
 
 DATASET = "variation"
 """The dataset of all variations in a lake; its versions are their names."""
@@ -128,22 +128,54 @@ class Variations(OfParents):
         """Change the parent and check the result."""
         (parent, item), options = record, shard.options_as(VariationOptions)
         values: dict[str, Any] = json.loads(item.fingerprint)
-        extras: dict[str, Any] = {**parent.extras, "parent": parent.id}
+        moments: dict[str, Any] = {}
         roles: Mapping[str, str] = {}
         if _MOMENT in values:
-            extras[_MOMENT] = values.pop(_MOMENT)
-            moment = MomentWindow(**extras[_MOMENT])
+            moments[_MOMENT] = values.pop(_MOMENT)
+            moment = MomentWindow(**moments[_MOMENT])
             parent, roles = cut_out(parent, moment, options.margin), moment.roles
-        changed, origins = change(parent, values, roles)
-        check_limits(parent, changed, origins, options.acceleration, options.jerk)
+        changed = _varied(parent, values, roles, options)
         return dataclasses.replace(
             changed.with_own_map(),
             id=make_scenario_id(DATASET, shard.version, parent.id, item.name.rpartition("@")[2]),
             dataset=DATASET,
             version=shard.version,
             split=shard.split,
-            extras={**extras, "parameters": values},
+            extras={**changed.extras, **moments},
         )
+
+
+def variations_of(
+    parent: ScenarioDescription, space: VariationSpace
+) -> Iterator[ScenarioDescription | InvalidScenario]:
+    """Yield the variations of a scenario, or why one cannot be, without a lake: to simulate them as they are made.
+
+    They have the values, and so the content, of those that :func:`vary` stores, and ids ``PARENT@NUMBER``.
+
+    Args:
+        parent: The scenario.
+        space: What is varied; ``margin`` is of moments and does nothing.
+    """
+    parameters = parse_parameters(space.parameters)
+    names = [each.name for each in parameters]
+    for number, row in enumerate(draw(parameters, space.number, space.seed, space.method, parent.id).tolist()):
+        try:
+            changed = _varied(parent, dict(zip(names, row, strict=True)), {}, space)
+            yield dataclasses.replace(changed, id=f"{parent.id}@{number:06d}")
+        except InvalidScenario as error:
+            yield error
+
+
+def _varied(
+    parent: ScenarioDescription,
+    values: Mapping[str, float],
+    roles: Mapping[str, str],
+    limits: VariationSpace | VariationOptions,
+) -> ScenarioDescription:
+    """Return a scenario with other values, if it is plausible."""
+    changed, origins = change(parent, values, roles)
+    check_limits(parent, changed, origins, limits.acceleration, limits.jerk)
+    return dataclasses.replace(changed, extras={**changed.extras, "parent": parent.id, "parameters": dict(values)})
 
 
 def vary(
@@ -197,7 +229,7 @@ def vary(
     if len(rows) == 1 and not windows:
         (parent,) = ScenarioLoader.of_rows(view, rows)
         for each in parameters:
-            if each.target != LIGHTS:
+            if each.target not in (LIGHTS, ROAD):
                 find_track(parent, each.target)
     limits = {name: getattr(space, name) for name in ("acceleration", "jerk", "margin")}
     options = VariationOptions(lake=str(files.root), **limits)

@@ -107,6 +107,7 @@ class Recorded(NamedTuple):
         log: (R, 8), see ``arrays.log``.
         driver: (O,) policy of each object.
         object_type, size, top_speed: (O,) codes of ``ObjectType``; (O, 3) [m]; (O,) highest recorded speed [m/s].
+        friction: (O,) factor on the grip of the road that they are on.
         path, path_offsets: (P, 5), see ``Paths``; (O,) first row in ``path``.
         stop_arc, stop_light, stop_offsets: (K,), (K,), see ``Stops``; (O,) first row in ``stop_arc``.
         light_state: (B,) codes of ``LightState``.
@@ -118,6 +119,7 @@ class Recorded(NamedTuple):
     object_type: UInt8
     size: Float32
     top_speed: Float32
+    friction: Float64
     path: Float32
     path_offsets: Int32
     stop_arc: Float32

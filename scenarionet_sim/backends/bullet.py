@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_data.scenario.settings import check_settings
+from scenarionet_sim.arrays.structures import OBJECTS
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
 from scenarionet_sim.backends.body_kernels import find_bodies, read_motion, write_motion
 from scenarionet_sim.backends.tyre_kernels import apply_tyres
@@ -66,7 +67,7 @@ class Bullet:
         Raises:
             MissingDependency: pybullet is not installed.
         """
-        return BulletSession(self, len(batch.worlds))
+        return BulletSession(self, batch)
 
 
 class BulletSession:
@@ -74,16 +75,16 @@ class BulletSession:
 
     Args:
         spec: Parameters of the backend.
-        num_worlds: Number of worlds.
+        batch: The worlds.
 
     Raises:
         MissingDependency: pybullet is not installed.
         BadParameter: All 1,024 clients of pybullet are in use.
     """
 
-    def __init__(self, spec: Bullet, num_worlds: int) -> None:
+    def __init__(self, spec: Bullet, batch: WorldBatch) -> None:
         bullet = _import_bullet()
-        self._spec = spec
+        self._spec, self._batch = spec, batch
         self._bullet = bullet
         self._step = 0.0
         self._client: int = bullet.connect(bullet.DIRECT)
@@ -97,14 +98,21 @@ class BulletSession:
             physicsClientId=self._client,
         )
         options = spec.body_friction, spec.restitution, spec.max_asleep
-        self._worlds = [WorldBodies(bullet, self._client, level, *options) for level in range(num_worlds)]
+        self._worlds = [WorldBodies(bullet, self._client, level, *options) for level in range(len(batch))]
 
     def close(self) -> None:
         """Release the client; idempotent."""
         self._close()
 
     def reset(self, world: int, state: State) -> None:  # noqa: ARG002
-        """Remove the bodies of a world; the next step creates those it needs."""
+        """Remove the bodies of a world; the next step creates those it needs.
+
+        Raises:
+            BadParameter: It has less friction, or more, than the tyres of this backend.
+        """
+        friction = self._batch.recorded.friction[self._batch.place[world, OBJECTS]]
+        if friction != 1.0:
+            raise BadParameter(f"a friction of {friction:g} is for the backend kinematic; bullet has that of its tyres")
         self._worlds[world].clear()
 
     def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.settings import check_settings
+from scenarionet_sim.arrays.structures import OBJECTS
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
 from scenarionet_sim.backends.bicycle_kernels import GRIP, MAX_STEER, NUM_COLUMNS, STEER_RATE, WHEELBASE, drive_bicycles
 from scenarionet_sim.backends.fleet import Fleet
@@ -23,7 +24,7 @@ class Kinematic:
     Attributes:
         drive: What vehicles are capable of: the same for all, or ``Fleet()`` for limits by class and size.
         grip: Radius of the friction circle [m/s²], of all vehicles that have the same ``Drive``; what engine, brakes
-            and bend ask for beyond is cut to it.
+            and bend ask for beyond is cut to it. A world with less friction has less of it.
         substeps: Physics steps per control step.
     """
 
@@ -78,6 +79,8 @@ class KinematicSession:
         else:
             of_objects = self._fleet.numbers(state.object_type[world, :count], state.size[world, :count])
             self.vehicles[world, :count] = _columns(of_objects)
+        first = self._batch.place[world, OBJECTS]
+        self.vehicles[world, :count, GRIP] *= self._batch.recorded.friction[first : first + count]
 
     def drive(self, state: State, agents: Int32, actions: Float64, dt: float) -> None:
         """Move the agents by one control step, in place; see :class:`scenarionet_sim.backends.base.Session`."""

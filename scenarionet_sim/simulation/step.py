@@ -18,7 +18,7 @@ from scenarionet_sim.arrays.structures import (
     OBJECTS,
     StateArrays,
 )
-from scenarionet_sim.backends.bicycle_kernels import drive_bicycle
+from scenarionet_sim.backends.bicycle_kernels import GRIP, drive_bicycle
 from scenarionet_sim.policies.idm_kernels import drive_along_paths
 from scenarionet_sim.policies.motion_kernels import FOLLOW_PATH, move_objects
 from scenarionet_sim.policies.strip_kernels import SightMemory
@@ -219,6 +219,9 @@ def _begin_agents(w: int, are_egos: bool, arrays: StepArrays) -> None:
         if is_agent_of(w, n, are_egos, arrays.recorded, driver, agents):
             for column in range(len(arrays.new_vehicle)):
                 arrays.vehicles[w, n, column] = arrays.new_vehicle[column]
+            if len(arrays.new_vehicle):
+                row = arrays.recorded.place[w, OBJECTS] + n
+                arrays.vehicles[w, n, GRIP] = arrays.new_vehicle[GRIP] * arrays.recorded.friction[row]
             if are_egos:
                 agents.route[w, n, 0], agents.route[w, n, 1] = np.nan, np.nan
 

@@ -113,7 +113,7 @@ class WorldPool:
         self.kinds = {
             "objects": Blocks({
                 "driver": np.uint8, "object_type": np.uint8, "size": (np.float32, 3), "top_speed": np.float32,
-                "path_offsets": np.int32, "stop_offsets": np.int32,
+                "friction": np.float64, "path_offsets": np.int32, "stop_offsets": np.int32,
             }),
             "log": Blocks({"log": (np.float32, 8)}),
             "path": Blocks({"path": (np.float32, 5)}),
@@ -165,7 +165,8 @@ class WorldPool:
             "stops": stops,
             "objects": self.kinds["objects"].put({
                 "driver": _with_end(driver), "object_type": _with_end(world.object_type), "size": _with_end(world.size),
-                "top_speed": _with_end(world.top_speed), "path_offsets": path[0] + world.paths.path_offsets,
+                "top_speed": _with_end(world.top_speed), "friction": np.full(count + 1, world.friction),
+                "path_offsets": path[0] + world.paths.path_offsets,
                 "stop_offsets": stops[0] + world.stops.stop_offsets,
             }),
             "log": self.kinds["log"].put({"log": world.log.reshape(-1, 8)}),

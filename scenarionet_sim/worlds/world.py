@@ -50,6 +50,7 @@ class World:
         roads: The map.
         extents: (4,) float32 min_x, min_y, max_x, max_y [m] of everything recorded.
         heights: Heights of the ground; None where it is level at z = 0.
+        friction: Factor on the grip of vehicles that are driven by actions, from ``extras["friction"]``.
     """
 
     scenario_id: str
@@ -68,6 +69,7 @@ class World:
     roads: Roads
     extents: Float32
     heights: Heights | None = None
+    friction: float = 1.0
 
     def store_log(self, read: Callable[[], Float32]) -> None:
         """Drop the log, which is stored elsewhere, until it is asked for.
@@ -171,4 +173,5 @@ class World:
             roads=roads,
             extents=extents,
             heights=heights,
+            friction=float(scenario.extras.get("friction", 1.0)),
         )

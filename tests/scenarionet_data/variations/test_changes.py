@@ -108,6 +108,12 @@ def test_lights_change_later():
     assert (changed.lights.state[:, :5] == state[:, :1]).all() and (origins >= 0).all()
 
 
+def test_friction_is_a_property_of_the_road(drive):
+    changed, origins = change(drive, {"road.friction": 0.5})
+    assert changed.extras["friction"] == 0.5 and origins.tolist() == [0, 1, 2, 3]
+    assert change(changed, {"road.friction": 0.5})[0].extras["friction"] == 0.25, "a factor, as the others"
+
+
 def test_nearest_and_actors_that_are_not_there(drive):
     near, _ = change(drive, {"nearest.gap": 1.0})
     assert row(near, "t1")[0][0] == pytest.approx(21.0, abs=1e-3)

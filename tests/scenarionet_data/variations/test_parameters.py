@@ -35,7 +35,7 @@ def test_texts_numbers_and_pairs():
         ("ego.gap", "norm(0, -1)", "gives nan"),
         ("ego.gap", "normal(0, 1)", "no continuous distribution 'normal'"),
         ("ego.colour", "1", "one of the changes pace, start"),
-        ("lights.gap", "1", "or lights.start"),
+        ("lights.gap", "1", "or lights.start, road.friction"),
         ("t1.replace", "0:2", r"wanted 0 \(as it is\), 1 \(car\)"),
         ("ego.remove", "1", "a scenario needs its ego"),
     ],

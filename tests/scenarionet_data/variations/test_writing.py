@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarionet_data import Lake
+from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.errors import BadParameter, DuplicateScenario, InvalidScenario
 from scenarionet_data.operations.moments import event
-from scenarionet_data.variations import VariationSpace, vary
+from scenarionet_data.variations import VariationSpace, variations_of, vary
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import content, write_lake
 
@@ -83,14 +83,36 @@ def test_the_example_of_the_guide_runs(lake, monkeypatch):
     monkeypatch.chdir(lake.root.parent)
     lake.filter(name="cut_ins")
     page = (Path(__file__).parents[3] / "docs" / "guides" / "variations.md").read_text("utf-8")
-    (example,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    example, on_the_fly = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     example = example.replace("number=1000", "number=4").replace("-3:3", "-1:1")
     names: dict[str, object] = {}
     exec(example, names)
     assert names["report"].converted == 8
+    exec(on_the_fly, names)
+    assert len(names["simulation"].batch) == len(names["worlds"]) == 8
+
+
+def test_variations_without_a_lake_are_those_that_are_stored(lake):
+    parent = ScenarioLoader(lake, [PARENTS[0].id])[0]
+    space = VariationSpace(PARAMETERS | {"road.friction": "0.2:0.8", "ego.speed": "0.9:2.5"}, number=12)
+    vary(lake, parent.id, space, name="stored")
+    ids = Lake(lake.root).sql("SELECT scenario_id FROM metadata WHERE version = 'stored' ORDER BY 1")["scenario_id"]
+    stored = {each.extras["parameters"]["ego.speed"]: each for each in ScenarioLoader(Lake(lake.root), ids)}
+    made = [each for each in variations_of(parent, space) if not isinstance(each, InvalidScenario)]
+    assert 0 < len(made) == len(stored) < 12, "what cannot be is told"
+    for each in made:
+        same = stored[each.extras["parameters"]["ego.speed"]]
+        assert each.extras == same.extras and 0.2 <= each.extras["friction"] <= 0.8
+        np.testing.assert_array_equal(each.tracks.position, same.tracks.position)
+        np.testing.assert_array_equal(each.tracks.valid, same.tracks.valid)
+    assert len({each.id for each in made}) == len(made)
 
 
 def test_bad_input_is_a_sentence(lake):
+    with pytest.raises(BadParameter, match=r"road.friction=0:1 gives 0; friction is a factor above 0"):
+        VariationSpace({"road.friction": (0, 1)})
+    with pytest.raises(BadParameter, match=r"or lights\.start, road\.friction"):
+        VariationSpace({"ego.friction": 0.5})
     with pytest.raises(InvalidScenario, match="wanted a track 't9'"):
         vary(lake, PARENTS[0].id, VariationSpace({"t9.gap": 1}), name="v")
     with pytest.raises(BadParameter, match="use letters"):
