@@ -87,6 +87,13 @@ class Ragged:
         return cls(_offsets(lengths), values)
 
     @classmethod
+    def joined(cls, parts: Sequence[Ragged]) -> Ragged:
+        """The lists of one or more parts, one after the other."""
+        return cls.from_flat(
+            np.concatenate([part.lengths for part in parts]), np.concatenate([p.values for p in parts])
+        )
+
+    @classmethod
     def from_ids(cls, lists: Sequence[Sequence[str]]) -> Ragged:
         """Lists of ids, as an object array of str."""
         flat = list(map(str, chain.from_iterable(lists)))

@@ -82,17 +82,25 @@ def find_bad_rows(
     return found
 
 
-def find_repeated_rows(track: Array, timestep: Array) -> BadRows | None:
+def find_repeated_rows(track: Array, timestep: Array, kept: Bool | None = None) -> BadRows | None:
     """Find rows of a track and timestep that an earlier row has already; None if there are none.
 
     Args:
         track: (R,) integers.
         timestep: (R,) integers.
+        kept: (R,) which rows count; all by default.
     """
-    order = np.lexsort((timestep, track))  # stable: an earlier row precedes those that repeat it
-    mask = np.zeros(len(order), np.bool_)
+    rows = np.arange(len(track)) if kept is None else np.flatnonzero(kept)
+    order = rows[np.lexsort((timestep[rows], track[rows]))]  # stable: an earlier row precedes those that repeat it
+    mask = np.zeros(len(track), np.bool_)
     mask[order[1:]] = (track[order[1:]] == track[order[:-1]]) & (timestep[order[1:]] == timestep[order[:-1]])
     return BadRows(mask, "timestep", "expected one row for an object and time, found another") if mask.any() else None
+
+
+def find_middle(points: Array) -> Float64:
+    """Median (2,) [m] of those points (P, 2 or 3) that are finite; 0, 0 without any."""
+    finite = points[np.isfinite(points).all(axis=1), :2]
+    return np.median(finite, axis=0) if len(finite) else np.zeros(2)
 
 
 def find_jumps(position: Float64, seen: Bool, seconds: Array) -> Bool:

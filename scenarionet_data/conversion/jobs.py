@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +15,7 @@ from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import LakeError, SourceError
 from scenarionet_data.execution.worker import peak_memory, worker_name
 from scenarionet_data.ingest.shard import Shard
+from scenarionet_data.public_names import paused_collector
 from scenarionet_data.quality.audit import audit, audit_shared_map
 from scenarionet_data.storage.files.places import is_url, open_files
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, find_finished
@@ -78,7 +78,7 @@ def convert_map(job: ShardJob) -> ShardResult:
     """
     converter, shard, files = converters.get(job.converter), job.shard, open_files(job.lake)
     try:
-        with _local(converter, shard) as local, _gc_disabled():
+        with _local(converter, shard) as local, paused_collector():
             features = converter.map_features(local)
     except SourceError as error:
         return ShardResult(shard.name, None, error=str(error))
@@ -150,7 +150,7 @@ def _write_scenarios(
             break
         num_records += 1
         try:
-            with _gc_disabled():
+            with paused_collector():
                 writer.add(converter.scenario(shard, record))
         except (MemoryError, LakeError, SourceError):
             raise
@@ -158,22 +158,6 @@ def _write_scenarios(
             rename_paths(error, shard.root, root)
             writer.reject(position, error)
     return num_records
-
-
-@contextmanager
-def _gc_disabled() -> Iterator[None]:
-    """Disable the cyclic garbage collector while one record is decoded.
-
-    A raw record may consist of 100,000 small objects, which would be rescanned repeatedly. Reference counts still free
-    them; cycles are collected between records.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def run_limited(jobs: Iterable[ShardJob], limit: int) -> Iterator[ShardResult]:

@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.converters.formats.protobuf import bytes_field, number_field, varint
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.forecasts.predictions import Prediction
 from scenarionet_data.query.lake_view import LakeLike, open_view
@@ -28,7 +29,7 @@ _OBJECT_ID, _TRAJECTORIES = 1, 2
 _TRAJECTORY, _CONFIDENCE = 1, 2
 _CENTER_X, _CENTER_Y = 2, 3
 _MOTION_PREDICTION = 1
-_VARINT, _BYTES, _FLOAT = 0, 2, 5
+_FLOAT = 5
 
 
 @dataclass(frozen=True)
@@ -90,20 +91,20 @@ def write_waymo(lake: LakeLike, predictions: Sequence[Prediction], path: Path | 
     sources = _sources(lake, predictions)
     with Path(path).open("wb") as file:
         for _, targets in groupby(predictions, key=lambda each: each.scenario_id):
-            file.write(_field(_SCENARIOS, b"".join(_scenario(list(targets), sources))))
-        file.write(_number(_TYPE, _MOTION_PREDICTION))
+            file.write(bytes_field(_SCENARIOS, b"".join(_scenario(list(targets), sources))))
+        file.write(number_field(_TYPE, _MOTION_PREDICTION))
         texts = [(_ACCOUNT, entry.account), (_METHOD, entry.method), *((_AUTHORS, name) for name in entry.authors)]
         texts += [(_AFFILIATION, entry.affiliation), (_DESCRIPTION, entry.description), (_LINK, entry.link)]
         for number, text in texts:
             if text:
-                file.write(_field(number, text.encode()))
+                file.write(bytes_field(number, text.encode()))
         for number, flag in (
             (_USES_LIDAR, entry.uses_lidar),
             (_USES_CAMERA, entry.uses_camera),
             (_USES_PRETRAINING, entry.uses_public_pretraining),
         ):
-            file.write(_number(number, int(flag)))
-        file.write(_field(_NUM_PARAMETERS, entry.num_parameters.encode()))
+            file.write(number_field(number, int(flag)))
+        file.write(bytes_field(_NUM_PARAMETERS, entry.num_parameters.encode()))
 
 
 def _sources(lake: LakeLike, predictions: Sequence[Prediction]) -> dict[str, tuple[str, Float64]]:
@@ -131,8 +132,8 @@ def _resampled(prediction: Prediction, dt: float, steps: int) -> Float64:
 def _scenario(targets: Sequence[Prediction], sources: dict[str, tuple[str, Float64]]) -> Iterator[bytes]:
     """Fields of a ``ChallengeScenarioPredictions`` message."""
     name, origin = sources[targets[0].scenario_id]
-    yield _field(_SCENARIO_ID, name.encode())
-    yield _field(_SINGLE, b"".join(_field(_PREDICTIONS, b"".join(_target(each, origin))) for each in targets))
+    yield bytes_field(_SCENARIO_ID, name.encode())
+    yield bytes_field(_SINGLE, b"".join(bytes_field(_PREDICTIONS, b"".join(_target(each, origin))) for each in targets))
 
 
 def _target(prediction: Prediction, origin: Float64) -> Iterator[bytes]:
@@ -140,26 +141,9 @@ def _target(prediction: Prediction, origin: Float64) -> Iterator[bytes]:
     if not prediction.track_id.isdecimal():
         found = f"{prediction.track_id!r} of {prediction.scenario_id}"
         raise BadParameter(f"expected targets of Waymo scenarios, whose ids are numbers, found {found}")
-    yield _number(_OBJECT_ID, int(prediction.track_id))
+    yield number_field(_OBJECT_ID, int(prediction.track_id))
     modes = _resampled(prediction, _WAYMO_DT, _WAYMO_STEPS)[:_WAYMO_MODES] + origin
     for mode, confidence in zip(modes.astype("<f4"), prediction.probabilities, strict=False):
-        path = _field(_CENTER_X, mode[:, 0].tobytes()) + _field(_CENTER_Y, mode[:, 1].tobytes())
-        scored = _field(_TRAJECTORY, path) + _varint(_CONFIDENCE << 3 | _FLOAT) + struct.pack("<f", confidence)
-        yield _field(_TRAJECTORIES, scored)
-
-
-def _field(number: int, content: bytes) -> bytes:
-    return _varint(number << 3 | _BYTES) + _varint(len(content)) + content
-
-
-def _number(number: int, value: int) -> bytes:
-    return _varint(number << 3 | _VARINT) + _varint(value)
-
-
-def _varint(value: int) -> bytes:
-    found = bytearray()
-    while value > 127:
-        found.append(value & 127 | 128)
-        value >>= 7
-    found.append(value)
-    return bytes(found)
+        path = bytes_field(_CENTER_X, mode[:, 0].tobytes()) + bytes_field(_CENTER_Y, mode[:, 1].tobytes())
+        scored = bytes_field(_TRAJECTORY, path) + varint(_CONFIDENCE << 3 | _FLOAT) + struct.pack("<f", confidence)
+        yield bytes_field(_TRAJECTORIES, scored)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -101,6 +101,10 @@ class FormatWriter(Protocol):
             InvalidScenario: The format cannot hold the scenario at all; the others are written.
         """
         ...
+
+
+CameraFiles = Mapping[str, Sequence[bytes]]
+"""JPEG files of a camera, one for each timestep, by name of the camera."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
 from scenarionet_data.building import MapBuilder, make_origin, make_tracks
-from scenarionet_data.building.plausible import find_bad_geometry, find_bad_rows
+from scenarionet_data.building.plausible import find_bad_geometry, find_bad_rows, find_middle
 from scenarionet_data.converters.base import Budgets, Converter, find_files
 from scenarionet_data.errors import CorruptSource, InvalidScenario
 from scenarionet_data.ingest.defects import Defects
@@ -140,9 +140,7 @@ class FileScene:
         if self.features is not None:
             return self.features
         builder, seen = MapBuilder(), set[str]()
-        points = np.concatenate([np.zeros((0, 3)), *(road.points for road in self.roads)])
-        points = points[np.isfinite(points).all(axis=1)]
-        middle = np.median(points[:, :2], axis=0) if len(points) else np.zeros(2)
+        middle = find_middle(np.concatenate([np.zeros((0, 3)), *(road.points for road in self.roads)]))
         for number, road in enumerate(self.roads):
             fewest = 3 if road.kind in _AREAS else 1
             reason = find_bad_geometry(road.points, middle) if len(road.points) >= fewest else (
@@ -279,9 +277,7 @@ def _states(
         np.stack([getattr(each, name) for each in objects]) for name in ("position", "velocity", "heading", "valid")
     )
     row, step = np.nonzero(valid)
-    own = position[ego, valid[ego], :2]
-    own = own[np.isfinite(own).all(axis=1)]
-    middle = np.median(own, axis=0) if len(own) else np.zeros(2)
+    middle = find_middle(position[ego, valid[ego], :2])
     for fault in find_bad_rows(position[row, step], heading[row, step], velocity[row, step], None, middle):
         places = [f"{step[each]} of {objects[row[each]].id[:64]}" for each in np.flatnonzero(fault.mask)]
         defects.drop("tracks", file, places, fault.field, fault.reason)

@@ -44,15 +44,9 @@ def painted(shapes: MapShapes) -> tuple[Ragged, Ragged]:
     for code in np.unique(shapes.line_type[is_painted]):
         kind = MapFeatureType(code)
         found["YELLOW" in kind.name].extend(paint(kind, _of(shapes.lines, shapes.line_type == code)))
-    white, yellow = map(_joined, found)
+    white, yellow = (Ragged.joined([Ragged.empty(0, 2), *parts]) for parts in found)
     return white, yellow
 
 
 def _of(lines: Ragged, is_wanted: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Ragged:
     return lines.take(np.flatnonzero(is_wanted))
-
-
-def _joined(parts: list[Ragged]) -> Ragged:
-    if not parts:
-        return Ragged.empty(0, 2)
-    return Ragged.from_flat(np.concatenate([part.lengths for part in parts]), np.concatenate([p.values for p in parts]))

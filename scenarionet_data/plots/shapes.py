@@ -55,9 +55,9 @@ class MapShapes:
         values[filled.offsets[1:] + np.arange(len(filled))] = filled.values[filled.offsets[:-1], :2]
         lengths = np.where(outlines.lengths > 0, outlines.lengths + 1, 0)
         return cls(
-            areas=_joined(lane_outlines(features, lane_rows), _in_plane(features.polygon.take(area_rows))),
+            areas=Ragged.joined([lane_outlines(features, lane_rows), _in_plane(features.polygon.take(area_rows))]),
             area_type=types[np.concatenate([lane_rows, area_rows])],
-            lines=_joined(_in_plane(features.polyline.take(open_rows)), Ragged.from_flat(lengths, values)),
+            lines=Ragged.joined([_in_plane(features.polyline.take(open_rows)), Ragged.from_flat(lengths, values)]),
             line_type=types[np.concatenate([open_rows, closed_rows])],
             lanes=_in_plane(features.polyline.take(lane_rows)),
         )
@@ -65,8 +65,3 @@ class MapShapes:
 
 def _in_plane(points: Ragged) -> Ragged:
     return Ragged(points.offsets, np.ascontiguousarray(points.values[:, :2]))
-
-
-def _joined(first: Ragged, second: Ragged) -> Ragged:
-    lengths = np.concatenate([first.lengths, second.lengths])
-    return Ragged.from_flat(lengths, np.concatenate([first.values[:, :2], second.values[:, :2]]))

@@ -9,6 +9,7 @@ from pathlib import Path
 import duckdb
 
 from scenarionet_data.errors import LakeError, MissingDependency
+from scenarionet_data.query.statements import quoted
 
 NAME = "lake.ducklake"
 
@@ -47,13 +48,13 @@ def write_ducklake(folder: Path, files: Mapping[str, Sequence[str]]) -> dict[str
     with duckdb.connect(config={"autoinstall_known_extensions": False}) as connection:
         load_extension(connection)
         try:
-            connection.execute(f"ATTACH {_quoted(f'ducklake:{path}')} AS lake (DATA_PATH {_quoted(f'{folder}/data/')})")
+            connection.execute(f"ATTACH {quoted(f'ducklake:{path}')} AS lake (DATA_PATH {quoted(f'{folder}/data/')})")
             for name, listed in files.items():
-                scan = f"read_parquet([{', '.join(map(_quoted, listed))}], union_by_name = true, {_FOLDERS})"
+                scan = f"read_parquet([{', '.join(map(quoted, listed))}], union_by_name = true, {_FOLDERS})"
                 connection.execute(f"CREATE TABLE lake.{name} AS FROM {scan} LIMIT 0")
                 for file in listed:
                     connection.execute(
-                        f"CALL ducklake_add_data_files('lake', '{name}', {_quoted(file)}, allow_missing => true, "
+                        f"CALL ducklake_add_data_files('lake', '{name}', {quoted(file)}, allow_missing => true, "
                         "hive_partitioning => true)"
                     )
             connection.execute("DETACH lake")
@@ -66,7 +67,3 @@ def write_ducklake(folder: Path, files: Mapping[str, Sequence[str]]) -> dict[str
 
 _FOLDERS = "hive_partitioning = true, hive_types_autocast = false"
 """Tables have dataset, version and split, the names of folders, as text."""
-
-
-def _quoted(text: str) -> str:
-    return "'" + text.replace("'", "''") + "'"

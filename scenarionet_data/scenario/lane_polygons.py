@@ -34,9 +34,7 @@ def lane_outlines(features: MapFeatures, rows: IntP) -> Ragged:
     lanes = features.polyline.take(rows)
     is_buffered = (recorded.lengths == 0) & (lanes.lengths > 1)
     made = _buffered(lanes.take(np.flatnonzero(is_buffered)), features.width.take(rows[is_buffered]))
-    both = Ragged.from_flat(
-        np.concatenate([recorded.lengths, made.lengths]), np.concatenate([recorded.values[:, :2], made.values])
-    )
+    both = Ragged.joined([Ragged(recorded.offsets, recorded.values[:, :2]), made])
     source = np.arange(len(rows))
     source[is_buffered] = len(rows) + np.arange(len(made))
     return both.take(source)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 from scenarionet_data import ScenarioDescription
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.interchange.base import FormatWriter, Losses
+from scenarionet_data.interchange.base import CameraFiles, FormatWriter, Losses
 from scenarionet_sim.render.space import Film, recorded_moments
 from scenarionet_sim.worlds.world import World
 
@@ -20,11 +20,7 @@ class PictureWriter(FormatWriter, Protocol):
     """A writer of a format that holds pictures."""
 
     def write(
-        self,
-        scenario: ScenarioDescription,
-        stem: str,
-        losses: Losses,
-        pictures: Mapping[str, Sequence[bytes]] | None = None,
+        self, scenario: ScenarioDescription, stem: str, losses: Losses, pictures: CameraFiles | None = None
     ) -> Mapping[str, bytes]:
         """As in ``FormatWriter``, with JPEG files by name of the camera, one for each timestep."""
         ...

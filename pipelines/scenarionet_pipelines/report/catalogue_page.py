@@ -16,7 +16,7 @@ from scenarionet_data.plots import new_figure, thumbnail
 from scenarionet_data.plots.style import as_png, styled
 from scenarionet_pipelines.report.contents import PICTURE_SIZE
 from scenarionet_pipelines.report.markup import Markup, joined, picture, tag
-from scenarionet_pipelines.report.page import page_head
+from scenarionet_pipelines.report.page import page
 from scenarionet_pipelines.report.tables import number, table
 
 _TITLES = {
@@ -67,13 +67,12 @@ def render(lake: Lake, catalogue: Catalogue, figures: dict[str, Figure]) -> str:
     )
     texts = [tag("details", tag("summary", name), tag("pre", text)) for name, text in definition_texts().items()]
     sections.append(tag("section", tag("h2", "Definitions"), *texts))
-    body = tag(
-        "body",
+    return page(
+        title,
         tag("header", tag("h1", title), tag("p", f"Snapshot {lake.snapshot.number}.", class_="lead")),
         tag("main", *sections),
         tag("footer", f"Made by {version.name_and_version()}, `scenarionet db catalogue`. This page needs no network."),
     )
-    return f"<!doctype html>\n{tag('html', page_head(title), body, lang='en')}\n"
 
 
 def result(name: str, figure: Figure) -> Markup:

@@ -57,21 +57,20 @@ def render(contents: ReportContents) -> str:
     lead = f"Snapshot {contents.snapshot}, committed {contents.created_at[:16].replace('T', ' ')} UTC."
     databases = [section.name for section in contents.sections if section.origin]
     lead += f" Databases: {', '.join(databases)}." if databases else ""
-    body = tag(
-        "body",
+    return page(
+        title,
         tag("header", tag("h1", contents.name), tag("p", lead, class_="lead")),
         tag("nav", *links, aria_label="Sections"),
         tag("main", *shown.values()),
         tag("footer", f"Made by {version.name_and_version()}, `scenarionet report`. This page needs no network."),
     )
-    return f"<!doctype html>\n{tag('html', page_head(title), body, lang='en')}\n"
 
 
-def page_head(title: str) -> Markup:
-    """Head of a page with the style of reports."""
+def page(title: str, *parts: Markup) -> str:
+    """Return a page with the style of reports as HTML, with the parts of its body."""
     base = Path(scenarionet_pipelines.web.__file__).with_name("static") / "base.css"
     style = base.read_text("utf-8") + Path(__file__).with_name("report.css").read_text("utf-8")
-    return tag(
+    head = tag(
         "head",
         tag("meta", charset="utf-8"),
         tag("meta", http_equiv="Content-Security-Policy", content=_POLICY),
@@ -80,6 +79,7 @@ def page_head(title: str) -> Markup:
         tag("title", title),
         tag("style", Markup(style)),
     )
+    return f"<!doctype html>\n{tag('html', head, tag('body', *parts), lang='en')}\n"
 
 
 def _section(name: str, title: str, *children: str | None) -> Markup:

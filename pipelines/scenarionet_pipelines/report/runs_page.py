@@ -10,7 +10,7 @@ from scenarionet_data.plots.style import as_png
 from scenarionet_data.storage.files.places import local_path
 from scenarionet_pipelines.report.changes import change_text, mean_text
 from scenarionet_pipelines.report.markup import Markup, joined, picture, tag
-from scenarionet_pipelines.report.page import page_head
+from scenarionet_pipelines.report.page import page
 from scenarionet_pipelines.report.tables import table
 from scenarionet_sim.evaluation.comparison import RunComparison
 from scenarionet_sim.render.rollouts import rollout_moments
@@ -45,12 +45,11 @@ def render(comparison: RunComparison, lake: Lake) -> str:
         row = [tag("th", metric.metric, scope="row"), *(tag("td", text) for text in cells)]
         rows.setdefault("All scenarios" if metric.group == "all" else metric.group, []).append(row)
     tables = (tag("section", tag("h2", group), table(heads, each, group)) for group, each in rows.items())
-    body = tag(
-        "body",
+    return page(
+        title,
         tag("header", tag("h1", title), judged, notes),
         tag("main", *tables, _worst(comparison, lake)),
     )
-    return f"<!doctype html>\n{tag('html', page_head(title), body, lang='en')}\n"
 
 
 def _worst(comparison: RunComparison, lake: Lake) -> Markup | None:

@@ -12,6 +12,7 @@ from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building.plausible import find_bad_geometry
 from scenarionet_data.building.polylines import directions
+from scenarionet_data.converters.formats.xml_files import to_number
 from scenarionet_data.ingest.defects import Defects
 
 _BOOLEANS = {"True": True, "False": False}
@@ -58,7 +59,7 @@ def read_lanes(root: ElementTree.Element, file: str, defects: Defects) -> tuple[
         defects: Collects the lanes that are dropped.
     """
     rows = {node.get("id"): row for row, node in enumerate(root.iter("node"))}
-    points = np.array([[_number(node.get(axis)) for axis in "xy"] for node in root.iter("node")]).reshape(-1, 2)
+    points = np.array([[to_number(node.get(axis)) for axis in "xy"] for node in root.iter("node")]).reshape(-1, 2)
     middle = np.nanmedian(points, axis=0) if np.isfinite(points).any() else np.zeros(2)
     lanes: dict[str, Argoverse1Lane] = {}
     centers = []
@@ -85,14 +86,6 @@ def read_lanes(root: ElementTree.Element, file: str, defects: Defects) -> tuple[
             lanes[lane.id] = lane
     lengths = [len(center) for center in centers]
     return list(lanes.values()), Ragged.from_flat(lengths, np.concatenate([np.zeros((0, 2)), *centers]))
-
-
-def _number(text: str | None) -> float:
-    """Parse a coordinate; NaN if it is missing or no number."""
-    try:
-        return float(text or "")
-    except ValueError:
-        return float("nan")
 
 
 def _lane(way: ElementTree.Element) -> Argoverse1Lane:

@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, Object
+from scenarionet_data.converters.formats.xml_files import to_number
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
 
@@ -142,11 +143,4 @@ def _read_line_by_line(data: bytes, path: Path, file: str, defects: Defects) -> 
 
 def _floats(cells: Array) -> Float64:
     """(R,) numbers; NaN for other text."""
-
-    def number(cell: str) -> float:
-        try:
-            return float(cell)
-        except ValueError:
-            return np.nan
-
-    return np.array([number(cell) for cell in cells], np.float64)
+    return np.array([to_number(cell) for cell in cells], np.float64)

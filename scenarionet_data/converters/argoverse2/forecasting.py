@@ -160,12 +160,9 @@ class _Table:
         position = np.pad(motion[:, :2], ((0, 0), (0, 1)))
         for bad in find_bad_rows(position, motion[:, 2], motion[:, 3:5], None, middle):
             drop(bad.mask, _FIELDS[bad.field], bad.reason)
-        (rows,) = np.nonzero(kept)
-        repeated = find_repeated_rows(tracks.indices.to_numpy()[rows], timestep[rows])
+        repeated = find_repeated_rows(tracks.indices.to_numpy(), timestep, kept)
         if repeated:
-            twice = np.zeros(len(kept), np.bool_)
-            twice[rows[repeated.mask]] = True
-            drop(twice, "timestep", repeated.reason)
+            drop(repeated.mask, "timestep", repeated.reason)
         if not (is_ego & kept).any():
             raise CorruptSource(f"{path}: expected usable rows of the track {EGO!r}, found none; download it again")
         return np.flatnonzero(kept)

@@ -202,4 +202,4 @@ def _lines(lists: Iterable[Points]) -> Ragged:
     values = np.array([*map(_XYZ, chain.from_iterable(lists))], np.float64).reshape(-1, 3)
     if not (np.abs(values) <= MAX_MAP_DISTANCE).all():
         raise ValueError("a coordinate that is not finite or not in a city")
-    return Ragged(np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32), values)
+    return Ragged.from_flat(lengths, values)

@@ -222,12 +222,9 @@ class _Boxes:
         drop(~is_turn, "qw", "expected a quaternion of length 1, found another")
         for bad in find_bad_rows(place, np.zeros(len(place)), None, size, np.zeros(2)):
             drop(bad.mask, _FIELDS[bad.field], bad.reason)
-        (rows,) = np.nonzero(kept)
-        repeated = find_repeated_rows(tracks.indices.to_numpy()[rows], sweeps[rows])
+        repeated = find_repeated_rows(tracks.indices.to_numpy(), sweeps, kept)
         if repeated:
-            twice = np.zeros(len(kept), np.bool_)
-            twice[rows[repeated.mask]] = True
-            drop(twice, "track_uuid", repeated.reason)
+            drop(repeated.mask, "track_uuid", repeated.reason)
         (rows,) = np.nonzero(kept)
         known = np.isin(categories.to_numpy(zero_copy_only=False), list(SENSOR_CATEGORIES)) & has_category
         unknown = rows[~known[rows]]

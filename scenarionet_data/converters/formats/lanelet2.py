@@ -20,7 +20,7 @@ from scenarionet_data.building import MapBuilder, flat_points
 from scenarionet_data.building.plausible import find_bad_geometry
 from scenarionet_data.building.polylines import between, midlines
 from scenarionet_data.building.projection import to_utm, utm_zone
-from scenarionet_data.converters.formats.xml_files import read_xml
+from scenarionet_data.converters.formats.xml_files import read_xml, to_number
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
@@ -156,11 +156,11 @@ class _MapFile:
         """Position (3,) [m] of each node."""
         nodes = [(node.get("id", ""), node, _tags(node)) for node in root.iter("node")]
         is_local = anchor is None and any("local_x" in tags for _, _, tags in nodes)
-        degrees = np.array([(_number(node.get("lat")), _number(node.get("lon"))) for _, node, _ in nodes])
+        degrees = np.array([(to_number(node.get("lat")), to_number(node.get("lon"))) for _, node, _ in nodes])
         degrees = degrees.reshape(-1, 2)
-        heights = np.array([_number(tags.get("ele", "0")) for _, _, tags in nodes])
+        heights = np.array([to_number(tags.get("ele", "0")) for _, _, tags in nodes])
         if is_local:
-            plane = np.array([(_number(tags.get("local_x")), _number(tags.get("local_y"))) for _, _, tags in nodes])
+            plane = np.array([(to_number(tags.get("local_x")), to_number(tags.get("local_y"))) for _, _, tags in nodes])
         else:
             is_on_earth = (np.abs(degrees) <= (90.0, 180.0)).all(axis=1)
             degrees[~is_on_earth] = np.nan
@@ -279,13 +279,6 @@ def _members(relation: Element) -> defaultdict[str, list[str]]:
     for member in relation.iter("member"):
         members[member.get("role", "")].append(member.get("ref", ""))
     return members
-
-
-def _number(text: str | None) -> float:
-    try:
-        return float(text or "nan")
-    except ValueError:
-        return np.nan
 
 
 def _side(line: Float64, point: Float64) -> float:

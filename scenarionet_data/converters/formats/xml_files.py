@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -30,6 +31,14 @@ def read_xml(path: Path, root: str) -> ElementTree.Element:
     if element.tag != root:
         raise CorruptSource(f"{path}: expected XML with the root <{root}>, found <{element.tag[:64]}>")
     return element
+
+
+def to_number(text: object) -> float:
+    """Return the number that a text is; NaN for anything else."""
+    try:
+        return float(text or "nan") if isinstance(text, str | bytes) else nan
+    except ValueError:
+        return nan
 
 
 def _refuse_doctype(name: str, *_: object) -> None:

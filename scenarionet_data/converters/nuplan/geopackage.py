@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 
 from scenarionet_data.arrays.dtypes import Float64, Int64, Object
-from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
+from scenarionet_data.building.plausible import MAX_MAP_DISTANCE, find_middle
 from scenarionet_data.converters.nuplan.log import as_text, finding, uri
 from scenarionet_data.errors import CorruptSource, needing
 from scenarionet_data.ingest.defects import Defects
@@ -109,8 +109,7 @@ class GeoPackage:
         points = self._projected(shapes[is_good], system)
         holes = shapely.get_num_interior_rings(shapes[is_good])
         middles = np.array([each.mean(axis=0) for each in points]).reshape(-1, 2)
-        finite = middles[np.isfinite(middles).all(axis=1)]
-        centre = np.median(finite, axis=0) if len(finite) else np.zeros(2)
+        centre = find_middle(middles)
         is_on = [bool((np.abs(each - centre) <= MAX_MAP_DISTANCE).all()) for each in points]
         lost = [fid for fid, on in zip([row[0] for row in rows], is_on, strict=True) if not on]
         self.drop(name, lost, "expected coordinates on the map, found others")

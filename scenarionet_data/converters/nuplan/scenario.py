@@ -238,9 +238,8 @@ def _usable_boxes(cut: Cut, report: _Report, centre: Float64) -> tuple[Array, In
     for fault in find_bad_rows(boxes["position"], state[:, 0], None, state[:, 1:4], centre):
         drop(fault.mask, f"lidar_box.{_COLUMNS[fault.field]}", fault.reason)
     if len(np.unique(boxes["track"][good].astype(np.int64) * len(cut.window.sweeps) + step[good])) < good.sum():
-        repeated = find_repeated_rows(boxes["track"][good], step[good])
-        mask = np.zeros(len(good), np.bool_)
-        mask[np.flatnonzero(good)[repeated.mask if repeated else []]] = True
+        repeated = find_repeated_rows(boxes["track"], step, good)
+        mask = repeated.mask if repeated else ~good
         drop(mask, "lidar_box.track_token", "expected one box for a track and sweep, found another")
     if not good.all():
         boxes, step, state = boxes[good], step[good], state[good]

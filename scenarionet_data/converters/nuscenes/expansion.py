@@ -18,7 +18,7 @@ import numpy as np
 from shapely.errors import ShapelyError
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.building.plausible import MAX_MAP_DISTANCE
+from scenarionet_data.building.plausible import MAX_MAP_DISTANCE, find_middle
 from scenarionet_data.converters.nuscenes.dubins import are_paths
 from scenarionet_data.ingest.defects import Defects
 
@@ -201,9 +201,7 @@ def _nodes(entries: list[Any]) -> Mapping[str, tuple[float, float]]:
     places = np.array(list(found.values())).reshape(-1, 2)
     if places.dtype == object:  # integers beyond 64 bits
         places = np.where(np.abs(places) < _LARGEST, places, np.inf).astype(np.float64)
-    is_finite = np.isfinite(places).all(axis=1)
-    centre = np.median(places[is_finite], axis=0) if is_finite.any() else np.zeros(2)
-    is_near = np.abs(places - centre).max(axis=1, initial=0.0) <= MAX_MAP_DISTANCE
+    is_near = np.abs(places - find_middle(places)).max(axis=1, initial=0.0) <= MAX_MAP_DISTANCE
     return {
         token: (float(x), float(y))
         for (token, (x, y)), near in zip(found.items(), is_near.tolist(), strict=True)

@@ -242,11 +242,9 @@ class _SceneReader:
         box = rows["box"]
         for bad in find_bad_rows(box[:, :3], box[:, 3], None, box[:, 4:], centre):
             drop(bad.mask, _FIELDS[bad.field], bad.reason)
-        repeated = find_repeated_rows(rows["instance"][good], place[good])
+        repeated = find_repeated_rows(rows["instance"], place, good)
         if repeated is not None:
-            mask = np.zeros(len(good), np.bool_)
-            mask[np.flatnonzero(good)[repeated.mask]] = True
-            drop(mask, "sample_token", "expected one row for an object and keyframe, found another")
+            drop(repeated.mask, "sample_token", "expected one row for an object and keyframe, found another")
         which, row = np.unique(rows["instance"][good], return_inverse=True)
         boxes, source = np.zeros((len(which), len(times), 7)), np.full((len(which), len(times)), -1)
         boxes[row, place[good]], source[row, place[good]] = box[good], np.flatnonzero(good)

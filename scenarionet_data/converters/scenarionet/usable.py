@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import bridge_gaps
-from scenarionet_data.building.plausible import find_bad_rows
+from scenarionet_data.building.plausible import find_bad_rows, find_middle
 from scenarionet_data.converters.scenarionet.tracks import States
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.ingest.defects import Defects
@@ -83,9 +83,7 @@ def drop_bad_states(states: States, ids: list[str], ego: int, times: Float64, wh
     """
     rows, steps = np.nonzero(states.valid)
     was_valid = states.valid[ego].copy()
-    path = states.position[ego][states.valid[ego]][:, :2]
-    path = path[np.isfinite(path).all(axis=1)]
-    reference = np.median(path, axis=0) if len(path) else np.zeros(2)
+    reference = find_middle(states.position[ego][states.valid[ego]][:, :2])
     position, heading = states.position[rows, steps], states.heading[rows, steps]
     for bad in find_bad_rows(position, heading, states.velocity[rows, steps], states.size[rows, steps], reference):
         found = list(zip(rows[bad.mask].tolist(), steps[bad.mask].tolist(), strict=True))

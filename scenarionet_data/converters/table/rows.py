@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, Object
 from scenarionet_data.building.motion import estimate_motion
 from scenarionet_data.building.plausible import find_bad_rows, find_repeated_rows
+from scenarionet_data.converters.formats.xml_files import to_number
 from scenarionet_data.converters.table.columns import COMPASS, DEGREES, NEEDED, TEXTS, TableColumns
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
@@ -263,14 +264,7 @@ def _floats(column: pa.ChunkedArray) -> Float64:
     if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind) or pa.types.is_null(kind):
         numbers: Float64 = pc.cast(column, pa.float64(), safe=False).to_numpy()
         return numbers
-    return np.array([_number(text) for text in column.to_pylist()], np.float64)
-
-
-def _number(text: object) -> float:
-    try:
-        return float(text or "nan") if isinstance(text, str | bytes) else np.nan
-    except ValueError:
-        return np.nan
+    return np.array([to_number(text) for text in column.to_pylist()], np.float64)
 
 
 def _types(words: pa.DictionaryArray, columns: TableColumns) -> tuple[Int64, Int64]:

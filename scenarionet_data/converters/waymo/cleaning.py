@@ -15,6 +15,7 @@ from scenarionet_data.building.plausible import (
     MAX_SPEED,
     find_bad_geometry,
     find_bad_rows,
+    find_middle,
 )
 from scenarionet_data.converters.waymo.wire import WaymoWireMap, WireLights, WireScenario, WireTracks
 from scenarionet_data.errors import InvalidScenario
@@ -96,9 +97,7 @@ def _bad_states(tracks: WireTracks, valid: Bool, ego: int, file: str, defects: D
     if _is_all_plausible(tracks, valid):  # nearly always, and three times as fast
         return is_bad
     rows, steps = np.nonzero(valid)
-    own = tracks.center[ego, valid[ego], :2]
-    own = own[np.isfinite(own).all(axis=1)]
-    reference = np.median(own, axis=0) if len(own) else np.zeros(2)
+    reference = find_middle(tracks.center[ego, valid[ego], :2])
     center, heading = tracks.center[rows, steps], tracks.heading[rows, steps]
     for mask, field, reason in find_bad_rows(
         center, heading, tracks.velocity[rows, steps], tracks.size[rows, steps], reference
@@ -185,7 +184,7 @@ def find_bad_features(features: WaymoWireMap, file: str, defects: Defects) -> Bo
         if not is_bad[row]:
             first = int(features.num_points[:row].sum())
             points = features.points[first : first + features.num_points[row]]
-            reason = find_bad_geometry(points, _middle(features.points))
+            reason = find_bad_geometry(points, find_middle(features.points))
             defects.drop("maps", file, [f"feature {features.ids[row]}"], "points", str(reason))
             is_bad[row] = True
     is_odd = ~((features.speed_limit >= 0) & (features.speed_limit <= _MAX_SPEED_LIMIT))
@@ -203,12 +202,7 @@ def _rows_with_bad_points(features: WaymoWireMap) -> list[int]:
     with np.errstate(invalid="ignore", over="ignore"):
         if points.max() - points.min() <= MAX_MAP_DISTANCE:  # nearly always; False for NaN
             return []
-        is_near = (np.abs(points[:, :2] - _middle(points)) <= MAX_MAP_DISTANCE).all(axis=1)
+        is_near = (np.abs(points[:, :2] - find_middle(points)) <= MAX_MAP_DISTANCE).all(axis=1)
     owner = np.repeat(np.arange(len(features.ids)), features.num_points)
     found: list[int] = np.unique(owner[~(is_near & np.isfinite(points).all(axis=1))]).tolist()
     return found
-
-
-def _middle(points: Float64) -> Float64:
-    finite = points[np.isfinite(points).all(axis=1), :2]
-    return np.median(finite, axis=0) if len(finite) else np.zeros(2)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, Int64
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int64
 from scenarionet_data.arrays.ragged import Ragged
 from scenarionet_data.building import METRES, offsets_from, rounded
 from scenarionet_data.converters.waymo.extras import write_extras
@@ -72,7 +72,7 @@ def map_features(features: WaymoWireMap, is_bad: Bool, origin: Float64) -> MapFe
     limit = np.where(features.speed_limit > 0, features.speed_limit * MPH, np.nan)
 
     def ids(links: Int64, column: int) -> Ragged:
-        return Ragged(_offsets(np.bincount(links[:, 0], minlength=count)), strings(links[:, column].tolist()))
+        return Ragged.from_flat(np.bincount(links[:, 0], minlength=count), strings(links[:, column].tolist()))
 
     codes = np.zeros(len(features.kinds), np.uint8)
     for kind, table in _TYPES.items():
@@ -100,8 +100,4 @@ def map_features(features: WaymoWireMap, is_bad: Bool, origin: Float64) -> MapFe
 
 def _geometry(points: Float32, num_points: Int64, mask: Bool) -> Ragged:
     """Points of the features where ``mask`` (M,) is True; empty lists for the others."""
-    return Ragged(_offsets(np.where(mask, num_points, 0)), points.compress(np.repeat(mask, num_points), axis=0))
-
-
-def _offsets(lengths: Int64) -> Int32:
-    return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+    return Ragged.from_flat(np.where(mask, num_points, 0), points.compress(np.repeat(mask, num_points), axis=0))

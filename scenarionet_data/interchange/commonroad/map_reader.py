@@ -11,6 +11,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.building.plausible import find_bad_geometry
+from scenarionet_data.converters.formats.xml_files import to_number
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.interchange.commonroad.layout import CROSSWALK, LANE_OF_WORD, MARK_OF_WORD, SPEED, STOP
 from scenarionet_data.scenario.vocabulary import MapFeatureType
@@ -55,7 +56,7 @@ def read_map(root: Element, shift: Float64, file: str, defects: Defects) -> MapB
             stopped[sign].append(name)
         words = _words(element)
         half = 0.5 * np.hypot(*(left - right)[:, :2].T)
-        own_limit = number(element.findtext("speedLimit"))  # of 2018b
+        own_limit = to_number(element.findtext("speedLimit"))  # of 2018b
         builder.add(
             name,
             kind,
@@ -117,7 +118,7 @@ def _signs(root: Element, shift: Float64) -> tuple[dict[str, float], dict[str, F
         name = sign.get("id", "")
         for element in sign.findall("trafficSignElement"):
             kind, place = (element.findtext("trafficSignID") or "").strip(), points_of(sign.find("position"), shift)
-            value = number(element.findtext("additionalValue"))
+            value = to_number(element.findtext("additionalValue"))
             if kind.startswith(SPEED) and 0.0 < value < 150.0:
                 limits[name] = value
             elif kind in _SIGNS_TO_STOP and len(place) == 1 and np.isfinite(place).all():
@@ -136,13 +137,5 @@ def _references(elements: Iterable[Element]) -> list[str]:
 def points_of(element: Element | None, shift: Float64 | float = 0.0) -> Float64:
     """Return the points (P, 3) below an element [m], NaN for what is no number."""
     points = [] if element is None else element.findall("point")
-    values = [[number(point.findtext(axis)) for axis in "xy"] + [0.0] for point in points]
+    values = [[to_number(point.findtext(axis)) for axis in "xy"] + [0.0] for point in points]
     return np.array(values).reshape(-1, 3) + shift
-
-
-def number(text: str | None) -> float:
-    """Return the number that a text is; NaN for anything else."""
-    try:
-        return float(text or "nan")
-    except ValueError:
-        return np.nan

@@ -15,13 +15,13 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64, Int64, UInt8
-from scenarionet_data.converters.formats.xml_files import read_xml
+from scenarionet_data.converters.formats.xml_files import read_xml, to_number
 from scenarionet_data.errors import BadParameter, CorruptSource
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.options import Options, option
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.interchange.commonroad.layout import OBJECT_OF_WORD, SOLUTION, STATE_OF_COLOR, WAITING
-from scenarionet_data.interchange.commonroad.map_reader import number, points_of, read_map
+from scenarionet_data.interchange.commonroad.map_reader import points_of, read_map
 from scenarionet_data.interchange.scene_files import FileScene, SceneFiles, SceneLight, SceneObject
 from scenarionet_data.scenario.vocabulary import LightState, ObjectType
 
@@ -71,7 +71,7 @@ class CommonRoad(SceneFiles):
     def scene(self, path: Path, shard: Shard, defects: Defects) -> FileScene:
         """Read a file."""
         root, file = read_xml(path, "commonRoad"), path.relative_to(shard.root).as_posix()
-        version, dt = root.get("commonRoadVersion", ""), number(root.get("timeStepSize"))
+        version, dt = root.get("commonRoadVersion", ""), to_number(root.get("timeStepSize"))
         if version not in _VERSIONS:
             raise CorruptSource(f"{path}: expected CommonRoad {' or '.join(_VERSIONS)}, found {version[:64] or 'none'}")
         if not 1e-3 <= dt <= 60.0:
@@ -140,7 +140,7 @@ class _ObstacleReader:
     def __init__(self, root: Element, file: str, defects: Defects) -> None:
         self.root, self.file, self.defects = root, file, defects
         moved = root.find("location/geoTransformation/additionalTransformation")
-        shift = [0.0, 0.0] if moved is None else [number(moved.findtext(f"{axis}Translation")) for axis in "xy"]
+        shift = [0.0, 0.0] if moved is None else [to_number(moved.findtext(f"{axis}Translation")) for axis in "xy"]
         self.shift = np.nan_to_num(np.array([*shift, 0.0]), posinf=0.0, neginf=0.0)
 
     def obstacles(self) -> list[_Track]:
@@ -192,7 +192,7 @@ class _ObstacleReader:
     def count_steps(self, tracks: list[_Track]) -> int:
         """Timesteps up to the last state; of a problem alone, up to its end."""
         last = max((int(track.steps[-1]) for track in tracks), default=0)
-        end = number(self.root.findtext("planningProblem/goalState/time/intervalEnd"))
+        end = to_number(self.root.findtext("planningProblem/goalState/time/intervalEnd"))
         return 1 + (int(end) if last == 0 and 0 <= end <= _LONGEST else last)
 
     def lights(self, num_steps: int) -> list[SceneLight]:
@@ -239,13 +239,13 @@ def _state(element: Element) -> tuple[float, ...]:
         speed = speed if np.isnan(slip) else speed * np.cos(slip)
     heading, place, area = _value(element.find("orientation")), element.find("position"), element.find("shape")
     if area is not None:
-        place, heading = area, number(area.findtext("rectangle/orientation", "0"))
+        place, heading = area, to_number(area.findtext("rectangle/orientation", "0"))
     return _value(element.find("time")), *_place(place), heading, speed, lateral
 
 
 def _solved(element: Element) -> tuple[float, ...]:
     """The same of a state of a solution, by any of its models of a vehicle."""
-    values = {each.tag: number(each.text) for each in element}
+    values = {each.tag: to_number(each.text) for each in element}
     along_x, along_y, slip = (values.get(tag, np.nan) for tag in ("xVelocity", "yVelocity", "slipAngle"))
     heading, speed = values.get("orientation", np.nan), values.get("velocity", np.nan)
     if element.tag == "pmState":  # a point that moves
@@ -260,8 +260,8 @@ def _value(element: Element | None) -> float:
     if element is None:
         return np.nan
     if (exact := element.findtext("exact")) is not None:
-        return number(exact)
-    return 0.5 * (number(element.findtext("intervalStart")) + number(element.findtext("intervalEnd")))
+        return to_number(exact)
+    return 0.5 * (to_number(element.findtext("intervalStart")) + to_number(element.findtext("intervalEnd")))
 
 
 def _place(element: Element | None) -> tuple[float, float]:
@@ -272,7 +272,7 @@ def _place(element: Element | None) -> tuple[float, float]:
             return x, y
         point = shape if shape.tag == "point" else shape.find("center")
         if point is not None:
-            return number(point.findtext("x")), number(point.findtext("y"))
+            return to_number(point.findtext("x")), to_number(point.findtext("y"))
     return np.nan, np.nan
 
 
@@ -280,9 +280,9 @@ def _size(shape: Element | None) -> tuple[float, float, float]:
     """Length, width and height of the first shape of an obstacle [m]; zeros, which are refused, if it has none."""
     for each in () if shape is None else shape:
         if each.tag == "rectangle":
-            return number(each.findtext("length")), number(each.findtext("width")), _HEIGHT
+            return to_number(each.findtext("length")), to_number(each.findtext("width")), _HEIGHT
         if each.tag == "circle":
-            diameter = 2.0 * number(each.findtext("radius"))
+            diameter = 2.0 * to_number(each.findtext("radius"))
             return diameter, diameter, _HEIGHT
         if len(points := points_of(each)):
             length, width, _ = np.ptp(points, axis=0).tolist()
@@ -293,11 +293,11 @@ def _size(shape: Element | None) -> tuple[float, float, float]:
 def _cycle(light: Element, num_steps: int) -> UInt8 | None:
     """State of a light at each timestep; None if its cycle cannot be used."""
     parts = light.findall("cycle/cycleElement")
-    lengths = np.array([number(each.findtext("duration")) for each in parts])
+    lengths = np.array([to_number(each.findtext("duration")) for each in parts])
     colors = [
         STATE_OF_COLOR.get((each.findtext("color") or "").strip(), LightState.LANE_STATE_UNKNOWN) for each in parts
     ]
-    offset = number(light.findtext("cycle/timeOffset", "0"))
+    offset = to_number(light.findtext("cycle/timeOffset", "0"))
     if not len(parts) or not (lengths > 0).all() or not np.isfinite([*lengths, offset]).all():
         return None
     ends = np.cumsum(lengths)

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.gpudrive.layout import FEATURES, INVALID, MAX_OBJECTS, MAX_POINTS, MAX_ROADS, ROADS
-from scenarionet_data.interchange.scenes import TrainingScene, crosses_edges, make_scene, object_name
+from scenarionet_data.interchange.scenes import TrainingScene, make_scene, object_name
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -57,7 +57,6 @@ class GpuDriveWriter:
 
 def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int, size: list[float]) -> dict[str, Any]:
     row, valid = scene.rows[place], scene.valid[place]
-    extras = json.loads(scenario.tracks.extras[row] or "{}")
 
     def points(values: Float64) -> list[dict[str, float]]:
         names = "xyz"[: values.shape[1]]
@@ -67,9 +66,6 @@ def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int, siz
         ]
 
     length, width, height = size
-    is_expert = extras.get("mark_as_expert")
-    if is_expert is None:
-        is_expert = crosses_edges(scene.position[place], valid, scenario.map, scenario.origin)
     return {
         "position": points(scene.position[place]),
         "width": width,
@@ -81,7 +77,7 @@ def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int, siz
         "goalPosition": dict(zip("xyz", scene.goal[place].tolist(), strict=True)),
         "type": object_name(scenario.tracks.object_type[row]),
         "id": scene.ids[place],
-        "mark_as_expert": is_expert,
+        "mark_as_expert": scene.is_expert(scenario, place),
     }
 
 

@@ -36,7 +36,7 @@ from foxglove.messages import (
 )
 
 from scenarionet_data.arrays.dtypes import Float32
-from scenarionet_data.interchange.base import Losses
+from scenarionet_data.interchange.base import CameraFiles, Losses
 from scenarionet_data.interchange.viewing import LAYERS, LIGHT_HEIGHT, LIGHTS, ViewedScene, draw, quaternions
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightColor
@@ -60,18 +60,9 @@ class McapWriter:
     paths: bool = True
 
     def write(
-        self,
-        scenario: ScenarioDescription,
-        stem: str,
-        losses: Losses,
-        pictures: Mapping[str, Sequence[bytes]] | None = None,
+        self, scenario: ScenarioDescription, stem: str, losses: Losses, pictures: CameraFiles | None = None
     ) -> Mapping[str, bytes]:
-        """Return the files of a scenario; see :class:`~scenarionet_data.interchange.base.FormatWriter`.
-
-        Args:
-            scenario, stem, losses: As there.
-            pictures: JPEG files of a camera, one for each timestep, by name of the camera.
-        """
+        """Return the files of a scenario; see :class:`~scenarionet_data.interchange.base.FormatWriter`."""
         scene, output, context = draw(scenario, losses), io.BytesIO(), foxglove.Context()
         options = foxglove.mcap.MCAPWriteOptions(compression_threads=0)
         with foxglove.open_mcap(output, context=context, writer_options=options) as file:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -14,7 +13,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.gpudrive.layout import FEATURE_OF_TYPE, INVALID, ROADS
 from scenarionet_data.interchange.pufferdrive.layout import OBJECT_TYPES, ROAD_TYPES, Entity, PufferMap, encode
-from scenarionet_data.interchange.scenes import TrainingScene, crosses_edges, make_scene, object_name
+from scenarionet_data.interchange.scenes import TrainingScene, make_scene, object_name
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 
@@ -81,10 +80,6 @@ class PufferDriveWriter:
 
 def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int, size: list[float]) -> Entity:
     row, valid = scene.rows[place], scene.valid[place]
-    extras = json.loads(scenario.tracks.extras[row] or "{}")
-    is_expert = extras.get("mark_as_expert")
-    if is_expert is None:
-        is_expert = crosses_edges(scene.position[place], valid, scenario.map, scenario.origin)
 
     def stored(values: Float64) -> Float32:
         is_known = valid.reshape(-1, *[1] * (values.ndim - 1))
@@ -101,7 +96,7 @@ def _object(scenario: ScenarioDescription, scene: TrainingScene, place: int, siz
         valid=valid,
         size=(width, length, height),
         goal=tuple(scene.goal[place].tolist()),
-        is_expert=is_expert,
+        is_expert=scene.is_expert(scenario, place),
     )
 
 

@@ -7,7 +7,7 @@ differ in these (``rerun rrd compare`` finds them equal).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -16,7 +16,7 @@ import rerun
 from rerun.chunk import Chunk
 
 from scenarionet_data.arrays.dtypes import Float32, Int64, UInt8
-from scenarionet_data.interchange.base import Losses
+from scenarionet_data.interchange.base import CameraFiles, Losses
 from scenarionet_data.interchange.viewing import LAYERS, LIGHT_HEIGHT, LIGHTS, ViewedScene, draw, quaternions
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import LightColor
@@ -37,18 +37,9 @@ class RerunWriter:
     paths: bool = True
 
     def write(
-        self,
-        scenario: ScenarioDescription,
-        stem: str,
-        losses: Losses,
-        pictures: Mapping[str, Sequence[bytes]] | None = None,
+        self, scenario: ScenarioDescription, stem: str, losses: Losses, pictures: CameraFiles | None = None
     ) -> Mapping[str, bytes]:
-        """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.FormatWriter`.
-
-        Args:
-            scenario, stem, losses: As there.
-            pictures: JPEG files of a camera, one for each timestep, by name of the camera.
-        """
+        """Return the file of a scenario; see :class:`~scenarionet_data.interchange.base.FormatWriter`."""
         scene = draw(scenario, losses)
         time = _times(scene.nanoseconds)
         chunks = [*_map(scene), *([_paths(scene)] if self.paths else ()), *_motion(scene, time)]

@@ -8,7 +8,7 @@ takes 0 for unknown. ``base_link`` is under the centre of the ego's box.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,7 +17,7 @@ import numpy as np
 from rosbags import rosbag1, rosbag2
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.interchange.base import Losses
+from scenarionet_data.interchange.base import CameraFiles, Losses
 from scenarionet_data.interchange.ros.messages import RosMessages, messages
 from scenarionet_data.interchange.viewing import LAYERS, draw
 from scenarionet_data.scenario.description import ScenarioDescription
@@ -25,9 +25,6 @@ from scenarionet_data.scenario.vocabulary import LightColor, ObjectType
 
 _START = 1_000_000_000
 _STORAGES = {"mcap": rosbag2.StoragePlugin.MCAP, "sqlite3": rosbag2.StoragePlugin.SQLITE3}
-
-CameraFiles = Mapping[str, Sequence[bytes]]
-"""JPEG files of a camera, one for each timestep, by name of the camera."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Float64, UInt8
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.building.plausible import find_bad_geometry
+from scenarionet_data.converters.formats.xml_files import to_number
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.scenario.vocabulary import LightState, MapFeatureType
 
@@ -69,7 +70,7 @@ def read_net(root: Element, shift: Float64, file: str, defects: Defects) -> tupl
     defects.drop("maps", file, missing, "connection", reason)
     builder = MapBuilder()
     for name, (lane, line, is_inside, is_for_bikes) in lanes.items():
-        width, speed = number(lane.get("width")), number(lane.get("speed"))
+        width, speed = to_number(lane.get("width")), to_number(lane.get("speed"))
         half = 0.5 * (width if 0.1 < width < 50.0 else _WIDTH)
         builder.add(
             name,
@@ -97,13 +98,13 @@ def read_lights(root: Element, times: Float64) -> dict[str, UInt8]:
             programs.setdefault(program.get("id", ""), program)
     found: dict[str, UInt8] = {}
     for link in root.findall("connection"):
-        lane, index = f"{link.get('from')}_{link.get('fromLane')}", number(link.get("linkIndex"))
+        lane, index = f"{link.get('from')}_{link.get('fromLane')}", to_number(link.get("linkIndex"))
         chosen = programs.get(link.get("tl", ""))
         if chosen is None or lane in found or not 0 <= index < 10_000:
             continue
         phases = chosen.findall("phase")
-        ends = np.cumsum([number(phase.get("duration")) for phase in phases])
-        offset = number(chosen.get("offset", "0"))
+        ends = np.cumsum([to_number(phase.get("duration")) for phase in phases])
+        offset = to_number(chosen.get("offset", "0"))
         words = [phase.get("state", "") for phase in phases]
         if not len(ends) or not np.isfinite([*ends, offset]).all() or (np.diff(ends, prepend=0.0) <= 0).any():
             continue
@@ -113,15 +114,7 @@ def read_lights(root: Element, times: Float64) -> dict[str, UInt8]:
     return found
 
 
-def number(text: str | None) -> float:
-    """Return the number that a text is; NaN for anything else."""
-    try:
-        return float(text or "nan")
-    except ValueError:
-        return np.nan
-
-
 def _points(text: str) -> Float64:
     """Points (P, 3) of ``x,y x,y,z ...`` [m], NaN for what is no number."""
-    points = [[number(value) for value in point.split(",")[:3]] for point in text.split()]
+    points = [[to_number(value) for value in point.split(",")[:3]] for point in text.split()]
     return np.array([point + [np.nan] * (2 - len(point)) + [0.0] * (len(point) < 3) for point in points]).reshape(-1, 3)

@@ -15,12 +15,12 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_data.converters.formats.xml_files import read_xml
+from scenarionet_data.converters.formats.xml_files import read_xml, to_number
 from scenarionet_data.errors import CorruptSource
 from scenarionet_data.ingest.defects import Defects
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.interchange.scene_files import FileScene, SceneFiles, SceneLight, SceneObject
-from scenarionet_data.interchange.sumo.net_reader import number, read_lights, read_net
+from scenarionet_data.interchange.sumo.net_reader import read_lights, read_net
 from scenarionet_data.scenario.vocabulary import ObjectType
 
 _ENDING = ".fcd.xml"
@@ -58,7 +58,7 @@ class Sumo(SceneFiles):
     def scene(self, path: Path, shard: Shard, defects: Defects) -> FileScene:  # noqa: ARG002
         """Read a file."""
         root = read_xml(path, "fcd-export")
-        times = np.array([number(step.get("time")) for step in root.findall("timestep")])
+        times = np.array([to_number(step.get("time")) for step in root.findall("timestep")])
         steps = np.diff(times)
         dt = round(float(np.median(steps)), 6) if len(steps) else 1.0
         if not 0 < len(times) <= _LONGEST or not np.isfinite(times).all() or not 1e-3 <= dt <= 60.0:
@@ -70,7 +70,7 @@ class Sumo(SceneFiles):
             raise CorruptSource(f"{path}: expected its net beside it ({path.name.removesuffix(_ENDING)}.net.xml)")
         net = read_xml(net_path, "net")
         location = net.find("location")
-        moved = [number(each) for each in (location.get("netOffset", "") if location is not None else "").split(",")]
+        moved = [to_number(each) for each in (location.get("netOffset", "") if location is not None else "").split(",")]
         shift = np.array([-moved[0], -moved[1], 0.0]) if len(moved) == 2 and np.isfinite(moved).all() else np.zeros(3)
         types = {
             kind.get("id", ""): kind
@@ -116,11 +116,11 @@ def _object(
     kind = types.get(first.get("type", ""))
     word = "pedestrian" if first.tag == "person" else "passenger" if kind is None else kind.get("vClass", "passenger")
     default = _SIZES.get(word, _CAR)
-    told = [np.nan if kind is None else number(kind.get(side)) for side in ("length", "width", "height")]
+    told = [np.nan if kind is None else to_number(kind.get(side)) for side in ("length", "width", "height")]
     length, width, height = np.where(np.isnan(told), default, told).tolist()
     steps = list(states)
-    rows = np.array([[number(each.get(key, "0" if key == "z" else None)) for key in ("x", "y", "z", "angle", "speed")]
-                     for each in states.values()])  # fmt: skip
+    keys = {"x": None, "y": None, "z": "0", "angle": None, "speed": None}
+    rows = np.array([[to_number(each.get(key, unset)) for key, unset in keys.items()] for each in states.values()])
     heading = np.radians(90.0 - rows[:, 3])
     ahead = np.column_stack([np.cos(heading), np.sin(heading)])
     position, velocity = np.zeros((num_steps, 3)), np.zeros((num_steps, 2))

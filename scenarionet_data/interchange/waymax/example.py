@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scenarionet_data.converters.formats.protobuf import bytes_field
 from scenarionet_data.converters.formats.tfrecord import masked_crc
 
 _BYTES, _FLOATS, _INTEGERS = 1, 2, 3  # fields of a Feature
-_DELIMITED = 2  # wire type
 
 
 def encode_record(features: Mapping[str, NDArray[Any] | bytes]) -> bytes:
@@ -25,8 +25,8 @@ def encode_record(features: Mapping[str, NDArray[Any] | bytes]) -> bytes:
     Args:
         features: Arrays by name, flattened: floats become 32 bits, integers and flags 64; or one text.
     """
-    entries = (_field(1, _field(1, name.encode()) + _field(2, _feature(features[name]))) for name in sorted(features))
-    payload = _field(1, b"".join(entries))
+    entries = (bytes_field(1, name.encode()) + bytes_field(2, _feature(features[name])) for name in sorted(features))
+    payload = bytes_field(1, b"".join(bytes_field(1, entry) for entry in entries))
     length = struct.pack("<Q", len(payload))
     return b"".join((length, struct.pack("<I", masked_crc(length)), payload, struct.pack("<I", masked_crc(payload))))
 
@@ -52,17 +52,7 @@ def packed_varints(values: NDArray[Any]) -> bytes:
 
 def _feature(values: NDArray[Any] | bytes) -> bytes:
     if isinstance(values, bytes):
-        return _field(_BYTES, _field(1, values))
+        return bytes_field(_BYTES, bytes_field(1, values))
     if values.dtype.kind == "f":
-        return _field(_FLOATS, _field(1, values.astype("<f4").tobytes()))
-    return _field(_INTEGERS, _field(1, packed_varints(values)))
-
-
-def _field(number: int, content: bytes) -> bytes:
-    """Return a field of bytes with its length before it."""
-    head, length = bytearray([number << 3 | _DELIMITED]), len(content)
-    while length > 0x7F:
-        head.append(length & 0x7F | 0x80)
-        length >>= 7
-    head.append(length)
-    return bytes(head) + content
+        return bytes_field(_FLOATS, bytes_field(1, values.astype("<f4").tobytes()))
+    return bytes_field(_INTEGERS, bytes_field(1, packed_varints(values)))

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Int64
+from scenarionet_data.converters.formats.protobuf import bytes_field, number_field
 from scenarionet_data.converters.formats.protowire import DamagedMessage, Fields, Messages, floats, int32s
 from scenarionet_data.errors import CorruptSource, SourceNotFound
 
@@ -74,12 +75,12 @@ def write_submission(path: str | Path, scenarios: Iterable[ScenarioRollouts]) ->
     """Write rollouts as a submission for the challenge on simulated agents."""
     with Path(path).open("wb") as file:
         for scenario in scenarios:
-            parts = [_field(_SCENARIO_ID, scenario.scenario_id.encode())]
+            parts = [bytes_field(_SCENARIO_ID, scenario.scenario_id.encode())]
             for rollout in range(len(scenario.position)):
                 objects = (_trajectory_of(scenario, rollout, row) for row in range(len(scenario.object_ids)))
-                parts.append(_field(_SCENES, b"".join(_field(_TRAJECTORIES, each) for each in objects)))
-            file.write(_field(_SCENARIOS, b"".join(parts)))
-        file.write(_varint(_SUBMISSION_TYPE << 3) + _varint(_SIM_AGENTS))
+                parts.append(bytes_field(_SCENES, b"".join(bytes_field(_TRAJECTORIES, each) for each in objects)))
+            file.write(bytes_field(_SCENARIOS, b"".join(parts)))
+        file.write(number_field(_SUBMISSION_TYPE, _SIM_AGENTS))
 
 
 # --- reading ----------------------------------------------------------------------------------------------
@@ -163,7 +164,7 @@ def _trajectory_of(scenario: ScenarioRollouts, rollout: int, row: int) -> bytes:
     """Message of one object in one rollout."""
     states = [*scenario.position[rollout, row].T, scenario.heading[rollout, row]]
     fields = [_floats(number, values) for number, values in zip(_STATES, states, strict=True)]
-    fields.append(_varint(_OBJECT_ID << 3) + _varint(int(scenario.object_ids[row])))
+    fields.append(number_field(_OBJECT_ID, int(scenario.object_ids[row])))
     if scenario.size is not None:
         sizes = scenario.size[rollout, row].T
         fields += [_floats(number, values) for number, values in zip(_SIZE, sizes, strict=True)]
@@ -171,19 +172,4 @@ def _trajectory_of(scenario: ScenarioRollouts, rollout: int, row: int) -> bytes:
 
 
 def _floats(number: int, values: Float32) -> bytes:
-    return _field(number, np.ascontiguousarray(values, "<f4").tobytes())
-
-
-def _field(number: int, content: bytes) -> bytes:
-    """A length-delimited field."""
-    return _varint(number << 3 | 2) + _varint(len(content)) + content
-
-
-def _varint(value: int) -> bytes:
-    value &= 2**64 - 1
-    encoded = bytearray()
-    while value > 127:
-        encoded.append(value & 127 | 128)
-        value >>= 7
-    encoded.append(value)
-    return bytes(encoded)
+    return bytes_field(number, np.ascontiguousarray(values, "<f4").tobytes())
