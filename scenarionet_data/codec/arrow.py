@@ -56,8 +56,3 @@ def string_array(values: Array) -> pa.Array:
     """Object array of str or None as a string array."""
     # From a list: with an object array, pyarrow tries to import pandas on each call.
     return pa.array(values.tolist(), pa.string())
-
-
-def dictionary_of(values: Array) -> pa.Array:
-    """Object array of str or None as a dictionary array."""
-    return string_array(values).dictionary_encode()

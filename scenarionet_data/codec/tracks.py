@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from scenarionet_data.arrays.columns import chosen, offsets_of
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.codec.arrow import batch, dictionary_of, list_array, names_of, string_array
+from scenarionet_data.codec.arrow import batch, list_array, names_of, string_array
 from scenarionet_data.codec.check_kernels import TRACK_LISTS, check_lengths, check_spans
 from scenarionet_data.codec.stored_part import STEPS, ScenarioColumns, StoredPart
 from scenarionet_data.codec.track_kernels import fill_tracks
@@ -46,7 +46,7 @@ def encode_tracks(scenario_id: str, tracks: Tracks, has_z: bool) -> pa.RecordBat
         "width": _encode_size(tracks.size[..., 1], tracks.valid, inside, lengths),
         "height": _encode_size(tracks.size[..., 2], tracks.valid, inside, lengths),
         "valid": _encode_flags(tracks.valid[inside], lengths, default=True),
-        "source_type": dictionary_of(tracks.source_type),
+        "source_type": string_array(tracks.source_type).dictionary_encode(),
         "is_size_assumed": pa.array(tracks.is_size_assumed),
         "is_type_assumed": pa.array(tracks.is_type_assumed),
         "is_velocity_estimated": pa.array(tracks.is_velocity_estimated),

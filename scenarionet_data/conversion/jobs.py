@@ -13,7 +13,7 @@ from scenarionet_data.conversion.remote_raw.downloads import local_copy
 from scenarionet_data.conversion.remote_raw.mirror import rename_paths
 from scenarionet_data.converters.base import Converter
 from scenarionet_data.errors import LakeError, SourceError
-from scenarionet_data.execution.worker import peak_memory, worker_name
+from scenarionet_data.execution.executors import peak_memory, worker_name
 from scenarionet_data.ingest.shard import Shard
 from scenarionet_data.public_names import paused_collector
 from scenarionet_data.quality.audit import audit, audit_shared_map

@@ -5,6 +5,10 @@ The result of a job depends on the job alone, so the choice of executor changes 
 
 from __future__ import annotations
 
+import os
+import platform
+import resource
+import sys
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -12,10 +16,11 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from itertools import islice
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Generic, Protocol, SupportsIndex, TypeVar
 
 from scenarionet_data.errors import BadParameter, WorkerLost
-from scenarionet_data.execution.worker import follow_parent, peak_memory, worker_name
+from scenarionet_data.execution.worker import follow_parent
 
 Work = TypeVar("Work")
 Done = TypeVar("Done")
@@ -229,3 +234,17 @@ class MeasuringExecutor:
             if result.worker is not None:
                 self.stats.setdefault(result.worker, WorkerStats()).add(result.seconds, result.peak_memory)
             yield result.value
+
+
+def worker_name() -> str:
+    """Name of this process in reports: host and process id."""
+    return f"{platform.node()}-{os.getpid()}"
+
+
+def peak_memory() -> int:
+    """Peak resident memory of this process [bytes]."""
+    try:  # ru_maxrss includes the parent's memory from before exec
+        status = Path("/proc/self/status").read_text()
+        return 1024 * int(status.split("VmHWM:")[1].split()[0])
+    except (OSError, IndexError):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

@@ -1,4 +1,4 @@
-"""Startup of worker processes, their name and memory use.
+"""Startup of worker processes.
 
 Imports the standard library alone, so that a worker follows its parent before it loads anything heavy.
 """
@@ -6,14 +6,10 @@ Imports the standard library alone, so that a worker follows its parent before i
 from __future__ import annotations
 
 import os
-import platform
-import resource
 import signal
-import sys
 import threading
 from multiprocessing import parent_process
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 
 
 def follow_parent() -> None:
@@ -30,17 +26,3 @@ def follow_parent() -> None:
 def _end_with(parent: BaseProcess) -> None:
     parent.join()
     os._exit(1)
-
-
-def worker_name() -> str:
-    """Name of this process in reports: host and process id."""
-    return f"{platform.node()}-{os.getpid()}"
-
-
-def peak_memory() -> int:
-    """Peak resident memory of this process [bytes]."""
-    try:  # ru_maxrss includes the parent's memory from before exec
-        status = Path("/proc/self/status").read_text()
-        return 1024 * int(status.split("VmHWM:")[1].split()[0])
-    except (OSError, IndexError):
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

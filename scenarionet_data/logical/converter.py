@@ -30,6 +30,7 @@ from scenarionet_data.scenario.description import (
 from scenarionet_data.variations.limits import ACCELERATION, JERK, check_limits
 
 BLOCK = 256  # scenarios per shard
+_parse = lru_cache(maxsize=8)(parse_logical)
 _ORIGIN = np.zeros(3)  # the frame of the road, which all concrete scenarios share
 
 
@@ -121,12 +122,7 @@ def _named_rows(text: str, count: int) -> dict[str, list[float]]:
 
 
 def _parsed(shard: Shard) -> LogicalScenario:
-    return _cached(shard.options_as(LogicalOptions).text, shard.items[0].name.rpartition("-")[0])
-
-
-@lru_cache(maxsize=8)
-def _cached(text: str, name: str) -> LogicalScenario:
-    return parse_logical(text, name)
+    return _parse(shard.options_as(LogicalOptions).text, shard.items[0].name.rpartition("-")[0])
 
 
 def map_id(logical: LogicalScenario) -> str:

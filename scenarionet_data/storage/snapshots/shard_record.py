@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from operator import attrgetter, itemgetter
 
@@ -123,22 +123,12 @@ def find_record(files: LakeFiles, name: str) -> ShardRecord | None:
     files.path(name)  # raises if the store does not answer
     try:
         files.verify(name)
-        record = record_of(files.footer(name).metadata)
+        record = ShardRecord(**json.loads(files.footer(name).metadata[b"scenarionet.shard"]))
         is_whole = files.sizes(record.files) == record.sizes
         is_intact = is_whole and [files.digest(file) for file in record.files] == record.checksums
     except (LakeError, ValueError, TypeError, KeyError):  # damaged after publication: convert the shard again
         return None
     return record if is_intact and not files.renew([name, *record.files]) else None
-
-
-def record_of(footer: Mapping[bytes, bytes]) -> ShardRecord:
-    """Record in the footer of a shard's metadata file.
-
-    Raises:
-        KeyError: It has none.
-        ValueError, TypeError: It is damaged.
-    """
-    return ShardRecord(**json.loads(footer[b"scenarionet.shard"]))
 
 
 def read_defects(files: LakeFiles, record: ShardRecord) -> list[Defect]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_data.execution.worker import worker_name
+from scenarionet_data.execution.executors import worker_name
 from tests.fixtures.lakes import content
 from tests.scenarionet_pipelines.cluster.conftest import Dask
 from tests.scenarionet_pipelines.cluster.test_dask_executor import THREADS
