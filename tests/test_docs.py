@@ -138,6 +138,7 @@ def test_examples_import_public_names_by_one_line_per_package():
         "scenarionet_data.variations",
         "scenarionet_pipelines.cluster",
         "scenarionet_sim.backends.differentiable",
+        "scenarionet_sim.borders.picture",
         "scenarionet_sim.learning.config",
         "scenarionet_sim.learning.training",
         "scenarionet_sim.metrics.navsim",

@@ -32,7 +32,7 @@ REAL = {
 def test_all_notebooks_are_known():
     assert names() == [
         "closed_loop", "cross_dataset", "events", "filters_and_splits", "forecasting", "learning", "overview",
-        "quality", "three_engines", "your_own_dataset",
+        "quality", "testing", "three_engines", "your_own_dataset",
     ]  # fmt: skip
 
 
