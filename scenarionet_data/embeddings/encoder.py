@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarionet_data.forecasts.forecaster import load  # first: says how to install torch
+from scenarionet_data.forecasts.forecaster import load, weights_digest  # first: says how to install torch
 
 # isort: split
 import warnings
@@ -10,7 +10,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import torch
-from xxhash import xxh3_64
 
 from scenarionet_data.arrays.dtypes import Float32
 from scenarionet_data.loader import ScenarioLoader
@@ -38,10 +37,7 @@ class EncoderModel:
     def __init__(self, lake: LakeView, run: str) -> None:
         self._model, self._config = load(lake, run)
         self._model.eval()
-        digest = xxh3_64()
-        for name, weights in sorted(self._model.state_dict().items()):
-            digest.update(name.encode() + weights.numpy().tobytes())
-        self.source = f"the encoder of run {run} {digest.hexdigest()}"
+        self.source = f"the encoder of run {run} {weights_digest(self._model)}"
 
     def vectors(self, lake: LakeView, loader: ScenarioLoader) -> Iterator[Float32 | None]:
         """Yield the vector of each scenario; None if it is shorter than history and future of the forecaster."""
