@@ -21,7 +21,7 @@ LAYERS = (
     "building", "statistics", "codec", "ingest", "procedural", "converters", "execution", "interchange",
     "criticality", "storage", "databases", "query", "operations", "loader", "samples", "forecasts", "embeddings",
     "quality", "catalogue", "packs", "export", "publishing", "maintenance", "conversion", "variations", "logical",
-    "lake", "plots", "display", "testing",
+    "generation", "lake", "plots", "display", "testing",
 )  # fmt: skip
 """Parts of scenarionet_data; each imports only itself and parts before it."""
 SIMULATOR_LAYERS = (

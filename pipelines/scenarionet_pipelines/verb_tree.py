@@ -35,6 +35,10 @@ GROUPS = {
     "forecast": Group(
         "Predicted trajectories: train a forecaster, score, submit to challenges.", ("fit", "score", "submit")
     ),
+    "traffic": Group(
+        "Traffic that a model makes on recorded maps: train it, generate scenarios, compare them with the recordings.",
+        ("learn", "generate", "measure"),
+    ),
     "tables": Group("The Parquet files of a lake for other engines and catalogs.", ("files", "publish")),
     "maintain": Group(
         "Lakes and this installation: check, verify, repair, compact, clean up.",

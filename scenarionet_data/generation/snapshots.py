@@ -41,6 +41,7 @@ class TrafficConfig:
         lanes, vehicles: Largest numbers of a moment, nearest first.
         min_vehicles: Moments with fewer vehicles in the crop are left out.
         size: Width of features.
+        queries: Lane vectors of a moment that training looks at: those with vehicles, and some of the others.
         near_lanes, near_cars: Neighbours that a feature sees.
         components, modes: Of the mixtures of attributes; motions of a vehicle.
         epochs, batch_size, rate, decay: Training; the rate falls along a cosine to 0.
@@ -56,13 +57,14 @@ class TrafficConfig:
     vehicles: int = 40
     min_vehicles: int = 8
     size: int = 64
-    near_lanes: int = 16
+    queries: int = 96
+    near_lanes: int = 12
     near_cars: int = 6
     components: int = 8
     modes: int = 6
-    epochs: int = 6
+    epochs: int = 2
     batch_size: int = 16
-    rate: float = 1e-3
+    rate: float = 2e-3
     decay: float = 1e-3
     noise: float = 0.2
 

@@ -22,6 +22,9 @@ from scenarionet_data.generation.snapshots import (  # first: says how to instal
 )
 
 # isort: split
+import math
+from typing import NamedTuple
+
 import torch
 from torch import Tensor, nn
 
@@ -42,7 +45,7 @@ class Surroundings(nn.Module):
 
     def __init__(self, size: int, near_lanes: int, near_cars: int) -> None:
         super().__init__()
-        self.lane, self.car = _two_layers(5, size), _two_layers(7, size)
+        self.lane, self.car = _two_layers(5, size, size // 2), _two_layers(7, size, size // 2)
         self.near_lanes, self.near_cars = near_lanes, near_cars
 
     def lanes(self, frames: Tensor, lanes: Tensor, ok: Tensor) -> Tensor:
@@ -54,6 +57,32 @@ class Surroundings(nn.Module):
         """Return (B, Q, size) features of the vehicles (B, A, 6) near frames, which may be those of the vehicles."""
         found, is_there = _nearest(frames, cars, ok, self.near_cars, are_own=are_own)
         return _pooled(self.car(torch.cat([_place(frames, found), _build(found)], dim=-1)), is_there)
+
+
+class Mixture(NamedTuple):
+    """Standardised attributes of vehicles, see :func:`to_lane`, as K normal distributions.
+
+    Attributes:
+        weight: (..., K) log probabilities.
+        mean, spread: (..., K, 6) means, and logarithms of standard deviations.
+    """
+
+    weight: Tensor
+    mean: Tensor
+    spread: Tensor
+
+    def log_prob(self, attributes: Tensor) -> Tensor:
+        """Return the log densities of attributes (..., 6)."""
+        away = (attributes[..., None, :] - self.mean) / self.spread.exp()
+        each = -0.5 * away.square() - self.spread - 0.5 * math.log(2 * math.pi)
+        return (self.weight + each.sum(dim=-1)).logsumexp(dim=-1)
+
+    def draw(self, generator: torch.Generator) -> Tensor:
+        """Draw attributes (B, 6) of B vehicles."""
+        which = torch.multinomial(self.weight.exp(), 1, generator=generator).squeeze(-1)
+        rows = torch.arange(len(which))
+        mean, spread = self.mean[rows, which], self.spread[rows, which].exp()
+        return mean + spread * torch.randn(mean.shape, generator=generator)
 
 
 class TrafficModel(nn.Module):
@@ -76,41 +105,50 @@ class TrafficModel(nn.Module):
         weights = (1 - (part[:, None] - torch.arange(KNOTS)).abs()).clamp(min=0.0)
         self.register_buffer("weights", weights, persistent=False)
 
-    def map_features(self, scenes: Scenes) -> Tensor:
-        """Return (B, L, size) features of the map around each lane vector, which do not change as vehicles come."""
-        return self.near_lane.lanes(scenes.lanes[..., :3], scenes.lanes, scenes.lane_ok)
+    def map_features(self, scenes: Scenes, queries: Tensor) -> Tensor:
+        """Return (B, Q, size) features of the map around lane vectors (B, Q, 4), which stay as vehicles come."""
+        return self.near_lane.lanes(queries[..., :3], scenes.lanes, scenes.lane_ok)
 
-    def cells(self, scenes: Scenes, around: Tensor, is_placed: Tensor) -> tuple[Tensor, Tensor]:
+    def cells(
+        self, queries: Tensor, around: Tensor, weights: Tensor, cars: Tensor, is_placed: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Return where the next vehicle comes.
 
         Args:
-            scenes: B moments.
-            around: Their :meth:`map_features`.
-            is_placed: (B, A) vehicles that are there already.
+            queries: (B, Q, 4) lane vectors.
+            around: (B, Q, size) their :meth:`map_features`.
+            weights: (B, Q) for how many lane vectors each stands; 0 for one that cannot be chosen.
+            cars: (B, A, 6) vehicles.
+            is_placed: (B, A) which of them are there already.
 
         Returns:
-            (B, L) log probabilities of lane vectors and (B, L, size) their features, for :meth:`mixture`.
+            (B, Q) log probabilities of lane vectors and (B, Q, size) their features, for :meth:`mixture`.
         """
-        cars = self.near_lane.cars(scenes.lanes[..., :3], scenes.cars, is_placed)
-        away = scenes.lanes[..., :2].norm(dim=-1) / self.config.crop
-        count = is_placed.sum(dim=1, keepdim=True) / 20.0
-        local = self.local(torch.cat([around, cars, away[..., None], count.expand_as(away)[..., None]], dim=-1)).relu()
-        is_open = scenes.lane_ok & is_inside(scenes.lanes, self.config)
-        whole = self.whole(local).masked_fill(~is_open[..., None], -1e9).amax(dim=1, keepdim=True).clamp(min=-1e3)
+        near = self.near_lane.cars(queries[..., :3], cars, is_placed)
+        away = queries[..., :2].norm(dim=-1, keepdim=True) / self.config.crop
+        count = (is_placed.sum(dim=1) / 20.0)[:, None, None].expand_as(away)
+        local = self.local(torch.cat([around, near, away, count], dim=-1)).relu()
+        share = weights / weights.sum(dim=1, keepdim=True).clamp(min=1e-6)
+        whole = (share[..., None] * self.whole(local)).sum(dim=1, keepdim=True)
         features = self.cell(torch.cat([local, whole.expand_as(local)], dim=-1)).relu()
-        logits = self.logit(features).squeeze(-1).masked_fill(~is_open, -1e9)
-        return logits.log_softmax(dim=1), features
+        logits = self.logit(features).squeeze(-1)
+        total = torch.logsumexp(logits + weights.clamp(min=1e-30).log(), dim=1, keepdim=True)
+        return (logits - total).masked_fill(weights == 0, -1e9), features
 
-    def mixture(self, features: Tensor) -> torch.distributions.MixtureSameFamily:
-        """Return the attributes of a vehicle on a lane vector, standardised, from its features (..., size)."""
-        weight, mean, spread = self.attributes(features).unflatten(-1, (self.config.components, 13)).split((1, 6, 6), -1)
-        each = torch.distributions.Independent(torch.distributions.Normal(mean, spread.clamp(-3.0, 2.0).exp()), 1)
-        return torch.distributions.MixtureSameFamily(torch.distributions.Categorical(logits=weight.squeeze(-1)), each)
+    def mixture(self, features: Tensor) -> Mixture:
+        """Return the attributes of a vehicle on a lane vector from its features (..., size)."""
+        weight, mean, spread = (
+            self.attributes(features).unflatten(-1, (self.config.components, 13)).split((1, 6, 6), -1)
+        )
+        return Mixture(weight.squeeze(-1).log_softmax(dim=-1), mean, spread.clamp(-3.0, 2.0))
 
     def motions(self, cars: Tensor, ok: Tensor, scenes: Scenes) -> tuple[Tensor, Tensor]:
         """Return (B, A, K, F, 4) x, y, heading, speed to come of vehicles (B, A, 6), and (B, A, K) logits."""
         ahead = cars[..., SPEED].clamp(min=5.0)  # [m]: the lanes that matter are about a second away
-        centre = cars[..., :3] + torch.stack([cars[..., HEADING].cos(), cars[..., HEADING].sin(), 0 * ahead], -1) * ahead[..., None]
+        centre = (
+            cars[..., :3]
+            + torch.stack([cars[..., HEADING].cos(), cars[..., HEADING].sin(), 0 * ahead], -1) * ahead[..., None]
+        )
         lanes = self.near_car.lanes(centre, scenes.lanes, scenes.lane_ok)
         others = self.near_car.cars(cars[..., :3], cars, ok, are_own=True)
         out = self.motion(torch.cat([lanes, others, _build(cars)], dim=-1)).unflatten(-1, (self.config.modes, -1))
@@ -148,20 +186,40 @@ def placement_loss(model: TrafficModel, scenes: Scenes, generator: torch.Generat
 
     Any order of the vehicles is as good as another: the next one is each of those that are left alike.
     """
-    known = scenes.car_ok & (scenes.cell >= 0)
+    known, cell = scenes.car_ok & (scenes.cell >= 0), scenes.cell.clamp(min=0)
     rank = torch.rand(known.shape, generator=generator).masked_fill(~known, 2.0).argsort(dim=1).argsort(dim=1)
     count = known.sum(dim=1)
     given = (torch.rand(len(count), generator=generator) * count).long()
     is_placed = known & (rank < given[:, None])
     is_next = known & ~is_placed
-    probabilities, features = model.cells(scenes, model.map_features(scenes), is_placed)
-    cell = scenes.cell.clamp(min=0)
+    queries, weights, place = _chosen_lanes(model, scenes, known, cell, generator)
+    around = model.map_features(scenes, queries)
+    probabilities, features = model.cells(queries, around, weights, scenes.cars, is_placed)
     share = is_next / is_next.sum(dim=1, keepdim=True).clamp(min=1)
-    where = -(probabilities.gather(1, cell) * share).sum(dim=1)
+    where = -(probabilities.gather(1, place) * share).sum(dim=1)
     rows, which = torch.nonzero(is_next, as_tuple=True)
-    lanes = scenes.lanes[rows, cell[rows, which]]
-    found = model.mixture(features[rows, cell[rows, which]]).log_prob(to_lane(lanes, scenes.cars[rows, which]))
-    return where.mean() - found.mean()
+    lanes, found = scenes.lanes[rows, cell[rows, which]], model.mixture(features[rows, place[rows, which]])
+    return where.mean() - found.log_prob(to_lane(lanes, scenes.cars[rows, which])).mean()
+
+
+def _chosen_lanes(
+    model: TrafficModel, scenes: Scenes, known: Tensor, cell: Tensor, generator: torch.Generator
+) -> tuple[Tensor, Tensor, Tensor]:
+    """(B, Q, 4) all lane vectors with vehicles and some of the others, for how many each stands, and (B, A) places there.
+
+    The others stand for all those that are left out, so that the sum over them is right on average.
+    """
+    is_open = scenes.lane_ok & is_inside(scenes.lanes, model.config)
+    is_used = torch.zeros_like(is_open).scatter_reduce(1, cell, known, "amax")
+    order = torch.rand(is_open.shape, generator=generator) + 2.0 * is_used + 1.0 * is_open
+    chosen = order.topk(min(model.config.queries, order.shape[1]), dim=1).indices
+    used, free = is_used.gather(1, chosen), (is_open & ~is_used).gather(1, chosen)
+    left_out = (is_open & ~is_used).sum(dim=1, keepdim=True) / free.sum(dim=1, keepdim=True).clamp(min=1)
+    place_of = torch.zeros(is_open.shape, dtype=torch.long).scatter(
+        1, chosen, torch.arange(chosen.shape[1]).expand_as(chosen)
+    )
+    queries = scenes.lanes.gather(1, chosen[..., None].expand(-1, -1, 4))
+    return queries, used + free * left_out, place_of.gather(1, cell)
 
 
 def motion_loss(model: TrafficModel, scenes: Scenes, generator: torch.Generator) -> Tensor:
@@ -177,13 +235,16 @@ def motion_loss(model: TrafficModel, scenes: Scenes, generator: torch.Generator)
     count = scenes.path_ok.sum(dim=-1)
     mean = (distance * scenes.path_ok[:, :, None]).sum(dim=-1) / count.clamp(min=1)[..., None]
     best, mode = mean.min(dim=-1)
-    each = best + 0.3 * nn.functional.cross_entropy(logits.flatten(0, 1), mode.detach().flatten(), reduction="none").view_as(best)
+    each = best + 0.3 * nn.functional.cross_entropy(
+        logits.flatten(0, 1), mode.detach().flatten(), reduction="none"
+    ).view_as(best)
     is_known = scenes.car_ok & (count > 0)
     return (each * is_known).sum() / is_known.sum().clamp(min=1)
 
 
-def _two_layers(size: int, out: int) -> nn.Sequential:
-    return nn.Sequential(nn.Linear(size, out), nn.ReLU(), nn.Linear(out, out))
+def _two_layers(size: int, out: int, hidden: int | None = None) -> nn.Sequential:
+    hidden = hidden or out
+    return nn.Sequential(nn.Linear(size, hidden), nn.ReLU(), nn.Linear(hidden, out))
 
 
 def _nearest(frames: Tensor, others: Tensor, ok: Tensor, count: int, *, are_own: bool = False) -> tuple[Tensor, Tensor]:
@@ -208,4 +269,7 @@ def _build(cars: Tensor) -> Tensor:
 
 
 def _pooled(features: Tensor, is_there: Tensor) -> Tensor:
-    return features.masked_fill(~is_there[..., None], -1e9).amax(dim=2).clamp(min=-1e3).relu()
+    """(B, Q, size) maximum over k neighbours (B, Q, k, size) of those that are there; 0 without any."""
+    if not is_there.all():
+        features = features.where(is_there[..., None], -1e3)
+    return features.max(dim=2).values.relu()

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from scenarionet_data.generation.snapshots import Scenes, TrafficConfig, read_moments  # first: says how to install torch
+from scenarionet_data.generation.snapshots import (
+    Scenes,
+    TrafficConfig,
+    read_moments,
+)  # first: says how to install torch
 
 # isort: split
 from collections.abc import Callable, Mapping
@@ -56,7 +60,9 @@ def train(
         BadParameter: The device is not there, or no moment shows enough vehicles.
     """
     if device != "cpu" and not torch.cuda.is_available():
-        raise BadParameter(f"device={device!r}: this installation of torch finds no graphics card; leave it out for the CPU")
+        raise BadParameter(
+            f"device={device!r}: this installation of torch finds no graphics card; leave it out for the CPU"
+        )
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     model = TrafficModel(config)

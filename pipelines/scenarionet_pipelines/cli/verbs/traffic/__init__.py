@@ -1,0 +1,1 @@
+"""The verbs of ``scenarionet traffic``, one per file."""
