@@ -34,7 +34,8 @@ from scenarionet_data.storage import checkpoints, evaluation_runs
 
 _TYPES = 256  # codes of objects and of map features are below
 TensorBatch = Mapping[str, Tensor]
-_Config, _Model = TypeVar("_Config"), TypeVar("_Model", bound=nn.Module)
+_Config = TypeVar("_Config")
+_Model = TypeVar("_Model", bound=nn.Module)
 Predictor = Callable[[TensorBatch], Array]
 """Returns (B, K, F, 2) positions of K trajectories in the frame of the target [m]."""
 

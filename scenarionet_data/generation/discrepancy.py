@@ -11,8 +11,8 @@ def discrepancy(first: Array, second: Array) -> float:
     """Return the squared maximum mean discrepancy with one Gaussian kernel.
 
     As ``MMD`` in ``trafficgen/utils/evaluation.py`` of https://github.com/metadriverse/trafficgen with
-    ``kernel_num=1, kernel_mul=1.0``: the width of the kernel is the mean squared distance between different rows of both
-    sets, and each row is compared with itself, too. Sets of other numbers of rows may be compared as well.
+    ``kernel_num=1, kernel_mul=1.0``: the width of the kernel is the mean squared distance between different rows of
+    both sets, and each row is compared with itself, too. Sets of other numbers of rows may be compared as well.
 
     Args:
         first, second: (n, d) and (m, d) rows; n + m is at least 2.

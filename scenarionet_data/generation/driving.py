@@ -114,7 +114,7 @@ class Traffic(NamedTuple):
 
 @torch.no_grad()
 def drive(model: TrafficModel, scenes: Scenes, cars: Tensor, steps: int, generator: torch.Generator) -> Traffic:
-    """Move vehicles (N, 6) on the map of one moment; for those that leave the map, others come at the border of the crop.
+    """Move vehicles (N, 6) on the map of one moment; for those that leave it, others come at the border of the crop.
 
     In each window, every vehicle takes one of its motions by their probabilities. If two would touch, both draw again,
     a few times; if they still do, they do.

@@ -15,7 +15,19 @@ from torch import Tensor
 from scenarionet_data.arrays.dtypes import Array, Float64
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.generation.discrepancy import discrepancy
-from scenarionet_data.generation.snapshots import HEADING, LENGTH, SPEED, WIDTH, Scenes, X, Y, is_inside, read_moments
+from scenarionet_data.generation.snapshots import (
+    HEADING,
+    LENGTH,
+    SPEED,
+    WIDTH,
+    Scenes,
+    TrafficConfig,
+    X,
+    Y,
+    is_inside,
+    read_moments,
+)
+from scenarionet_data.generation.traffic_model import TrafficModel
 from scenarionet_data.generation.training import load
 from scenarionet_data.query.lake_view import LakeView
 
@@ -48,9 +60,9 @@ def score_placement(lake: LakeView, run: str, database: str, *, seed: int = 0) -
     """Compare vehicles that a model places with the recorded ones, at all moments of a database.
 
     The ego is given, and the model places as many others as are recorded on lanes within the crop. Beside it stand the
-    vehicles of a random moment on another map, vehicles placed uniformly (anywhere on the lanes, along them, with speed,
-    length and width anywhere between the smallest and the largest of the database), and those of another scenario of the
-    same map, which is as near as one can come without looking at the recording.
+    vehicles of a random moment on another map, vehicles placed uniformly (anywhere on the lanes, along them, with
+    speed, length and width anywhere between the smallest and the largest of the database), and those of another
+    scenario of the same map, which is as near as one can come without looking at the recording.
 
     Args:
         lake: The lake.
@@ -86,7 +98,7 @@ def score_placement(lake: LakeView, run: str, database: str, *, seed: int = 0) -
         run: drawn,
         "another map": borrowed(lambda k: maps != maps[k]),
         "uniform": [
-            _uniform(scenes.take(torch.tensor([k])), counts[k], everyone, model.config.crop, rng)
+            _uniform(scenes.take(torch.tensor([k])), counts[k], everyone, model.config, rng)
             for k in range(len(recorded))
         ],
     }
@@ -113,7 +125,7 @@ def _others(scenes: Scenes) -> list[Array]:
 
 
 def _placed(
-    model: torch.nn.Module, scenes: Scenes, counts: Array, generator: torch.Generator
+    model: TrafficModel, scenes: Scenes, counts: Array, generator: torch.Generator
 ) -> tuple[list[Array], float]:
     """Vehicles of each moment, and the share that touch one another where nothing is drawn again."""
     found: list[Array] = []
@@ -134,10 +146,9 @@ def _some(cars: Array, count: int, rng: np.random.Generator) -> Array:
     return cars[rng.choice(len(cars), count, replace=len(cars) < count)]
 
 
-def _uniform(scene: Scenes, count: int, everyone: Array, crop: float, rng: np.random.Generator) -> Array:
+def _uniform(scene: Scenes, count: int, everyone: Array, config: TrafficConfig, rng: np.random.Generator) -> Array:
     """Vehicles anywhere on the lanes of a moment."""
-    config_inside = scene.lanes[0, :, :2].abs().amax(dim=-1) <= crop / 2
-    lanes = scene.lanes[0][scene.lane_ok[0] & config_inside].numpy()
+    lanes = scene.lanes[0][scene.lane_ok[0] & is_inside(scene.lanes[0], config)].numpy()
     chosen = lanes[rng.choice(len(lanes), count, p=lanes[:, 3] / lanes[:, 3].sum(dtype=np.float64))]
     along = (rng.random(count) - 0.5) * chosen[:, 3]
     low, high = everyone.min(axis=0), everyone.max(axis=0)

@@ -205,7 +205,7 @@ def placement_loss(model: TrafficModel, scenes: Scenes, generator: torch.Generat
 def _chosen_lanes(
     model: TrafficModel, scenes: Scenes, known: Tensor, cell: Tensor, generator: torch.Generator
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """(B, Q, 4) all lane vectors with vehicles and some of the others, for how many each stands, and (B, A) places there.
+    """(B, Q, 4) lane vectors with vehicles and some of the others, for how many each stands, and (B, A) places there.
 
     The others stand for all those that are left out, so that the sum over them is right on average.
     """

@@ -93,10 +93,8 @@ def train(
         for name, scenes in tested.items():
             generator = torch.Generator().manual_seed(seed)
             with torch.no_grad():
-                losses = [
-                    tuple(map(float, _losses(model, scenes.take(rows), generator)))
-                    for rows in torch.arange(len(scenes.cars)).split(config.batch_size)
-                ]
+                parts = torch.arange(len(scenes.cars)).split(config.batch_size)
+                losses = [(float(a), float(b)) for a, b in (_losses(model, scenes.take(k), generator) for k in parts)]
             found.append(metrics_row(name, epoch, count, _named(losses)))
         claimed.publish(epoch + 1, {"training": found})
         checkpoints.save(lake.files, run, make_checkpoint(epoch + 1, model, optimizer, schedule))

@@ -1,6 +1,6 @@
 """Write scenarios of generated traffic into the lake, shard by shard, as a conversion does.
 
-A scenario has the map of its parent, the recorded scenario around whose ego vehicles are placed, and nothing else of it.
+A scenario has the map of its parent, the recorded scenario around whose ego vehicles are placed, and nothing else.
 """
 
 from __future__ import annotations
@@ -208,13 +208,13 @@ def _on_map(
     item: RawItem,
     made: dict[str, Any],
 ) -> ScenarioDescription:
-    """Return the parent with other vehicles; the ego is the one of those there at the current timestep that stays longest."""
+    """Return the parent with other vehicles; the ego is the one that stays longest of those there now."""
     x, y, turn = pose
     states, valid = traffic.states.astype(np.float64), traffic.valid
     steps, now = valid.shape[1], round(HISTORY / dt)
     heading = states[..., 2] + turn
     position = np.zeros((*valid.shape, 3))
-    position[..., :2] = rotate(states[..., :2], turn) + (x, y)
+    position[..., :2] = rotate(states[..., :2], turn) + np.array([x, y])
     position[..., 2] = parent.tracks.position[parent.ego_index, parent.current_timestep, 2]
     velocity = states[..., 3:] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
     stays = np.where(valid[:, now], valid.sum(axis=1), 0)
@@ -231,7 +231,7 @@ def _on_map(
         dataset=DATASET,
         version=shard.version,
         split=shard.split,
-        timestamps=np.arange(steps) * dt,
+        timestamps=np.arange(steps, dtype=np.float64) * dt,
         dt=dt,
         current_timestep=now,
         ego_id=names[int(stays.argmax())],

@@ -43,7 +43,7 @@ class MeasureVerb(DatabaseVerb):
         first = scores[0]
         lines = table(rows, ("vehicles of", *ATTRIBUTES))
         lines.append(
-            f"{first.moments:,} moments, {first.vehicles:,} vehicles; {first.touching:.2%} of those that the model draws "
-            "first touch another"
+            f"{first.moments:,} moments, {first.vehicles:,} vehicles; {first.touching:.2%} of those drawn first"
+            " touch another"
         )
         self.say({"scores": [asdict(each) for each in scores]}, lines)
