@@ -79,7 +79,7 @@ def place(
     is_open = scenes.lane_ok & is_inside(scenes.lanes, model.config) & (True if where is None else where)
     weights = is_open.float()
     can = is_open.any(dim=1)
-    drawn = touched = 0
+    drawn, touched, margin = 0, 0, 0.0 if may_touch else MARGIN
     for k in range(most):
         probabilities, features = model.cells(scenes.lanes, around, weights, cars, ok)
         chances = probabilities.exp() + 1e-12 * ~can[:, None]
@@ -87,7 +87,7 @@ def place(
         for attempt in range(1 if may_touch else _TRIES):
             cell = torch.multinomial(chances, 1, generator=generator).squeeze(1)
             found = from_lane(scenes.lanes[rows, cell], model.mixture(features[rows, cell]).draw(generator))
-            touches = torch.tensor([bool(_touching(found[b], cars[b, ok[b]])) for b in rows.tolist()]) & waiting
+            touches = torch.tensor([_touching(found[b], cars[b, ok[b]], margin) for b in rows.tolist()]) & waiting
             if attempt == 0:
                 drawn, touched = drawn + int(waiting.sum()), touched + int(touches.sum())
             taken = waiting if may_touch else waiting & ~touches
@@ -160,7 +160,7 @@ def _choose(model: TrafficModel, scenes: Scenes, cars: Tensor, steps: int, gener
     mode = torch.multinomial(chances, 1, generator=generator).squeeze(1)
     for _ in range(_REDRAWS):
         taken = motions[0, rows, mode, :steps]
-        boxes = _boxes(taken.numpy(), cars[:, None, LENGTH:].expand(-1, steps, -1).numpy()).T
+        boxes = _boxes(taken.numpy(), cars[:, None, LENGTH:].expand(-1, steps, -1).numpy(), MARGIN).T
         touch = shapely.intersects(boxes[:, :, None], boxes[:, None, :]) & ~np.eye(len(cars), dtype=np.bool_)
         again = torch.from_numpy(touch.any(axis=(0, 2)))
         if not again.any():
@@ -169,16 +169,16 @@ def _choose(model: TrafficModel, scenes: Scenes, cars: Tensor, steps: int, gener
     return motions[0, rows, mode, :steps]
 
 
-def _touching(car: Tensor, others: Tensor) -> bool:
-    """Whether the box of a vehicle (6,) touches that of one of others (n, 6)."""
+def _touching(car: Tensor, others: Tensor, margin: float) -> bool:
+    """Whether the box of a vehicle (6,) comes nearer than a margin [m] to that of one of others (n, 6)."""
     near = others[(others[:, :2] - car[:2]).norm(dim=1) < 15.0]
     both = torch.cat([car[None], near]).numpy()
-    boxes = _boxes(both, both[:, LENGTH:])
+    boxes = _boxes(both, both[:, LENGTH:], margin)
     return bool(shapely.intersects(boxes[0], boxes[1:]).any())
 
 
-def _boxes(poses: Float32, size: Float32) -> np.ndarray:
-    """Polygons (...) of vehicles with poses (..., 3 or more) and sizes (..., 2)."""
-    corners = box_corners(poses[..., [X, Y]], poses[..., HEADING], size[..., 0] + MARGIN, size[..., 1] + MARGIN)
+def _boxes(poses: Float32, size: Float32, margin: float) -> np.ndarray:
+    """Polygons (...) of vehicles with poses (..., 3 or more) and sizes (..., 2), longer and wider by a margin [m]."""
+    corners = box_corners(poses[..., [X, Y]], poses[..., HEADING], size[..., 0] + margin, size[..., 1] + margin)
     polygons: np.ndarray = shapely.polygons(corners)
     return polygons

@@ -60,9 +60,8 @@ def score_placement(lake: LakeView, run: str, database: str, *, seed: int = 0) -
     """Compare vehicles that a model places with the recorded ones, at all moments of a database.
 
     The ego is given, and the model places as many others as are recorded on lanes within the crop. Beside it stand the
-    vehicles of a random moment on another map, vehicles placed uniformly (anywhere on the lanes, along them, with
-    speed, length and width anywhere between the smallest and the largest of the database), and those of another
-    scenario of the same map, which is as near as one can come without looking at the recording.
+    vehicles of a random moment on another map, and vehicles placed uniformly (anywhere on the lanes, along them, with
+    speed, length and width anywhere between the smallest and the largest of the database).
 
     Args:
         lake: The lake.
@@ -102,9 +101,6 @@ def score_placement(lake: LakeView, run: str, database: str, *, seed: int = 0) -
             for k in range(len(recorded))
         ],
     }
-    has_twin = all(((maps == place) & (names != name)).any() for place, name in zip(maps, names, strict=True))
-    if has_twin:
-        sets["same map, another time"] = borrowed(lambda k: (maps == maps[k]) & (names != names[k]))
     values = {name: _discrepancies(found, recorded) for name, found in sets.items()}
     scores = []
     for name, each in values.items():

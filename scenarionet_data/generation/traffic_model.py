@@ -45,7 +45,7 @@ class Surroundings(nn.Module):
 
     def __init__(self, size: int, near_lanes: int, near_cars: int) -> None:
         super().__init__()
-        self.lane, self.car = _two_layers(5, size, size // 2), _two_layers(7, size, size // 2)
+        self.lane, self.car = _two_layers(7, size, size // 2), _two_layers(9, size, size // 2)
         self.near_lanes, self.near_cars = near_lanes, near_cars
 
     def lanes(self, frames: Tensor, lanes: Tensor, ok: Tensor) -> Tensor:
@@ -258,9 +258,10 @@ def _nearest(frames: Tensor, others: Tensor, ok: Tensor, count: int, *, are_own:
 
 
 def _place(frames: Tensor, found: Tensor) -> Tensor:
-    """(B, Q, k, 4) scaled positions and directions of what was found (B, Q, k, ...) in frames (B, Q, 3)."""
+    """(B, Q, k, 6) scaled positions, far and near, and directions of what was found (B, Q, k, ...) in frames."""
     x, y, turn = relative(frames[:, :, None], found).unbind(dim=-1)
-    return torch.stack([x / _METRES, y / _METRES, turn.cos(), turn.sin()], dim=-1)
+    near = (x / _LENGTH).tanh(), (y / _WIDTH).tanh()
+    return torch.stack([x / _METRES, y / _METRES, *near, turn.cos(), turn.sin()], dim=-1)
 
 
 def _build(cars: Tensor) -> Tensor:

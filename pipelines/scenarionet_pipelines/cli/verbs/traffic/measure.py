@@ -12,8 +12,8 @@ class MeasureVerb(DatabaseVerb):
     """Compare the vehicles that a model of traffic places with the recorded ones, at all moments of a database.
 
     The numbers are the maximum mean discrepancies of TrafficGen, of position, heading, speed and size, means over the
-    moments; 0 would be the recording itself. Beside the model stand the vehicles of another map, vehicles that are
-    placed uniformly, and those of the same map at another time. In brackets: how much higher than the model, with a
+    moments; 0 would be the recording itself. Beside the model stand the vehicles of another map, and vehicles that
+    are placed uniformly. In brackets: how much higher than the model, with a
     95 % interval over the scenarios.
     """
 
