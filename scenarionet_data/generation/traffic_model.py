@@ -33,6 +33,9 @@ _MEAN = torch.tensor([0.0, 0.0, 0.0, 4.0, 4.6, 1.9])
 _SPREAD = torch.tensor([1.5, 0.5, 0.2, 4.0, 0.8, 0.2])
 """Of the attributes on a lane vector: along, to the left [m], heading, speed, length and width."""
 
+_APART = 6.0, 2.2
+"""Distances along and across at which one vehicle does not hinder another [m]."""
+
 _BRAKING, _CURVATURE = 5.0, 0.25
 """Largest acceleration [m/s^2] and curvature [1/m] of a motion."""
 
@@ -95,7 +98,7 @@ class TrafficModel(nn.Module):
         self.local = _two_layers(2 * size + 2, size)
         self.whole = _two_layers(size, size)
         self.cell = _two_layers(2 * size, size)
-        self.logit = nn.Linear(size, 1)
+        self.logit, self.repulsion = nn.Linear(size, 1), nn.Parameter(torch.tensor(10.0))
         self.attributes = nn.Linear(size, config.components * 13)
         self.near_car = Surroundings(size, 2 * config.near_lanes, config.near_cars)
         self.motion = nn.Sequential(
@@ -131,7 +134,7 @@ class TrafficModel(nn.Module):
         share = weights / weights.sum(dim=1, keepdim=True).clamp(min=1e-6)
         whole = (share[..., None] * self.whole(local)).sum(dim=1, keepdim=True)
         features = self.cell(torch.cat([local, whole.expand_as(local)], dim=-1)).relu()
-        logits = self.logit(features).squeeze(-1)
+        logits = self.logit(features).squeeze(-1) - self.repulsion * _occupied(queries, cars, is_placed)
         total = torch.logsumexp(logits + weights.clamp(min=1e-30).log(), dim=1, keepdim=True)
         return (logits - total).masked_fill(weights == 0, -1e9), features
 
@@ -240,6 +243,13 @@ def motion_loss(model: TrafficModel, scenes: Scenes, generator: torch.Generator)
     ).view_as(best)
     is_known = scenes.car_ok & (count > 0)
     return (each * is_known).sum() / is_known.sum().clamp(min=1)
+
+
+def _occupied(queries: Tensor, cars: Tensor, is_placed: Tensor) -> Tensor:
+    """(B, Q) how much of a vehicle in the middle of lane vectors another one takes away: 1 all of it, 0 nothing."""
+    x, y, _ = relative(queries[:, :, None], cars[:, None]).unbind(dim=-1)
+    gap = torch.maximum(x.abs() / _APART[0], y.abs() / _APART[1])
+    return (1.0 - gap).clamp(min=0.0).masked_fill(~is_placed[:, None], 0.0).amax(dim=2)
 
 
 def _two_layers(size: int, out: int, hidden: int | None = None) -> nn.Sequential:
