@@ -15,7 +15,7 @@ def discrepancy(first: Array, second: Array) -> float:
     both sets, and each row is compared with itself, too. Sets of other numbers of rows may be compared as well.
 
     Args:
-        first, second: (n, d) and (m, d) rows; n + m is at least 2.
+        first, second: (n, d) and (m, d) rows; m is at least 1. Without any row, the first is far from everything.
 
     Returns:
         0 for equal sets, and for sets whose rows are all the same.
@@ -23,8 +23,9 @@ def discrepancy(first: Array, second: Array) -> float:
     rows: Float64 = np.concatenate([first, second]).astype(np.float64)
     square = ((rows[:, None] - rows[None]) ** 2).sum(axis=2)
     count, n = len(rows), len(first)
-    width = square.sum() / (count**2 - count)
+    width = square.sum() / max(count**2 - count, 1)
     if width == 0.0:
-        return 0.0
+        return float(n == 0)
     kernel = np.exp(-square / width)
-    return float(kernel[:n, :n].mean() + kernel[n:, n:].mean() - 2.0 * kernel[:n, n:].mean())
+    own, other, mixed = kernel[:n, :n], kernel[n:, n:], kernel[:n, n:]
+    return float(own.sum() / max(own.size, 1) + other.mean() - 2.0 * mixed.sum() / max(mixed.size, 1))

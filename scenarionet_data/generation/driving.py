@@ -30,7 +30,6 @@ WINDOW = 1.0
 """Time after which the motions of all vehicles are decided anew [s]."""
 
 _TRIES = 10  # draws of a vehicle until it touches no other
-_REDRAWS = 4  # draws of motions until no vehicles touch
 _OFF_ROAD = 8.0  # distance from the middle of the nearest lane vector at which a vehicle has left the map [m]
 _BORDER = 15.0  # from the edge of the crop inwards: where vehicles come later [m]
 
@@ -116,8 +115,8 @@ class Traffic(NamedTuple):
 def drive(model: TrafficModel, scenes: Scenes, cars: Tensor, steps: int, generator: torch.Generator) -> Traffic:
     """Move vehicles (N, 6) on the map of one moment; for those that leave it, others come at the border of the crop.
 
-    In each window, every vehicle takes one of its motions by their probabilities. If two would touch, both draw again,
-    a few times; if they still do, they do.
+    In each window, one vehicle after the other takes one of its motions, by their probabilities, that touches none of
+    those before it; if all do, it brakes.
 
     Args:
         model: The model.
@@ -156,17 +155,21 @@ def drive(model: TrafficModel, scenes: Scenes, cars: Tensor, steps: int, generat
 def _choose(model: TrafficModel, scenes: Scenes, cars: Tensor, steps: int, generator: torch.Generator) -> Tensor:
     """(N, steps, 4) one motion of each vehicle (N, 6)."""
     motions, logits = model.motions(cars[None], torch.ones(1, len(cars), dtype=torch.bool), scenes)
-    chances, rows = logits[0].softmax(dim=-1), torch.arange(len(cars))
-    mode = torch.multinomial(chances, 1, generator=generator).squeeze(1)
-    for _ in range(_REDRAWS):
-        taken = motions[0, rows, mode, :steps]
-        boxes = _boxes(taken.numpy(), cars[:, None, LENGTH:].expand(-1, steps, -1).numpy(), MARGIN).T
-        touch = shapely.intersects(boxes[:, :, None], boxes[:, None, :]) & ~np.eye(len(cars), dtype=np.bool_)
-        again = torch.from_numpy(touch.any(axis=(0, 2)))
-        if not again.any():
-            break
-        mode = torch.where(again, torch.multinomial(chances, 1, generator=generator).squeeze(1), mode)
-    return motions[0, rows, mode, :steps]
+    ahead = torch.cat([motions[0], model.braking(cars)[:, None]], dim=1)
+    count, modes = logits.shape[1:]
+    drawn = torch.multinomial(logits[0].softmax(dim=-1) + 1e-9, modes, generator=generator)
+    seen = ahead[:, :, ::2]
+    boxes = _boxes(seen.numpy(), cars[:, None, None, LENGTH:].expand(*seen.shape[:3], 2).numpy(), MARGIN)
+    now = _boxes(cars.numpy(), cars[:, LENGTH:].numpy(), 0.0)
+    is_stuck = shapely.intersects(now[:, None], now)  # those that touch already must come apart
+    taken, before = np.empty((count, seen.shape[2]), dtype=object), np.empty(count, np.intp)
+    chosen = torch.empty(count, dtype=torch.long)
+    for k, car in enumerate(torch.randperm(count, generator=generator).tolist()):
+        touches = shapely.intersects(boxes[car][:, None], taken[None, :k]) & ~is_stuck[car, before[:k], None]
+        touch = touches.any(axis=(1, 2))
+        chosen[car] = next((mode for mode in drawn[car].tolist() if not touch[mode]), modes)
+        taken[k], before[k] = boxes[car, chosen[car]], car
+    return ahead[torch.arange(count), chosen, :steps]
 
 
 def _touching(car: Tensor, others: Tensor, margin: float) -> bool:

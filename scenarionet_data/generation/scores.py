@@ -75,10 +75,11 @@ def score_placement(lake: LakeView, run: str, database: str, *, seed: int = 0) -
     """
     model = load(lake, run)
     scenes, ids = read_moments(lake, database, model.config)
-    names = np.array(ids)
+    rows = torch.nonzero(torch.tensor([len(each) > 0 for each in _others(scenes)])).squeeze(1)
+    scenes, names = scenes.take(rows), np.array(ids)[rows.numpy()]
     table = lake.sql("SELECT scenario_id, coalesce(map_id, scenario_id) AS map FROM metadata")
     map_of = dict(zip(table["scenario_id"], table["map"], strict=True))
-    maps = np.array([map_of[each] for each in ids])
+    maps = np.array([map_of[each] for each in names])
     if len(set(maps)) < 2:
         raise BadParameter(
             f"{database}: all moments are on one map; vehicles of other maps, with which the model is compared, need "

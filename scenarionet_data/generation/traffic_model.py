@@ -158,6 +158,10 @@ class TrafficModel(nn.Module):
         controls = self.weights @ out[..., 1:].unflatten(-1, (KNOTS, 2))
         return self._driven(cars[:, :, None], controls), out[..., 0]
 
+    def braking(self, cars: Tensor) -> Tensor:
+        """Return (..., F, 4) what vehicles (..., 6) do that brake as hard as they can, straight on."""
+        return self._driven(cars, torch.tensor([-10.0, 0.0]).expand(*cars.shape[:-1], self.config.num_future, 2))
+
     def _driven(self, cars: Tensor, controls: Tensor) -> Tensor:
         """Integrate accelerations and curvatures (..., F, 2) from vehicles (..., 6)."""
         dt = self.config.dt

@@ -111,7 +111,8 @@ def load(lake: LakeView, run: str) -> TrafficModel:
             its weights are not finite.
     """
     model, _ = load_model(lake, run, "traffic model", "scenarionet traffic learn", TrafficConfig, TrafficModel)
-    return model.eval()
+    model.eval()
+    return model
 
 
 def _losses(model: TrafficModel, scenes: Scenes, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:

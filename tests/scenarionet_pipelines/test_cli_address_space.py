@@ -101,6 +101,9 @@ forecast submit lake predictions.parquet submission.parquet --format argoverse2
 OF_TORCH = (
     "train ppo lake few --size small -p steps=64 --name tiny",
     "forecast fit lake few -p epochs=1 -p stride=4 --name tiny_forecaster",
+    "traffic learn lake few -p epochs=1 -p min_vehicles=1 -p size=16 --name tiny_traffic",
+    "traffic generate lake few --model tiny_traffic --name made --duration 2 --workers 1",
+    "traffic measure lake few --model tiny_traffic",
     pytest.param("runs experiment cross-dataset lake -o experiment", marks=pytest.mark.long),
 )
 TRIED = [
@@ -109,6 +112,9 @@ TRIED = [
     "browse",
     "train",
     "forecast fit",
+    "traffic learn",
+    "traffic generate",
+    "traffic measure",
     "runs experiment",
     "runs bridge",
 ]

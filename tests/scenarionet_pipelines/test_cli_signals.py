@@ -180,6 +180,7 @@ COMMANDS = {
     "search": "lake cut_in --policy idm --name x -p ego_speed=25 -p lateral_time=4", "train": "ppo lake --size small",
     "regress": "lake one --policy constant-planner idm-planner", "experiment": "cross-dataset lake -o out --workers 1",
     "export": "lake one out", "pack": "lake one packed",
+    "learn": "lake one --name x", "generate": "lake one --model before --name x", "measure": "lake one --model before",
     "publish": "lake --iceberg catalog", "check": "lake", "fsck": "lake --deep", "compact": "lake",
     "vacuum": "lake --keep-last 1", "doctor": "lake", "compile": "",
 }  # fmt: skip

@@ -34,3 +34,8 @@ def test_equal_sets_do_not_differ():
     rows = np.arange(6.0).reshape(3, 2)
     assert discrepancy(rows, rows[::-1]) == pytest.approx(0.0, abs=1e-12)
     assert discrepancy(np.ones((2, 2)), np.ones((3, 2))) == 0.0
+
+
+def test_nothing_is_far_from_everything():
+    assert discrepancy(np.zeros((0, 2)), np.ones((1, 2))) == discrepancy(np.zeros((0, 2)), np.ones((3, 2))) == 1.0
+    assert 0.0 < discrepancy(np.zeros((0, 2)), np.arange(6.0).reshape(3, 2)) < 1.0
