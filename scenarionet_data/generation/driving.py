@@ -5,7 +5,7 @@ from __future__ import annotations
 from scenarionet_data.generation.snapshots import (  # first: says how to install torch
     HEADING,
     LENGTH,
-    Scenes,
+    TrafficMoments,
     X,
     Y,
     is_inside,
@@ -51,7 +51,7 @@ class Placed(NamedTuple):
 @torch.no_grad()
 def place(
     model: TrafficModel,
-    scenes: Scenes,
+    scenes: TrafficMoments,
     given: Tensor,
     number: Tensor,
     generator: torch.Generator,
@@ -97,7 +97,7 @@ def place(
     return Placed(cars, ok, drawn, touched)
 
 
-class Traffic(NamedTuple):
+class DrivenVehicles(NamedTuple):
     """N vehicles over T timesteps.
 
     Attributes:
@@ -112,7 +112,9 @@ class Traffic(NamedTuple):
 
 
 @torch.no_grad()
-def drive(model: TrafficModel, scenes: Scenes, cars: Tensor, steps: int, generator: torch.Generator) -> Traffic:
+def drive(
+    model: TrafficModel, scenes: TrafficMoments, cars: Tensor, steps: int, generator: torch.Generator
+) -> DrivenVehicles:
     """Move vehicles (N, 6) on the map of one moment; for those that leave it, others come at the border of the crop.
 
     In each window, one vehicle after the other takes one of its motions, by their probabilities, that touches none of
@@ -149,10 +151,12 @@ def drive(model: TrafficModel, scenes: Scenes, cars: Tensor, steps: int, generat
                 states.append(torch.zeros(1, steps + 1, 4))
                 valid.append(torch.zeros(1, steps + 1, dtype=torch.bool))
                 states[1][0, end], valid[1][0, end] = everyone[-1, :4], True
-    return Traffic(torch.cat(states).numpy(), everyone[:, LENGTH:].numpy(), torch.cat(valid).numpy())
+    return DrivenVehicles(torch.cat(states).numpy(), everyone[:, LENGTH:].numpy(), torch.cat(valid).numpy())
 
 
-def _choose(model: TrafficModel, scenes: Scenes, cars: Tensor, steps: int, generator: torch.Generator) -> Tensor:
+def _choose(
+    model: TrafficModel, scenes: TrafficMoments, cars: Tensor, steps: int, generator: torch.Generator
+) -> Tensor:
     """(N, steps, 4) one motion of each vehicle (N, 6)."""
     motions, logits = model.motions(cars[None], torch.ones(1, len(cars), dtype=torch.bool), scenes)
     ahead = torch.cat([motions[0], model.braking(cars)[:, None]], dim=1)

@@ -20,8 +20,8 @@ from scenarionet_data.generation.snapshots import (
     LENGTH,
     SPEED,
     WIDTH,
-    Scenes,
     TrafficConfig,
+    TrafficMoments,
     X,
     Y,
     is_inside,
@@ -114,7 +114,7 @@ def score_placement(lake: LakeView, run: str, database: str, *, seed: int = 0) -
     return scores
 
 
-def _others(scenes: Scenes) -> list[Array]:
+def _others(scenes: TrafficMoments) -> list[Array]:
     """Recorded vehicles on lanes in the crop but the ego, of each moment."""
     known = scenes.car_ok & (scenes.cell >= 0)
     known[:, 0] = False
@@ -122,7 +122,7 @@ def _others(scenes: Scenes) -> list[Array]:
 
 
 def _placed(
-    model: TrafficModel, scenes: Scenes, counts: Array, generator: torch.Generator
+    model: TrafficModel, scenes: TrafficMoments, counts: Array, generator: torch.Generator
 ) -> tuple[list[Array], float]:
     """Vehicles of each moment, and the share that touch one another where nothing is drawn again."""
     found: list[Array] = []
@@ -143,7 +143,9 @@ def _some(cars: Array, count: int, rng: np.random.Generator) -> Array:
     return cars[rng.choice(len(cars), count, replace=len(cars) < count)]
 
 
-def _uniform(scene: Scenes, count: int, everyone: Array, config: TrafficConfig, rng: np.random.Generator) -> Array:
+def _uniform(
+    scene: TrafficMoments, count: int, everyone: Array, config: TrafficConfig, rng: np.random.Generator
+) -> Array:
     """Vehicles anywhere on the lanes of a moment."""
     lanes = scene.lanes[0][scene.lane_ok[0] & is_inside(scene.lanes[0], config)].numpy()
     chosen = lanes[rng.choice(len(lanes), count, p=lanes[:, 3] / lanes[:, 3].sum(dtype=np.float64))]

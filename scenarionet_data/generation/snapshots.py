@@ -90,7 +90,7 @@ class TrafficConfig:
         return round(self.future / self.dt)
 
 
-class Scenes(NamedTuple):
+class TrafficMoments(NamedTuple):
     """B moments, each in the frame of the ego then: metres, radians, seconds.
 
     Attributes:
@@ -108,16 +108,16 @@ class Scenes(NamedTuple):
     path_ok: Tensor
     cell: Tensor
 
-    def take(self, rows: Tensor) -> Scenes:
+    def take(self, rows: Tensor) -> TrafficMoments:
         """The moments at ``rows``."""
-        return Scenes(*(values[rows] for values in self))
+        return TrafficMoments(*(values[rows] for values in self))
 
-    def on_lanes(self) -> Scenes:
+    def on_lanes(self) -> TrafficMoments:
         """The moments with only those vehicles that have a lane vector, which a model can place."""
         return self._replace(car_ok=self.car_ok & (self.cell >= 0))
 
 
-def make_scenes(sample: Sample, config: TrafficConfig) -> Scenes:
+def make_scenes(sample: Sample, config: TrafficConfig) -> TrafficMoments:
     """Return the moments of a batch of samples, see :meth:`TrafficConfig.samples`."""
     batch = collate(sample)
     ends = batch["polylines"]
@@ -133,7 +133,7 @@ def make_scenes(sample: Sample, config: TrafficConfig) -> Scenes:
     cars = torch.stack([x, y, heading, speed, *batch["agent_size"][..., :2].unbind(dim=-1)], dim=-1)
     car_ok = batch["history_valid"][:, :, -1]
     cell = _cells(lanes, lane_ok & is_inside(lanes, config), cars, car_ok)
-    return Scenes(lanes, lane_ok, cars, car_ok, batch["future"][..., :2], batch["future_valid"], cell)
+    return TrafficMoments(lanes, lane_ok, cars, car_ok, batch["future"][..., :2], batch["future_valid"], cell)
 
 
 def is_inside(poses: Tensor, config: TrafficConfig) -> Tensor:
@@ -160,7 +160,9 @@ def _cells(lanes: Tensor, is_open: Tensor, cars: Tensor, car_ok: Tensor) -> Tens
     return cell.masked_fill(~torch.isfinite(least) | ~car_ok, -1)
 
 
-def read_moments(lake: LakeView, database: str, config: TrafficConfig, chunk: int = 128) -> tuple[Scenes, list[str]]:
+def read_moments(
+    lake: LakeView, database: str, config: TrafficConfig, chunk: int = 128
+) -> tuple[TrafficMoments, list[str]]:
     """Return all moments of a database that show enough vehicles, and the scenario of each.
 
     Raises:
@@ -184,4 +186,4 @@ def read_moments(lake: LakeView, database: str, config: TrafficConfig, chunk: in
             f"{config.crop / 2:g} m of the ego ({len(samples)} moments with a map and {config.future:g} s to come); "
             "give another database, or a smaller min_vehicles",
         )
-    return Scenes(*(torch.cat(each) for each in zip(*parts, strict=True))), ids
+    return TrafficMoments(*(torch.cat(each) for each in zip(*parts, strict=True))), ids

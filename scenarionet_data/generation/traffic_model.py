@@ -13,8 +13,8 @@ from scenarionet_data.generation.snapshots import (  # first: says how to instal
     LENGTH,
     SPEED,
     WIDTH,
-    Scenes,
     TrafficConfig,
+    TrafficMoments,
     X,
     Y,
     is_inside,
@@ -43,7 +43,7 @@ KNOTS = 5
 """Controls of a motion, evenly spaced over its time and interpolated."""
 
 
-class Surroundings(nn.Module):
+class NeighbourEncoder(nn.Module):
     """Features of what is near some frames, each the maximum over its nearest neighbours."""
 
     def __init__(self, size: int, near_lanes: int, near_cars: int) -> None:
@@ -94,13 +94,13 @@ class TrafficModel(nn.Module):
     def __init__(self, config: TrafficConfig) -> None:
         super().__init__()
         size, self.config = config.size, config
-        self.near_lane = Surroundings(size, config.near_lanes, config.near_cars)
+        self.near_lane = NeighbourEncoder(size, config.near_lanes, config.near_cars)
         self.local = _two_layers(2 * size + 2, size)
         self.whole = _two_layers(size, size)
         self.cell = _two_layers(2 * size, size)
         self.logit, self.repulsion = nn.Linear(size, 1), nn.Parameter(torch.tensor(10.0))
         self.attributes = nn.Linear(size, config.components * 13)
-        self.near_car = Surroundings(size, 2 * config.near_lanes, config.near_cars)
+        self.near_car = NeighbourEncoder(size, 2 * config.near_lanes, config.near_cars)
         self.motion = nn.Sequential(
             _two_layers(2 * size + 3, 2 * size), nn.ReLU(), nn.Linear(2 * size, config.modes * (2 * KNOTS + 1))
         )
@@ -108,7 +108,7 @@ class TrafficModel(nn.Module):
         weights = (1 - (part[:, None] - torch.arange(KNOTS)).abs()).clamp(min=0.0)
         self.register_buffer("weights", weights, persistent=False)
 
-    def map_features(self, scenes: Scenes, queries: Tensor) -> Tensor:
+    def map_features(self, scenes: TrafficMoments, queries: Tensor) -> Tensor:
         """Return (B, Q, size) features of the map around lane vectors (B, Q, 4), which stay as vehicles come."""
         return self.near_lane.lanes(queries[..., :3], scenes.lanes, scenes.lane_ok)
 
@@ -145,7 +145,7 @@ class TrafficModel(nn.Module):
         )
         return Mixture(weight.squeeze(-1).log_softmax(dim=-1), mean, spread.clamp(-3.0, 2.0))
 
-    def motions(self, cars: Tensor, ok: Tensor, scenes: Scenes) -> tuple[Tensor, Tensor]:
+    def motions(self, cars: Tensor, ok: Tensor, scenes: TrafficMoments) -> tuple[Tensor, Tensor]:
         """Return (B, A, K, F, 4) x, y, heading, speed to come of vehicles (B, A, 6), and (B, A, K) logits."""
         ahead = cars[..., SPEED].clamp(min=5.0)  # [m]: the lanes that matter are about a second away
         centre = (
@@ -188,7 +188,7 @@ def from_lane(lanes: Tensor, attributes: Tensor) -> Tensor:
     return torch.stack([x, y, heading, speed.clamp(min=0.0), length.clamp(min=1.5), width.clamp(min=0.7)], dim=-1)
 
 
-def placement_loss(model: TrafficModel, scenes: Scenes, generator: torch.Generator) -> Tensor:
+def placement_loss(model: TrafficModel, scenes: TrafficMoments, generator: torch.Generator) -> Tensor:
     """Return how improbable the vehicles of moments are, given a random part of them.
 
     Any order of the vehicles is as good as another: the next one is each of those that are left alike.
@@ -210,7 +210,7 @@ def placement_loss(model: TrafficModel, scenes: Scenes, generator: torch.Generat
 
 
 def _chosen_lanes(
-    model: TrafficModel, scenes: Scenes, known: Tensor, cell: Tensor, generator: torch.Generator
+    model: TrafficModel, scenes: TrafficMoments, known: Tensor, cell: Tensor, generator: torch.Generator
 ) -> tuple[Tensor, Tensor, Tensor]:
     """(B, Q, 4) lane vectors with vehicles and some of the others, for how many each stands, and (B, A) places there.
 
@@ -229,7 +229,7 @@ def _chosen_lanes(
     return queries, used + free * left_out, place_of.gather(1, cell)
 
 
-def motion_loss(model: TrafficModel, scenes: Scenes, generator: torch.Generator) -> Tensor:
+def motion_loss(model: TrafficModel, scenes: TrafficMoments, generator: torch.Generator) -> Tensor:
     """Distance of the closest motion from the recorded one [m], and how probable it was found to be.
 
     Vehicles start beside their recorded states, so that the network learns to come back.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from scenarionet_data.generation.snapshots import (
-    Scenes,
     TrafficConfig,
+    TrafficMoments,
     read_moments,
 )  # first: says how to install torch
 
@@ -115,7 +115,9 @@ def load(lake: LakeView, run: str) -> TrafficModel:
     return model
 
 
-def _losses(model: TrafficModel, scenes: Scenes, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
+def _losses(
+    model: TrafficModel, scenes: TrafficMoments, generator: torch.Generator
+) -> tuple[torch.Tensor, torch.Tensor]:
     return placement_loss(model, scenes, generator), motion_loss(model, scenes, generator)
 
 

@@ -5,7 +5,7 @@ A scenario has the map of its parent, the recorded scenario around whose ego veh
 
 from __future__ import annotations
 
-from scenarionet_data.generation.driving import Traffic, drive, place  # first: says how to install torch
+from scenarionet_data.generation.driving import DrivenVehicles, drive, place  # first: says how to install torch
 
 # isort: split
 import dataclasses
@@ -28,7 +28,7 @@ from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.forecasts.forecaster import weights_digest
-from scenarionet_data.generation.snapshots import Scenes, make_scenes
+from scenarionet_data.generation.snapshots import TrafficMoments, make_scenes
 from scenarionet_data.generation.traffic_model import TrafficModel
 from scenarionet_data.generation.training import load
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket
@@ -65,8 +65,31 @@ class GenerationOptions(ParentOptions):
     duration: float = field(default=20.0, metadata={"doc": "length of a scenario [s]"})
 
 
-_Record = tuple[ScenarioDescription, RawItem, Scenes | None, tuple[float, float, float]]
-"""A parent, the item, the moment at its current timestep, and the pose of its ego there."""
+@dataclass(frozen=True)
+class GenerationChoice:
+    """Which scenarios are generated.
+
+    Attributes:
+        number: Scenarios for each of the database.
+        seed: Seed of the draws.
+        vehicles: Vehicles at the start; 0 for as many as are recorded within the crop, at least 8.
+        duration: Length of a scenario [s]; it may be longer than the recording.
+
+    Raises:
+        BadParameter: A number or the duration is wrong.
+    """
+
+    number: int = 1
+    seed: int = 0
+    vehicles: int = 0
+    duration: float = 20.0
+
+    def __post_init__(self) -> None:
+        if not (is_count(self.number, 1) and is_count(self.vehicles)):
+            found = f"number={self.number!r}, vehicles={self.vehicles!r}"
+            raise BadParameter(f"{found}: wanted whole numbers, of 1 or more and of 0 or more")
+        if not HISTORY < self.duration < np.inf:
+            raise BadParameter(f"duration={self.duration!r}: wanted more than {HISTORY:g} s, which are the history")
 
 
 class Generated(OfParents):
@@ -123,14 +146,10 @@ def generate(
     lake: LakeLike,
     database: str,
     model: str,
+    choice: GenerationChoice | None = None,
     *,
     name: str,
-    number: int = 1,
-    seed: int = 0,
-    vehicles: int = 0,
-    duration: float = 20.0,
     replace: bool = False,
-    workers: int = 1,
     executor: Executor | None = None,
     on_progress: Progress | None = None,
 ) -> ConversionReport:
@@ -143,18 +162,14 @@ def generate(
         lake: The lake.
         database: Database whose scenarios give maps, places and numbers of vehicles.
         model: Training run of the model.
+        choice: How many scenarios, of which length.
         name: Name of the generated scenarios.
-        number: Scenarios for each of the database.
-        seed: Seed of the draws.
-        vehicles: Vehicles at the start; 0 for as many as are recorded within the crop, at least 8.
-        duration: Length of a scenario [s]; it may be longer than the recording.
         replace: Replace scenarios of that name that were made otherwise.
-        workers: Number of processes.
-        executor: Runs the shards instead.
+        executor: Runs the shards, by default in this process.
         on_progress: Called before the first shard and after each one.
 
     Raises:
-        BadParameter: A name, number or duration is wrong.
+        BadParameter: The name is wrong.
         LakeError: The model cannot be loaded, see :func:`.training.load`.
         ScenarioNotFound: The lake does not have a scenario.
         DuplicateScenario: There are scenarios of that name that were made otherwise.
@@ -167,21 +182,23 @@ def generate(
         )
     if not HISTORY < duration < np.inf:
         raise BadParameter(f"duration={duration!r}: wanted more than {HISTORY:g} s, which are the history")
-    view, rows = open_view(lake).find(database)
+    choice, (view, rows) = choice or GenerationChoice(), open_view(lake).find(database)
     options = GenerationOptions(
-        lake=str(view.files.root), model=model, weights=weights_digest(load(view, model)), seed=seed, vehicles=vehicles,
-        duration=duration,
+        lake=str(view.files.root), model=model, weights=weights_digest(load(view, model)), seed=choice.seed,
+        vehicles=choice.vehicles, duration=choice.duration,
     )  # fmt: skip
     items: dict[str, list[RawItem]] = {}
     for row in rows.columns(["scenario_id", "split"]).to_pylist():
         parent = row["scenario_id"]
-        items.setdefault(row["split"], []).extend(RawItem(f"{parent}@{k:06d}", str(seed)) for k in range(number))
+        items.setdefault(row["split"], []).extend(
+            RawItem(f"{parent}@{k:06d}", str(choice.seed)) for k in range(choice.number)
+        )
     shards = [
         Shard(DATASET, name, split, f"traffic-{part}", "", of_part, options)
         for split, of_split in items.items()
         for part, of_part in bucket(of_split).items()
     ]
-    run = executor or executor_for(workers, len(shards))
+    run = executor or executor_for(1, len(shards))
     return write_shards(view.files, Generated, shards, f"generate {name}", run, on_progress, replace=replace)
 
 
@@ -201,7 +218,7 @@ def _model(shard: Shard) -> TrafficModel:
 
 def _on_map(
     parent: ScenarioDescription,
-    traffic: Traffic,
+    traffic: DrivenVehicles,
     pose: tuple[float, float, float],
     dt: float,
     shard: Shard,

@@ -20,12 +20,13 @@ from scenarionet_data.generation.scores import score_placement  # noqa: E402
 from scenarionet_data.generation.snapshots import HEADING, TrafficConfig, read_moments  # noqa: E402
 from scenarionet_data.generation.traffic_model import TrafficModel, from_lane, placement_loss, to_lane  # noqa: E402
 from scenarionet_data.generation.training import load, make_config, train  # noqa: E402
-from scenarionet_data.generation.writing import generate  # noqa: E402
+from scenarionet_data.generation.writing import GenerationChoice, generate  # noqa: E402
 from scenarionet_data.storage import checkpoints  # noqa: E402
 from scenarionet_data.variations.limits import check_limits  # noqa: E402
 from scenarionet_sim import evaluate  # noqa: E402
 
 CONFIG = TrafficConfig(epochs=2, size=16, lanes=160, min_vehicles=3, components=3, modes=3, batch_size=8)
+MANY = GenerationChoice(40, duration=2.0)
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +141,7 @@ def test_vehicles_are_replaced_when_they_leave(lake, moments):
 
 
 def test_generated_scenarios_can_be_driven_and_know_where_they_come_from(lake):
-    report = generate(lake, "recorded", "model", name="first", number=2, duration=25.0, seed=3)
+    report = generate(lake, "recorded", "model", GenerationChoice(2, seed=3, duration=25.0), name="first")
     assert not report.failed
     fresh = Lake(lake.root)
     rows = fresh.sql("SELECT scenario_id, parent, extras, split FROM metadata WHERE dataset = 'generated'")
@@ -163,13 +164,13 @@ def test_generated_scenarios_can_be_driven_and_know_where_they_come_from(lake):
 
 def test_killed_generation_goes_on_without_doubles(lake):
     with pytest.raises(KeyboardInterrupt):
-        generate(lake, "recorded", "model", name="killed", number=40, duration=2.0, on_progress=kill_after(2))
-    generate(lake, "recorded", "model", name="killed", number=40, duration=2.0)
-    generate(lake, "recorded", "model", name="whole", number=40, duration=2.0)
+        generate(lake, "recorded", "model", MANY, name="killed", on_progress=kill_after(2))
+    generate(lake, "recorded", "model", MANY, name="killed")
+    generate(lake, "recorded", "model", MANY, name="whole")
     query = "SELECT content_hash FROM metadata WHERE dataset = 'generated' AND version = '{}' ORDER BY scenario_id"
     killed, whole = (Lake(lake.root).sql(query.format(name))["content_hash"].to_list() for name in ("killed", "whole"))
     assert len(killed) == len(whole) == 240 and len(set(whole)) == 240
-    again = generate(lake, "recorded", "model", name="killed", number=40, duration=2.0)
+    again = generate(lake, "recorded", "model", MANY, name="killed")
     assert again.shards == 0 and again.converted == 0
 
 
@@ -210,9 +211,11 @@ def test_mistakes_are_said(lake, tmp_path, monkeypatch):
     if not torch.cuda.is_available():
         with pytest.raises(BadParameter, match="finds no graphics card"):
             train(lake, "one", CONFIG, run="none", device="cuda")
-    for wrong in ({"duration": 0.5}, {"number": 0}, {"vehicles": -1}, {"name": "a b"}):
+    for wrong in ({"duration": 0.5}, {"number": 0}, {"vehicles": -1}):
         with pytest.raises(BadParameter):
-            generate(lake, "recorded", "model", **({"name": "none"} | wrong))
+            GenerationChoice(**wrong)
+    with pytest.raises(BadParameter, match="use letters"):
+        generate(lake, "recorded", "model", name="a b")
 
 
 def test_scores_stand_beside_baselines(lake):

@@ -31,17 +31,19 @@ class GenerateVerb(DatabaseVerb, Distributed):
     replace: bool = REPLACE
 
     def run(self) -> bool:
+        from scenarionet_data.execution.executors import executor_for
+
         try:
-            from scenarionet_data.generation.writing import generate
+            from scenarionet_data.generation.writing import GenerationChoice, generate
         except ModuleNotFoundError as error:
             from scenarionet_data.errors import MissingDependency
 
             raise MissingDependency("a model of traffic needs torch", "learn") from error
         with self.execution() as execution, self.progress(f"generate {self.name}", "shard") as progress:
             report = generate(
-                **self.given(generate) | {"workers": self.num_workers},
-                executor=execution.executor,
+                self.lake, self.database, self.model, GenerationChoice(**self.given(GenerationChoice)), name=self.name,
+                replace=self.replace, executor=execution.executor or executor_for(self.num_workers),
                 on_progress=progress.update,
-            )
+            )  # fmt: skip
         self.say(*report_content(report, self.lake))
         return not report.failed
