@@ -28,7 +28,7 @@ from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.forecasts.forecaster import weights_digest
-from scenarionet_data.generation.snapshots import TrafficMoments, make_scenes
+from scenarionet_data.generation.snapshots import make_scenes
 from scenarionet_data.generation.traffic_model import TrafficModel
 from scenarionet_data.generation.training import load
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket
@@ -176,12 +176,6 @@ def generate(
     """
     if not re.fullmatch(r"[A-Za-z0-9._-]+", name):
         raise BadParameter(f"name {name!r}: use letters, digits, '.', '_' and '-'")
-    if not is_count(number, 1) or not is_count(vehicles):
-        raise BadParameter(
-            f"number={number!r}, vehicles={vehicles!r}: wanted whole numbers, of 1 or more and 0 or more"
-        )
-    if not HISTORY < duration < np.inf:
-        raise BadParameter(f"duration={duration!r}: wanted more than {HISTORY:g} s, which are the history")
     choice, (view, rows) = choice or GenerationChoice(), open_view(lake).find(database)
     options = GenerationOptions(
         lake=str(view.files.root), model=model, weights=weights_digest(load(view, model)), seed=choice.seed,
