@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     from scenarionet_sim.sensors.point_cloud import PointCloud as PointCloud
     from scenarionet_sim.sensors.scene_lidar import SceneLidar as SceneLidar
     from scenarionet_sim.sensors.state import EgoState as EgoState
+    from scenarionet_sim.sensors.surrounding import RoadSegments as RoadSegments
     from scenarionet_sim.sensors.surrounding import Surrounding as Surrounding
     from scenarionet_sim.simulation.simulation import Simulation as Simulation
     from scenarionet_sim.task.task import Reward as Reward

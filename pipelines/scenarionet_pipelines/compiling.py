@@ -97,7 +97,7 @@ def _do_a_little(lake: str) -> Iterator[str]:
     yield "samples"
     others = (
         sim.LaneLineDetector(), sim.LightAhead(), sim.PointCloud(), sim.Surrounding(), sim.RouteTraffic(),
-        sim.Guidance(),
+        sim.Guidance(), sim.RoadSegments(),
     )  # fmt: skip
     for sensors in (sim.PAPER_OBSERVATION, (*sim.BOUNDARY, *others), (sim.BirdView(),)):
         env = sim.ScenarioNetEnv(scenarios=sim.Scenarios(lake), sensors=sensors, observation="dict", prefetch=0)

@@ -32,12 +32,12 @@ class StateArrays(NamedTuple):
     timestep: Int32
 
 
-NUM_OBJECTS, NUM_STEPS, EGO, FIRST_STEP, DRIVERS, OBJECTS, LOG, LIGHTS, CELLS, BLOCKS = range(10)
+NUM_OBJECTS, NUM_STEPS, EGO, FIRST_STEP, DRIVERS, OBJECTS, LOG, LIGHTS, CELLS, BLOCKS, PIECE_CELLS = range(11)
 """Columns of ``Recorded.place``: numbers of objects and timesteps; row of the ego; first timestep with a valid ego;
 policies that drive at least one object, as bits; first rows in the arrays of objects, log, light states, cells, and
-blocks of cells."""
+blocks of cells, and cells of the pieces of the road."""
 
-NUM_PLACES = 10
+NUM_PLACES = 11
 
 
 USERS, USED, SERIAL = range(3)
@@ -52,7 +52,7 @@ class StoredWorlds(NamedTuple):
 
     Attributes:
         place: (P, NUM_PLACES) where their rows are, see ``Recorded``.
-        frame: (P, 5) see ``Lines``.
+        frame: (P, 10) see ``Lines``.
         usage: (P, 3) see ``USERS``.
     """
 
@@ -63,7 +63,7 @@ class StoredWorlds(NamedTuple):
     @classmethod
     def of_none(cls) -> StoredWorlds:
         """Return the arrays of no worlds."""
-        return cls(np.zeros((0, NUM_PLACES), np.int64), np.zeros((0, 5)), np.zeros((0, 3), np.int64))
+        return cls(np.zeros((0, NUM_PLACES), np.int64), np.zeros((0, 10)), np.zeros((0, 3), np.int64))
 
 
 class Slots(NamedTuple):
@@ -71,7 +71,7 @@ class Slots(NamedTuple):
 
     Attributes:
         number: (W,) number of each slot's world among the ``StoredWorlds``, -1 for none.
-        place, frame: (W, NUM_PLACES), (W, 5) see ``Recorded`` and ``Lines``.
+        place, frame: (W, NUM_PLACES), (W, 10) see ``Recorded`` and ``Lines``.
     """
 
     number: Int64
@@ -141,13 +141,16 @@ class Lines(NamedTuple):
 
     Attributes:
         place: (W, NUM_PLACES), see ``Recorded``.
-        frame: (W, 5) x, y of the lower left corner and side of a cell [m]; numbers of columns and rows.
+        frame: (W, 10) x, y of the lower left corner and side of a cell [m]; numbers of columns and rows; then those
+            of the grid of pieces.
         cell_types: (C,) types in the cell, as bits of ``LINE_BITS``; 0 for an empty cell.
         cell_rank: (C,) number of filled cells before the cell in its block.
         block_start: (D,) first filled cell of each block.
         filled_start: (F,) first segment of each filled cell, with one more entry for every map.
         segments: (K, 4) x0, y0, x1, y1 [m]; a segment is in every cell that it touches.
         segment_type: (K,) codes of ``MapFeatureType``.
+        piece_start: (E,) first piece of each cell of their grid, with one more entry for every map.
+        pieces: (L, 8) see ``RoadPieces``; none until a sensor asks for them.
     """
 
     place: Int64
@@ -158,6 +161,8 @@ class Lines(NamedTuple):
     filled_start: Int32
     segments: Float32
     segment_type: UInt8
+    piece_start: Int32
+    pieces: Float32
 
 
 class Lanes(NamedTuple):

@@ -30,6 +30,7 @@ from scenarionet_sim.arrays.containment import PolygonGrid, blocks_of, find_poly
 from scenarionet_sim.roads.grid import Grid
 from scenarionet_sim.roads.lane_kernels import find_lanes
 from scenarionet_sim.roads.line_grid import LineGrid
+from scenarionet_sim.roads.road_pieces import RoadPieces, joined
 
 _Derived = TypeVar("_Derived")
 
@@ -140,6 +141,17 @@ class Roads:
     def forget_segment_grid(self) -> None:
         """Drop the grid over the segments until it is read again: it takes more memory than the segments."""
         vars(self).pop("segment_grid", None)
+
+    @property
+    def pieces(self) -> RoadPieces:
+        """Pieces of lanes, road lines and road edges, computed anew."""
+        is_shown = is_road_line(self.segment_type) | is_road_edge(self.segment_type)
+        owner = self.segment_feature[is_shown]
+        lines, types = joined(self.segments[is_shown], owner), self.segment_type[is_shown]
+        of_line = types[np.append(0, np.cumsum(lines.lengths - 1)[:-1])] if len(lines) else types
+        lengths = np.concatenate([self.lanes.lengths, lines.lengths])
+        every = Ragged.from_flat(lengths, np.concatenate([self.lanes.values, lines.values]))
+        return RoadPieces.along(every, np.concatenate([self.lane_type, of_line]))
 
     @cached_property
     def polygon_bounds(self) -> Float32:

@@ -14,6 +14,7 @@ from scenarionet_data.arrays.dtypes import Array, Int32, is_count
 from scenarionet_sim.sensors.base import Sensor, add_noise, directions, require, require_located, table
 from scenarionet_sim.sensors.observation_kernels import (
     OWN_MOTION,
+    PIECES_NEAR,
     WAY_AHEAD,
     Sensing,
     SensorForm,
@@ -42,6 +43,8 @@ class CompiledSensor(Sensor):
     def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:
         """Write the observations by the code of the compiled step."""
         sensing = _sensing_of(self)._replace(out=out.reshape(-1))
+        if sensing.kind[0] == PIECES_NEAR:
+            batch.show_pieces()
         lost = observe_by_one(agents, batch.recorded, batch.lines, state.moment, sensing)
         if sensing.kind[0] in (OWN_MOTION, WAY_AHEAD):
             require_located(lost, agents)

@@ -10,13 +10,15 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.boxes import Boxes, write_boxes
+from scenarionet_sim.arrays.minmax import larger
 from scenarionet_sim.arrays.structures import NUM_OBJECTS, OBJECTS, Lines, Recorded, StateArrays
 from scenarionet_sim.roads.ray_kernels import RayFan, ranges_to_lines
 from scenarionet_sim.sensors.box_ray_kernels import RayMemory, ranges_to_boxes
+from scenarionet_sim.sensors.nearest_kernels import OF_OBJECT, OF_PIECE, NearMemory, nearest_objects, nearest_pieces
 from scenarionet_sim.sensors.route_kernels import own_motion, way_ahead
 from scenarionet_sim.worlds.path_kernels import PathRows
 
-LIDAR, LINE_RAYS, OWN_MOTION, WAY_AHEAD = range(4)
+LIDAR, LINE_RAYS, OWN_MOTION, WAY_AHEAD, OBJECTS_NEAR, PIECES_NEAR = range(6)
 """Kinds of sensors."""
 
 
@@ -26,7 +28,7 @@ class SensorForm(NamedTuple):
     Attributes:
         kind: See ``LIDAR``.
         scale: Up to eight numbers.
-        parts: Number of rays or points.
+        parts: Number of rays, points, objects or pieces.
         types: (256,) visible types.
         directions: (R, 2) of the rays.
     """
@@ -44,8 +46,9 @@ class Sensing(NamedTuple):
     Attributes:
         kind: (S,) see ``LIDAR``.
         place: (S, 4) first value of the sensor's part of ``out``; values from one agent to the next; first row in
-            ``directions``; number of rays or points.
-        scale: (S, 8) range or spacing [m], then what values are divided by (points) or multiplied by (own motion).
+            ``directions``; number of rays, points, objects or pieces.
+        scale: (S, 8) range or spacing [m], then what values are divided by (points) or multiplied by (own motion,
+            objects).
         types: (S, 256) visible types; all objects for a lidar whose row is all True.
         directions: (R, 2) unit vectors of the rays of all sensors.
         out: Values of all agents, one after another.
@@ -82,18 +85,21 @@ class Scratch(NamedTuple):
         points: (K, 2) points of the path.
         boxes: Boxes of its world.
         rays: Of a lidar.
+        near: Objects or pieces in reach.
     """
 
     values: Float64
     points: Float64
     boxes: Boxes
     rays: RayMemory
+    near: NearMemory
 
     @classmethod
-    def of(cls, num_objects: int, sensing: Sensing) -> Scratch:
-        """Allocate the memory."""
+    def of(cls, num_objects: int, num_pieces: int, sensing: Sensing) -> Scratch:
+        """Allocate the memory for worlds of up to so many objects and pieces."""
         most = max(sensing.place[:, 3], default=0)
-        return cls(np.empty(7), np.empty((most, 2)), Boxes.of(num_objects), RayMemory.of(most, num_objects))
+        near = NearMemory.of(max(num_objects, num_pieces) + 1)
+        return cls(np.empty(7), np.empty((most, 2)), Boxes.of(num_objects), RayMemory.of(most, num_objects), near)
 
 
 @device_function(forceinline=True)
@@ -121,6 +127,11 @@ def observe(
             for k in range(count):
                 sensing.out[at + 2 * k] = _within(np.float32(points[k, 0] / scale[1]))
                 sensing.out[at + 2 * k + 1] = _within(np.float32(points[k, 1] / scale[1]))
+        elif kind == OBJECTS_NEAR:
+            out = sensing.out[at : at + OF_OBJECT * count]
+            nearest_objects(w, n, now, scratch.boxes, sensing.types[s], scale, scratch.near, out)
+        elif kind == PIECES_NEAR:
+            nearest_pieces(w, me, lines, scale[0], scratch.near, sensing.out[at : at + OF_PIECE * count])
 
 
 @device_function
@@ -145,12 +156,14 @@ def observe_by_one(agents: Int32, recorded: Recorded, lines: Lines, now: StateAr
     lost, last, most, count = -1, -1, now.motion.shape[1], sensing.place[0, 3]
     boxes = Boxes(np.empty((7, most)), np.empty(most, np.int32), np.zeros(1, np.int64))
     near, sides, found = np.empty((6, most)), np.empty((4, most)), np.empty((2, most), np.int32)
-    scratch = Scratch(np.empty(7), np.empty((count, 2)), boxes, RayMemory(np.empty(count), near, sides, found))
+    room = larger(most, len(lines.pieces)) + 1
+    memory = NearMemory(np.empty(room, np.float32), np.empty(room, np.int32), np.empty(room, np.int32))
+    scratch = Scratch(np.empty(7), np.empty((count, 2)), boxes, RayMemory(np.empty(count), near, sides, found), memory)
     for a in range(len(agents)):
         w, n = agents[a, 0], agents[a, 1]
         if lost < 0 and np.isnan(now.route[w, n, 0]):
             lost = a
-        if w != last and sensing.kind[0] == LIDAR:
+        if w != last and (sensing.kind[0] == LIDAR or sensing.kind[0] == OBJECTS_NEAR):
             write_boxes(recorded.place[w, NUM_OBJECTS], now.motion[w], now.size[w], now.present[w], boxes)
         last = w
         observe(a, w, n, recorded, lines, now, sensing, scratch)

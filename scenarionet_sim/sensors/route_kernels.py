@@ -1,10 +1,10 @@
-"""Observation of the agent's own path, and of the objects around it, in its frame (x forward, y left)."""
+"""Observation of the agent's own path, in its frame (x forward, y left)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, UInt8
+from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, UInt8
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.log import ARC, HEADING, VX, VY, YAW_RATE, X, Y
 from scenarionet_sim.arrays.minmax import larger, smaller
@@ -65,66 +65,6 @@ def own_motion(me: Float64, route: Float64, length: float, way: PathRows, wheelb
         tx, ty, _ = direction(way, segment_at(way, route[0]))
         out[4] = np.arctan2(sin * tx - cos * ty, cos * tx + sin * ty)
         out[6] = smaller(larger(route[0] / way.points[way.end - 1, ARC], 0.0), 1.0)
-
-
-@kernel
-def observe_others(
-    agents: Int32,
-    motion: Float64,
-    size: Float64,
-    object_type: UInt8,
-    is_visible: Bool,
-    reach: float,
-    out: Float64,
-) -> None:
-    """Observe the objects nearest to each agent, nearest first; ties in the order of their rows.
-
-    Args:
-        agents: (A, 2) world and row.
-        motion, size, object_type: See ``State``.
-        is_visible: (W, N) objects to report.
-        reach: Largest distance between centres [m].
-        out: (A, K, 13) output, zeros beyond the last object: 1; centre x, y [m]; cosine and sine of the object's
-            heading minus the agent's; velocity minus the agent's, x, y [m/s]; length, width, height [m]; 1 for
-            types 1, 2 and 3 (vehicle, pedestrian, cyclist).
-    """
-    most = out.shape[1]
-    apart, rows = np.empty(most), np.empty(most, np.int32)
-    for a in range(agents.shape[0]):
-        w, own = agents[a, 0], agents[a, 1]
-        me = motion[w, own]
-        found = 0
-        for n in range(motion.shape[1]):
-            if n == own or not is_visible[w, n]:
-                continue
-            dx, dy = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y]
-            distance = dx * dx + dy * dy
-            if distance > reach * reach or (found == most and distance >= apart[found - 1]):
-                continue
-            found = smaller(found + 1, most)
-            place = found - 1
-            while place > 0 and apart[place - 1] > distance:
-                apart[place], rows[place] = apart[place - 1], rows[place - 1]
-                place -= 1
-            apart[place], rows[place] = distance, n
-        cos, sin = np.cos(me[HEADING]), np.sin(me[HEADING])
-        for place in range(most):
-            for column in range(out.shape[2]):
-                out[a, place, column] = 0.0
-            if place >= found:
-                continue
-            n = rows[place]
-            dx, dy = motion[w, n, X] - me[X], motion[w, n, Y] - me[Y]
-            vx, vy = motion[w, n, VX] - me[VX], motion[w, n, VY] - me[VY]
-            turn = motion[w, n, HEADING] - me[HEADING]
-            out[a, place, 0] = 1.0
-            out[a, place, 1], out[a, place, 2] = cos * dx + sin * dy, cos * dy - sin * dx
-            out[a, place, 3], out[a, place, 4] = np.cos(turn), np.sin(turn)
-            out[a, place, 5], out[a, place, 6] = cos * vx + sin * vy, cos * vy - sin * vx
-            for axis in range(3):
-                out[a, place, 7 + axis] = size[w, n, axis]
-            if 1 <= object_type[w, n] <= 3:
-                out[a, place, 9 + object_type[w, n]] = 1.0
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""True states of the objects around an agent, as from perfect perception."""
+"""What is around an agent as rows of numbers, as from perfect perception: objects, and the road."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32, is_count
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_sim.sensors.base import Sensor, require, visible_objects
-from scenarionet_sim.sensors.route_kernels import observe_others
-from scenarionet_sim.worlds.state import State
-from scenarionet_sim.worlds.world_batch import WorldBatch
+from scenarionet_sim.sensors.base import require, table
+from scenarionet_sim.sensors.compiled import CompiledSensor
+from scenarionet_sim.sensors.observation_kernels import OBJECTS_NEAR, PIECES_NEAR, SensorForm
 
 
 @dataclass(frozen=True)
-class Surrounding(Sensor):
+class Surrounding(CompiledSensor):
     """The objects nearest to the agent, nearest first, in its frame.
 
     Observes (objects, 13) float32 in [-1, 1], each clipped there; a row of zeros where there is no object:
@@ -55,11 +54,49 @@ class Surrounding(Sensor):
         """(objects, 13)."""
         return self.objects, 13
 
-    def observe(self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator, out: Array) -> Array:  # noqa: ARG002
-        """Write the states."""
-        observed = np.empty((len(agents), *self.shape))
-        is_visible = visible_objects(state, self.types)
-        observe_others(agents, state.motion, state.size, state.object_type, is_visible, self.range, observed)
-        full = [1.0, *[self.range] * 2, 1.0, 1.0, *[self.max_speed] * 2, *[self.max_size] * 3, 1.0, 1.0, 1.0]
-        np.multiply(observed, 1.0 / np.array(full), out=out, casting="same_kind")
-        return np.clip(out, -1.0, 1.0, out=out)
+    @property
+    def form(self) -> SensorForm:
+        """The sensor as kernels take it: its range, and factors."""
+        factors = 1.0 / self.range, 1.0 / self.max_speed, 1.0 / self.max_size
+        return SensorForm(OBJECTS_NEAR, [self.range, *factors], self.objects, table(self.types))
+
+
+@dataclass(frozen=True)
+class RoadSegments(CompiledSensor):
+    """The pieces of lanes, road lines and road edges whose midpoints are nearest to the agent, in its frame.
+
+    Polylines are thinned first: a point is left out while its triangle with its neighbours has less than 0.1 m², and
+    segments of more than 20 m are cut into equal pieces. Of pieces at the same distance, those are taken that come
+    first on the map; the rows are in the order of the map, not of the distance.
+
+    Observes (segments, 8) float32 in [-1, 1]; a row of zeros where there is no piece:
+
+    0. - 1.  midpoint, x forward and y left / ``range``
+    2.       half of the length / 10 m
+    3. - 4.  cosine and sine of its direction minus the agent's heading
+    5. - 7.  1 for a lane, a road line, a road edge
+
+    Attributes:
+        segments: Largest number of pieces.
+        range: Largest distance of a midpoint [m].
+    """
+
+    low: ClassVar[float] = -1.0
+
+    segments: int = 200
+    range: float = 50.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(is_count(self.segments, 1), f"RoadSegments needs segments >= 1, found segments={self.segments}")
+        require(0 < self.range < np.inf, f"RoadSegments needs a range above 0 m, found range={self.range}")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(segments, 8)."""
+        return self.segments, 8
+
+    @property
+    def form(self) -> SensorForm:
+        """The sensor as kernels take it."""
+        return SensorForm(PIECES_NEAR, [self.range], self.segments)

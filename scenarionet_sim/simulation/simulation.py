@@ -21,7 +21,7 @@ from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.policies.slots import SlotPolicies, prepared
 from scenarionet_sim.policies.strip_kernels import SightMemory
 from scenarionet_sim.sensors.base import require_located
-from scenarionet_sim.sensors.observation_kernels import Scratch
+from scenarionet_sim.sensors.observation_kernels import PIECES_NEAR, Scratch
 from scenarionet_sim.simulation.agents import DrivenAgents
 from scenarionet_sim.simulation.observer import Observer
 from scenarionet_sim.simulation.step import (
@@ -104,7 +104,7 @@ class Simulation:
         self._dt = worlds[0].dt
         self._threads = Threads(threads)
         self._memory: list[tuple[Any, ...]] = []  # by thread
-        self._memory_for: tuple[int, Any] = 0, None  # largest number of objects, kinds of sensors
+        self._memory_for: tuple[int, int, Any] = 0, 0, None  # largest numbers of objects and pieces, kinds of sensors
         self._policies = SlotPolicies(policies, len(worlds))
         self._agents = DrivenAgents(self._policies.are_external, len(worlds), are_egos=has_passengers)
         self.batch = WorldBatch(worlds, self.policies, self._prepare, keep)
@@ -345,6 +345,8 @@ class Simulation:
 
     def _collect(self) -> StepArrays:
         """Return the arrays of a step from the previous state to the current one."""
+        if (self.observer.sensing.kind == PIECES_NEAR).any():
+            self.batch.show_pieces()
         self._allocate_memory()
         session, agents = self._session, self._agents.arrays(self.previous, self.state)
         vehicles, new_vehicle = _NO_VEHICLE
@@ -358,13 +360,13 @@ class Simulation:
 
     def _allocate_memory(self) -> None:
         """Allocate the memory of the threads for the compiled step, if it is for other sensors or smaller worlds."""
-        count, sensing = self.batch.max_objects, self.observer.sensing
-        if self._memory and self._memory_for[0] == count and self._memory_for[1] is sensing.kind:
+        (count, pieces), sensing = (self.batch.max_objects, self.batch.pool.max_pieces), self.observer.sensing
+        if self._memory and self._memory_for[:2] == (count, pieces) and self._memory_for[2] is sensing.kind:
             return
         self._threads.dismiss()
-        self._memory_for = count, sensing.kind
+        self._memory_for = count, pieces, sensing.kind
         self._memory = [
-            (Scratch.of(count, sensing), *((SightMemory.of(count),) if self._policies.follow_paths else ()))
+            (Scratch.of(count, pieces, sensing), *((SightMemory.of(count),) if self._policies.follow_paths else ()))
             for _ in range(self._threads.count)
         ]
 

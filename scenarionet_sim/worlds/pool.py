@@ -23,6 +23,7 @@ from scenarionet_sim.arrays.structures import (
     NUM_OBJECTS,
     NUM_STEPS,
     OBJECTS,
+    PIECE_CELLS,
     SERIAL,
     USED,
     USERS,
@@ -71,7 +72,7 @@ class PooledMap:
 
     Attributes:
         roads: The map.
-        frame: (5,) that of its grid over the lines.
+        frame: (10,) those of its grids over the lines and over the pieces.
         blocks: First row and end of its block of each kind.
         num_worlds: Number of stored worlds that have it.
     """
@@ -98,7 +99,8 @@ class WorldPool:
         worlds: The worlds by number; numbers of removed ones are used again.
         stored: Where their rows are, and which are played.
         moment: Number of times that worlds were put into slots.
-        max_objects, max_agents: Largest number of objects, and of agents, of any world so far.
+        max_objects, max_agents, max_pieces: Largest number of objects, agents and pieces of any world so far.
+        has_pieces: Whether worlds are stored with the pieces of their roads, see :meth:`store_pieces`.
     """
 
     def __init__(self, prepare: Prepare, keep: int) -> None:
@@ -123,9 +125,12 @@ class WorldPool:
             "blocks": Blocks({"block_start": np.int32}),
             "filled": Blocks({"filled_start": np.int32}),
             "segments": Blocks({"segments": (np.float32, 4), "segment_type": np.uint8}),
+            "piece_cells": Blocks({"piece_start": np.int32}),
+            "pieces": Blocks({"pieces": (np.float32, 8)}),
         }  # fmt: skip
-        self.arrays: dict[str, Array] = {}
-        self.max_objects = self.max_agents = 0
+        self.arrays = self._by_name()
+        self.max_objects = self.max_agents = self.max_pieces = 0
+        self.has_pieces = False
 
     def __len__(self) -> int:
         return len(self._numbers)
@@ -155,6 +160,35 @@ class WorldPool:
                 usage[number, USERS], usage[number, SERIAL] = FREE, 0
                 self._free.append(number)
 
+    def store_pieces(self) -> None:
+        """Store the pieces of the roads of all maps, and of those to come, which takes milliseconds each."""
+        self.has_pieces = True
+        for pooled_map in self._maps.values():
+            self._put_pieces(pooled_map)
+        for number in self.worlds:
+            self._show_map(number)
+        self.arrays = self._by_name()
+
+    def _put_pieces(self, pooled_map: PooledMap) -> None:
+        pieces = pooled_map.roads.pieces
+        at = self.kinds["pieces"].put({"pieces": pieces.numbers})
+        pooled_map.blocks |= {
+            "pieces": at,
+            "piece_cells": self.kinds["piece_cells"].put({"piece_start": at[0] + pieces.start}),
+        }
+        pooled_map.frame[5:] = pieces.frame
+        self.max_pieces = max(self.max_pieces, len(pieces.numbers))
+
+    def _show_map(self, number: int) -> None:
+        """Note where the map of a world is stored."""
+        pooled_map, place = self.worlds[number].map, self.stored.place[number]
+        self.stored.frame[number] = pooled_map.frame
+        place[CELLS], place[BLOCKS] = pooled_map.blocks["cells"][0], pooled_map.blocks["blocks"][0]
+        place[PIECE_CELLS] = pooled_map.blocks.get("piece_cells", (0, 0))[0]
+
+    def _by_name(self) -> dict[str, Array]:
+        return {name: array for kind in self.kinds.values() for name, array in kind.arrays.items()}
+
     def _store(self, original: World, policies: Hashable) -> int:
         world, driver, are_agents = self._prepare(original, policies)
         count, pooled_map = world.num_objects, self._map(world.roads)
@@ -172,7 +206,7 @@ class WorldPool:
             "log": self.kinds["log"].put({"log": world.log.reshape(-1, 8)}),
             "lights": self.kinds["lights"].put({"light_state": world.light_state.ravel()}),
         }  # fmt: skip
-        self.arrays = {name: array for kind in self.kinds.values() for name, array in kind.arrays.items()}
+        self.arrays = self._by_name()
         self.max_objects, self.max_agents = max(self.max_objects, count), max(self.max_agents, int(are_agents.sum()))
         number, room = self._free.pop() if self._free else len(self.worlds), len(self.stored.usage)
         if number == room:
@@ -182,16 +216,16 @@ class WorldPool:
             )
         self.worlds[number] = pooled = PooledWorld((original, policies), world, blocks, pooled_map)
         self._numbers[pooled.name] = number
-        self.stored.frame[number], place = pooled_map.frame, self.stored.place[number]
+        place = self.stored.place[number]
         self._num_stored += 1
         self.stored.usage[number] = 0, self.moment, self._num_stored
         place[NUM_OBJECTS], place[NUM_STEPS], place[EGO] = count, world.num_steps, world.ego
         place[FIRST_STEP] = int(np.argmax(world.log[:, world.ego, VALID] != 0))
         place[DRIVERS] = np.bitwise_or.reduce(np.left_shift(1, driver[driver < 63], dtype=np.int64), initial=0)
         place[OBJECTS], place[LOG] = blocks["objects"][0], blocks["log"][0]
-        place[LIGHTS], lines = blocks["lights"][0], pooled_map.blocks
-        place[CELLS], place[BLOCKS] = lines["cells"][0], lines["blocks"][0]
+        place[LIGHTS] = blocks["lights"][0]
         pooled_map.num_worlds += 1
+        self._show_map(number)
         read_log = partial(_log_in, self.kinds["log"], blocks["log"], world.log.shape)
         for same in [each for each in (original, world) if each.log is world.log]:  # policies may change the log
             same.store_log(read_log)  # the pool has it now
@@ -213,7 +247,9 @@ class WorldPool:
             "blocks": self.kinds["blocks"].put({"block_start": filled[0] + grid.block_start}),
             "cells": self.kinds["cells"].put({"cell_types": grid.cell_types, "cell_rank": grid.cell_rank}),
         }
-        self._maps[id(roads)] = pooled = PooledMap(roads, grid.frame, blocks)
+        self._maps[id(roads)] = pooled = PooledMap(roads, np.append(grid.frame, np.zeros(5)), blocks)
+        if self.has_pieces:
+            self._put_pieces(pooled)
         roads.forget_segment_grid()  # the pool has it now
         return pooled
 

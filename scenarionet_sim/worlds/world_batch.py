@@ -53,7 +53,7 @@ class WorldBatch:
     ) -> None:
         self.pool = WorldPool(prepare, keep)
         self.place: Int64 = np.zeros((len(worlds), NUM_PLACES), np.int64)
-        self._slots = Slots(np.full(len(worlds), -1, np.int64), self.place, np.zeros((len(worlds), 5)))
+        self._slots = Slots(np.full(len(worlds), -1, np.int64), self.place, np.zeros((len(worlds), 10)))
         self._worlds: list[World] | None = None
         self._num_slots = len(worlds)
         self._arrays: dict[str, Array] = {}
@@ -104,10 +104,21 @@ class WorldBatch:
         pool.play(slots, numbers, self._slots)
         self._worlds = None
         if pool.arrays is not self._arrays:
-            self._arrays = pool.arrays
-            arrays = self._arrays | {"place": self.place, "frame": self._slots.frame}
-            self.recorded = Recorded(**{name: arrays[name] for name in Recorded._fields})
-            self.lines = Lines(**{name: arrays[name] for name in Lines._fields})
+            self._take_arrays()
+
+    def show_pieces(self) -> None:
+        """Let ``lines`` have the pieces of the roads, if it has them not yet."""
+        if not self.pool.has_pieces:
+            self.pool.store_pieces()
+            numbers, stored = self._slots.number, self.pool.stored
+            self.place[:], self._slots.frame[:] = stored.place[numbers], stored.frame[numbers]
+            self._take_arrays()
+
+    def _take_arrays(self) -> None:
+        self._arrays = self.pool.arrays
+        arrays = self._arrays | {"place": self.place, "frame": self._slots.frame}
+        self.recorded = Recorded(**{name: arrays[name] for name in Recorded._fields})
+        self.lines = Lines(**{name: arrays[name] for name in Lines._fields})
 
     def begin_known(self, slots: IntP, coming: IntP, series: Series, begins: Int32) -> int:
         """Let episodes of scenarios begin in slots, if the pool has all of their worlds; see ``play_scenarios``."""

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Float64
+from scenarionet_data.building.thinning import thin
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.gpudrive.layout import FEATURE_OF_TYPE, INVALID, ROADS
@@ -106,21 +107,7 @@ def simplified(points: Float64) -> Float64:
     Args:
         points: (P, 3) [m].
     """
-    kept = list(range(len(points)))
-    has_changed = True
-    while has_changed:
-        has_changed, place, following = False, 0, [kept[0]]
-        while place + 2 < len(kept):
-            first, middle, last = points[kept[place]], points[kept[place + 1]], points[kept[place + 2]]
-            area = 0.5 * abs(
-                (first[0] - last[0]) * (middle[1] - first[1]) - (first[0] - middle[0]) * (last[1] - first[1])
-            )
-            if area < _AREA and np.hypot(*(last - first)[:2]) <= _LONGEST_SEGMENT:
-                has_changed = True
-                following.append(kept[place + 2])
-                place += 2
-            else:
-                following.append(kept[place + 1])
-                place += 1
-        kept = following + kept[place + 1 :]
-    return points[kept]
+    is_kept = np.empty(len(points), np.bool_)
+    ends = np.array([0, len(points)], np.int32)
+    thin(points, ends, _AREA, _LONGEST_SEGMENT, np.empty(len(points), np.int32), is_kept)
+    return points[is_kept]

@@ -21,14 +21,14 @@ from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.sensors.bird_view import BirdView
 from scenarionet_sim.sensors.lidar import Lidar
 from scenarionet_sim.sensors.navigation import LightAhead, Navigation
-from scenarionet_sim.sensors.surrounding import Surrounding
+from scenarionet_sim.sensors.surrounding import RoadSegments, Surrounding
 from scenarionet_sim.worlds.world import World
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.scenarios import make_scenario
 
 SENSORS = (
     *PAPER_OBSERVATION, *BOUNDARY, Lidar(30, 20.0, types=(ObjectType.PEDESTRIAN,)), LightAhead(), Surrounding(4),
-    Navigation(3, 5.0), Lidar(20, noise=0.1),
+    Navigation(3, 5.0), RoadSegments(9, 30.0), Lidar(20, noise=0.1),
 )  # fmt: skip
 
 ALL_DRIVE = (Replay(), Idm(), External(vehicles))

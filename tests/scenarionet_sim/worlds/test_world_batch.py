@@ -17,6 +17,7 @@ from scenarionet_sim.arrays.structures import (
     NUM_OBJECTS,
     NUM_STEPS,
     OBJECTS,
+    PIECE_CELLS,
 )
 from scenarionet_sim.worlds.blocks import Blocks
 from scenarionet_sim.worlds.world import World
@@ -71,7 +72,7 @@ def check(batch: WorldBatch, slot: int, world: World) -> None:
         recorded.light_state[place[LIGHTS] : place[LIGHTS] + lights], world.light_state.ravel()
     )
     grid = world.roads.segment_grid
-    np.testing.assert_array_equal(lines.frame[slot], grid.frame)
+    np.testing.assert_array_equal(lines.frame[slot, :5], grid.frame)
     cells = slice(place[CELLS], place[CELLS] + len(grid.cell_types))
     np.testing.assert_array_equal(lines.cell_types[cells], grid.cell_types)
     np.testing.assert_array_equal(lines.cell_rank[cells], grid.cell_rank)
@@ -82,6 +83,12 @@ def check(batch: WorldBatch, slot: int, world: World) -> None:
     found = slice(starts[0], starts[-1])
     np.testing.assert_array_equal(lines.segments[found], world.roads.segments[grid.cell_items])
     np.testing.assert_array_equal(lines.segment_type[found], world.roads.segment_type[grid.cell_items])
+    if batch.pool.has_pieces:
+        pieces = world.roads.pieces
+        np.testing.assert_array_equal(lines.frame[slot, 5:], pieces.frame)
+        starts = lines.piece_start[place[PIECE_CELLS] :][: len(pieces.start)]
+        np.testing.assert_array_equal(starts - starts[0], pieces.start)
+        np.testing.assert_array_equal(lines.pieces[starts[0] : starts[-1]], pieces.numbers)
 
 
 def test_every_array_of_every_world_is_in_the_pool():
@@ -122,7 +129,9 @@ def test_worlds_come_and_go_without_a_trace():
     rng, worlds = np.random.default_rng(0), [small(), middle(), large(), bare()]
     batch, playing = WorldBatch([small(), middle()], keep=1), [small(), middle()]
     sizes = []
-    for _ in range(60):
+    for turn in range(60):
+        if turn == 10:
+            batch.show_pieces()
         slot, world = int(rng.integers(2)), worlds[rng.integers(4)]
         batch.replace([slot], [world])
         playing[slot] = world
