@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -13,21 +14,19 @@ from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32, IntP, UI
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.environments.config import EnvConfig
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.environments.outputs import ENDS, RESULTS, StepOutput, StepOutputs
+from scenarionet_sim.environments.outputs import RESULTS, StepOutput, StepOutputs
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.simulation.agents import DrivenAgents
 from scenarionet_sim.simulation.observer import Observer
 from scenarionet_sim.simulation.seats import Seats
 from scenarionet_sim.simulation.simulation import Simulation
 from scenarionet_sim.simulation.step import OBSERVE, SCORE, SETTLE
-from scenarionet_sim.task.scoring_kernels import NUM_TOTALS, StepResult
-from scenarionet_sim.task.task import Status, task_parameters
+from scenarionet_sim.task.scoring_kernels import HAS_ARRIVED, NUM_TOTALS, StepResult
+from scenarionet_sim.task.task import task_parameters
 from scenarionet_sim.worlds.world import World
 
 INFOS = (*RESULTS, "scenario_id")
 """Names of what is known of an agent after a step."""
-
-_ENDS_OF = {int(status): tuple(status == code for code in ENDS.values()) for status in Status}
 
 
 class BatchedEnvironment:
@@ -187,12 +186,11 @@ class BatchedEnvironment:
 
     def infos(self) -> list[dict[str, Any]]:
         """Return ``NUMBERS``, ``ENDS``, timestep and scenario id of each agent."""
-        timestep, worlds = self.simulation.state.timestep.tolist(), self.simulation.batch.worlds
-        of_agents = self.numbers.tolist(), self.status.tolist(), self.agents[:, 0].tolist()
-        return [
-            dict(zip(INFOS, (*numbers, *_ENDS_OF[status], timestep[w], worlds[w].scenario_id), strict=True))
-            for numbers, status, w in zip(*of_agents, strict=True)
-        ]
+        result, at, worlds = self.result, self.simulation.by_place.places, self.simulation.batch.worlds
+        ids = [worlds[w].scenario_id for w in self.agents[:, 0].tolist()]
+        numbers, ends = result.numbers[:, at].tolist(), result.flags[HAS_ARRIVED:, at].tolist()
+        of_agents = zip(*numbers, *ends, result.timestep[at].tolist(), ids, strict=True)
+        return list(map(dict, map(zip, repeat(INFOS), of_agents)))
 
     def close(self) -> None:
         """Release the resources of the backend."""
