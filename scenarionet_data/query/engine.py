@@ -154,7 +154,8 @@ class Engine:
             given = parameters or {}
             query = only_select(self._connection, sql, given)
             self._views.make(sql, user_columns)
-            return self._connection.sql(query, params=dict(given)).to_arrow_table()
+            rows = self._connection.sql(query, params=dict(given)).to_arrow_table()
+            return rows.cast(pa.schema([_as_text(each) for each in rows.schema])) if self._views.keeps else rows
 
     def batches(
         self,
@@ -224,3 +225,8 @@ def _out_of_memory(error: Exception) -> QueryError:
         f"{found}; select fewer rows and columns, or give the query more memory, with Lake(..., max_memory=...), a "
         "higher `ulimit -v` or a larger machine"
     )
+
+
+def _as_text(column: pa.Field) -> pa.Field:
+    """Return a column with texts for ids that are kept as numbers."""
+    return column.with_type(column.type.value_type) if pa.types.is_dictionary(column.type) else column
