@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.query.statements import quoted, shows_every_column, words
+from scenarionet_data.query.track_motion import add_track_motion
 from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
 from scenarionet_data.storage import evaluation_runs, kept_moments
@@ -54,6 +55,8 @@ _NUMBERED = {
     "tracks": {"scenario_id": "scenario_number", "track_id": "track_number"},
 }
 """Views whose rows are kept with ids of these types (ENUM)."""
+_FUNCTIONS = {"track_motion": add_track_motion}
+"""Functions in Python that views need."""
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 
 
@@ -146,6 +149,10 @@ class Views:
 
     def _make(self, name: str, defined: Mapping[str, Path]) -> None:
         if name in self._made or name in self.given:
+            return
+        if name in _FUNCTIONS:
+            _FUNCTIONS[name](self.connection)
+            self._made.add(name)
             return
         text = defined[name].read_text("utf-8")
         needs = _NEEDS.search(text)
