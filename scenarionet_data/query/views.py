@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scenarionet_data.query.lanes_along import add_lanes_along
 from scenarionet_data.query.statements import quoted, shows_every_column, words
 from scenarionet_data.query.track_motion import add_track_motion
 from scenarionet_data.schema import tables
@@ -55,7 +56,7 @@ _NUMBERED = {
     "tracks": {"scenario_id": "scenario_number", "track_id": "track_number"},
 }
 """Views whose rows are kept with ids of these types (ENUM)."""
-_FUNCTIONS = {"track_motion": add_track_motion}
+_FUNCTIONS = {"track_motion": add_track_motion, "lanes_along": add_lanes_along}
 """Functions in Python that views need."""
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 

@@ -12,52 +12,52 @@ WITH axes AS (
         ELSE error('direction: wanted forward, backward, left or right, found ' || $direction)
     END
 ),
-aside AS MATERIALIZED (
+aside AS NOT MATERIALIZED (
     SELECT
         scenario_id, track_id, other_id, timestep, length, width,
         ahead * c + "left" * s AS away, "left" * c - ahead * s AS across,
-        (other_vy * cos(heading) - other_vx * sin(heading)) * c
-            - (other_vx * cos(heading) + other_vy * sin(heading)) * s AS rate
-    FROM pairs, axes
+        (other_vy * heading_x - other_vx * heading_y) * c
+            - (other_vx * heading_x + other_vy * heading_y) * s AS rate
+    FROM pairs, axes  -- twice, below: all pairs would take more memory than time
 ),
-sides AS (
-    SELECT *, lag(across) OVER track AS before, row_number() OVER track AS i
-    FROM aside
-    SEMI JOIN (  -- pairs that come near the line at all
+near AS (  -- pairs that come near the line at all
+    SELECT * FROM aside
+    SEMI JOIN (
         FROM aside
         WHERE away BETWEEN length / 2 AND length / 2 + $forward_thresh AND abs(across) < width / 2 + 10
-    ) AS near USING (scenario_id, track_id, other_id)
-    CROSS JOIN (SELECT unnest([1, -1]) AS side)
-    WHERE CASE $in_direction
-        WHEN 'either' THEN true
-        WHEN 'counterclockwise' THEN side = 1
-        WHEN 'clockwise' THEN side = -1
-        ELSE error('in_direction: wanted clockwise, counterclockwise or either, found ' || $in_direction)
-    END
-    WINDOW track AS (PARTITION BY scenario_id, track_id, other_id, side ORDER BY timestep)
+    ) AS close USING (scenario_id, track_id, other_id)
+),
+steps AS (
+    SELECT *, lag(across) OVER pair AS before, row_number() OVER pair AS i
+    FROM near
+    WINDOW pair AS (PARTITION BY scenario_id, track_id, other_id ORDER BY timestep)
+),
+sides AS (  -- 1 counterclockwise, -1 clockwise: to which it moves, and to which it has come across an edge of the box
+    SELECT
+        *,
+        CASE WHEN abs(rate) > 0.2 AND sign(rate) * across < $lateral_thresh THEN sign(rate) ELSE 0 END AS side,
+        CASE
+            WHEN
+                abs(rate) > 0.2 AND away BETWEEN length / 2 AND length / 2 + $forward_thresh AND (
+                    (before < -width / 2) <> (across < -width / 2) OR (before > width / 2) <> (across > width / 2)
+                )
+                THEN sign(across - before)
+            ELSE 0
+        END AS crossed
+    FROM steps
 ),
 runs AS (
     SELECT
-        *,
-        side * across < $lateral_thresh AND side * rate > 0.2 AS crosses,
-        i - row_number() OVER (PARTITION BY scenario_id, track_id, other_id, side, crosses ORDER BY timestep) AS run,
-        side * (across - before) > 0 AND abs(rate) > 0.2 AND away BETWEEN length / 2 AND length / 2 + $forward_thresh
-            AND (
-                (before < -width / 2) <> (across < -width / 2) OR (before > width / 2) <> (across > width / 2)
-            ) AS is_here
+        *, lead(crossed) OVER (PARTITION BY scenario_id, track_id, other_id ORDER BY i) AS crosses,
+        i - row_number() OVER (PARTITION BY scenario_id, track_id, other_id, side ORDER BY i) AS run
     FROM sides
 )
-SELECT DISTINCT scenario_id, track_id, other_id, timestep
-FROM (
-    SELECT *, bool_or(is_here OR is_next) OVER (PARTITION BY scenario_id, track_id, other_id, side, run) AS is_crossing
-    FROM (
-        SELECT
-            *,
-            coalesce(
-                lead(is_here) OVER (PARTITION BY scenario_id, track_id, other_id, side ORDER BY timestep), false
-            ) AS is_next
-        FROM runs
-    )
-    WHERE crosses
-)
-WHERE is_crossing
+SELECT scenario_id, track_id, other_id, timestep
+FROM runs
+WHERE CASE $in_direction
+    WHEN 'either' THEN side <> 0
+    WHEN 'counterclockwise' THEN side = 1
+    WHEN 'clockwise' THEN side = -1
+    ELSE error('in_direction: wanted clockwise, counterclockwise or either, found ' || $in_direction)
+END
+QUALIFY bool_or(side = crossed OR side = crosses) OVER (PARTITION BY scenario_id, track_id, other_id, side, run)

@@ -2,11 +2,20 @@
 -- m/s or more and within 60 degrees of the lane's direction: from where it began to drift to that side until it
 -- stops. Steps at which it is turning are left out.
 -- direction = "either"
-WITH lanes AS (
+WITH beside AS (  -- tracks that are ever on two lanes beside each other
+    SELECT DISTINCT t.scenario_id, t.track_id
+    FROM (SELECT DISTINCT scenario_id, track_id, dataset, version, map_id, lane_id FROM object_lanes) AS t
+    JOIN lane_outlines USING (dataset, version, map_id, lane_id)
+    JOIN (SELECT DISTINCT scenario_id, track_id, lane_id FROM object_lanes) AS o
+        ON o.scenario_id = t.scenario_id AND o.track_id = t.track_id
+    WHERE list_contains(left_neighbors, o.lane_id) OR list_contains(right_neighbors, o.lane_id)
+),
+lanes AS MATERIALIZED (
     SELECT
         p.scenario_id, p.track_id, p.timestep, px, py, p.dataset, p.version, p.map_id, lane_id,
         row_number() OVER track AS i, lag(lane_id) OVER track AS previous
-    FROM source_places AS p LEFT JOIN object_lanes USING (scenario_id, track_id, timestep)
+    FROM source_places AS p SEMI JOIN beside USING (scenario_id, track_id)
+    LEFT JOIN object_lanes USING (scenario_id, track_id, timestep)
     WINDOW track AS (PARTITION BY p.scenario_id, p.track_id ORDER BY p.timestep)
 ),
 crossings AS (
@@ -17,7 +26,7 @@ crossings AS (
             nearest_segment(px, py, line_xs, line_ys).heading AS lane_course
         FROM lanes AS l JOIN lane_outlines AS p ON
             p.dataset = l.dataset AND p.version = l.version AND p.map_id = l.map_id AND p.lane_id = previous
-        WHERE is_left OR list_contains(right_neighbors, l.lane_id)
+        WHERE l.lane_id <> previous AND (is_left OR list_contains(right_neighbors, l.lane_id))
     )
     JOIN smoothed USING (scenario_id, track_id, timestep)
     WHERE

@@ -3,12 +3,10 @@
 -- front of its box.
 WITH courses AS (
     SELECT
-        *,
-        CASE WHEN sqrt(vx ** 2 + vy ** 2) > 0.5 THEN atan2(vy, vx) ELSE heading END AS course,
-        CASE
-            WHEN sqrt(other_vx ** 2 + other_vy ** 2) > 0.5 THEN atan2(other_vy, other_vx)
-            ELSE other_heading
-        END AS other_course
+        * REPLACE (
+            CASE WHEN speed > 0.5 THEN course ELSE heading END AS course,
+            CASE WHEN other_speed > 0.5 THEN other_course ELSE other_heading END AS other_course
+        )
     FROM pairs  -- each pair
     WHERE distance < 60 AND ahead > length / 2 AND ahead < 25 + length / 2 AND abs("left") < 15
 )

@@ -3,4 +3,4 @@
 -- max_velocity = Infinity
 SELECT scenario_id, track_id, timestep
 FROM smoothed
-WHERE sqrt(vx ** 2 + vy ** 2) BETWEEN $min_velocity AND $max_velocity AND extent >= 3
+WHERE speed BETWEEN $min_velocity AND $max_velocity AND extent >= 3

@@ -4,7 +4,7 @@
 -- direction = "same"
 WITH courses AS (
     SELECT
-        *, sqrt(vx ** 2 + vy ** 2) AS speed, sqrt(other_vx ** 2 + other_vy ** 2) AS other_speed,
+        *,
         speed < 1 AND other_speed > 1 AND object_type IN ('VEHICLE', 'PEDESTRIAN', 'CYCLIST') AS is_waiting,
         NOT is_waiting AND other_speed < 1 AND speed > 0.5
             AND other_object_type IN ('VEHICLE', 'PEDESTRIAN', 'CYCLIST') AS is_other_waiting
@@ -14,8 +14,8 @@ angles AS (
     SELECT
         scenario_id, track_id, other_id, timestep,
         abs(degrees(wrap_angle(
-            CASE WHEN is_waiting THEN heading ELSE atan2(vy, vx) END
-            - CASE WHEN is_other_waiting THEN other_heading ELSE atan2(other_vy, other_vx) END
+            CASE WHEN is_waiting THEN heading ELSE course END
+            - CASE WHEN is_other_waiting THEN other_heading ELSE other_course END
         ))) AS angle
     FROM courses
     WHERE is_waiting OR is_other_waiting OR (speed >= 1 AND other_speed >= 1)

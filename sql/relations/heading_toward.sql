@@ -6,10 +6,10 @@
 WITH approaches AS (
     SELECT
         *,
-        vx * cos(heading) + vy * sin(heading) AS v_ahead,
-        vy * cos(heading) - vx * sin(heading) AS v_left,
-        (other_vx - vx) * cos(heading) + (other_vy - vy) * sin(heading) AS closing_ahead,
-        (other_vy - vy) * cos(heading) - (other_vx - vx) * sin(heading) AS closing_left
+        vx * heading_x + vy * heading_y AS v_ahead,
+        vy * heading_x - vx * heading_y AS v_left,
+        (other_vx - vx) * heading_x + (other_vy - vy) * heading_y AS closing_ahead,
+        (other_vy - vy) * heading_x - (other_vx - vx) * heading_y AS closing_left
     FROM pairs  -- each pair
     WHERE distance <= $max_distance + radius + other_radius
 ),

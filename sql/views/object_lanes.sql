@@ -1,37 +1,40 @@
--- needs: source_places, lane_outlines, in_outline
--- One row per object and timestep at which it is on a lane, by the smoothed centre of its box. Where lanes overlap,
--- as on intersections, it is on the lane that holds most of its timesteps, then on the one that holds most of the
--- rest, and so on; of equal ones on that which turns as it does (up to 0.15 rad/s is straight on).
+-- needs: source_places, lane_outlines, lanes_along
+-- One row per object and timestep at which it is on a lane, by the smoothed centre of its box, with `lane_offset` [m], how
+-- far that is to the left of the lane's middle. Where lanes overlap, as on intersections, it is on the lane that holds
+-- most of its timesteps, then on the one that holds most of the rest, and so on; of equal ones on that which turns as it
+-- does (up to 0.15 rad/s is straight on).
 -- kept: relations read it again and again
 CREATE VIEW object_lanes AS
-WITH RECURSIVE held AS MATERIALIZED (
+WITH walked AS (
     SELECT
-        scenario_id, track_id, timestep, dataset, version, map_id, lane_id, lane_type, is_intersection, lane_heading,
-        is_intersection
-            AND turns = CASE WHEN abs(avg(yaw_rate) OVER lane) > 0.15 THEN sign(avg(yaw_rate) OVER lane) ELSE 0 END AS fits
-    FROM source_places JOIN lane_outlines USING (dataset, version, map_id)
-    WHERE px BETWEEN min_x AND max_x AND py BETWEEN min_y AND max_y AND in_outline(px, py, xs, ys)
-    WINDOW lane AS (PARTITION BY scenario_id, track_id, lane_id)
+        scenario_id, track_id, dataset, version, map_id, list(timestep) AS timesteps,
+        list({'px': px, 'py': py, 'yaw_rate': yaw_rate}) AS steps,
+        min(px) AS "left", max(px) AS "right", min(py) AS low, max(py) AS high
+    FROM source_places
+    GROUP BY ALL
 ),
-choices AS (
-    SELECT *, NULL::VARCHAR AS best, false AS is_taken FROM held
-    UNION ALL
+near AS (
     SELECT
-        * EXCLUDE (best, num_held, is_taken), best,
-        bool_or(lane_id = best) OVER (PARTITION BY scenario_id, track_id, timestep)
-    FROM (
-        SELECT
-            *,
-            first_value(lane_id) OVER (
-                PARTITION BY scenario_id, track_id ORDER BY num_held DESC, fits DESC, lane_id
-            ) AS best
-        FROM (
-            SELECT * EXCLUDE (best), count(*) OVER (PARTITION BY scenario_id, track_id, lane_id) AS num_held
-            FROM choices
-            WHERE NOT is_taken
-        )
-    )
+        scenario_id, track_id,
+        list({
+            'turns': turns, 'is_intersection': is_intersection, 'xs': xs, 'ys': ys, 'line_xs': line_xs, 'line_ys': line_ys
+        } ORDER BY lane_id) AS outlines,
+        list({
+            'lane_id': lane_id, 'lane_type': lane_type, 'is_intersection': is_intersection, 'lane_heading': lane_heading
+        } ORDER BY lane_id) AS lanes
+    FROM walked JOIN lane_outlines USING (dataset, version, map_id)
+    WHERE min_x <= "right" AND max_x >= "left" AND min_y <= high AND max_y >= low
+    GROUP BY scenario_id, track_id
+),
+found AS (
+    SELECT
+        scenario_id, track_id, dataset, version, map_id, lanes, unnest(timesteps) AS timestep,
+        unnest(lanes_along(steps, outlines)) AS found
+    FROM walked JOIN near USING (scenario_id, track_id)
 )
-SELECT scenario_id, track_id, timestep, dataset, version, map_id, lane_id, lane_type, is_intersection, lane_heading
-FROM choices
-WHERE lane_id = best;
+SELECT
+    scenario_id, track_id, timestep, dataset, version, map_id, lanes[found.lane].lane_id AS lane_id,
+    lanes[found.lane].lane_type AS lane_type, lanes[found.lane].is_intersection AS is_intersection,
+    lanes[found.lane].lane_heading AS lane_heading, found.aside AS lane_offset
+FROM found
+WHERE found.lane IS NOT NULL;

@@ -3,7 +3,8 @@
 -- `accel_x` and `accel_y` [m/s^2] are medians of seven observations (0.6 s at 10 Hz); the derivatives are
 -- differences of the neighbouring observations. `speed` [m/s] and `course` [rad] are those of the velocity. `yaw_rate`
 -- [rad/s] is such a difference, not smoothed. `extent` [m] is the diagonal of the box around all its positions. The box
--- of the object is as recorded: `box_x`, `box_y`, heading, length, width, `radius` to its corners.
+-- of the object is as recorded: `box_x`, `box_y`, heading (as a vector, `heading_x` and `heading_y`), length, width,
+-- `radius` to its corners.
 -- kept: relations read it again and again
 CREATE VIEW smoothed AS
 WITH motions AS (
@@ -24,7 +25,7 @@ steps AS (
 SELECT
     scenario_id, track_id, object_type, source_type, timestep, seconds, x, y, vx, vy, accel_x, accel_y, yaw_rate,
     sqrt(vx * vx + vy * vy) AS speed, atan2(vy, vx) AS course,
-    box_x, box_y, heading,
+    box_x, box_y, heading, cos(heading) AS heading_x, sin(heading) AS heading_y,
     lengths[least(timestep - start + 1, len(lengths))] AS length,
     widths[least(timestep - start + 1, len(widths))] AS width,
     sqrt(length::DOUBLE * length + width::DOUBLE * width) / 2 AS radius,

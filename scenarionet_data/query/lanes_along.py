@@ -1,0 +1,72 @@
+"""The lanes on which objects are, as a function ``lanes_along`` of SQL."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scenarionet_data.arrays.dtypes import Int64
+from scenarionet_data.query.lane_kernels import NearLanes, Steps, choose_lanes
+
+if TYPE_CHECKING:
+    import duckdb
+
+
+def add_lanes_along(connection: duckdb.DuckDBPyConnection) -> None:
+    """Make ``lanes_along(steps, lanes)`` known to a connection, see :func:`lanes_along`."""
+    connection.create_function(
+        "lanes_along",
+        lanes_along,
+        [
+            "STRUCT(px DOUBLE, py DOUBLE, yaw_rate DOUBLE)[]",
+            "STRUCT(turns INTEGER, is_intersection BOOLEAN, xs DOUBLE[], ys DOUBLE[], line_xs DOUBLE[], line_ys DOUBLE[])[]",
+        ],
+        "STRUCT(lane INTEGER, aside DOUBLE)[]",
+        type="arrow",
+    )
+
+
+def lanes_along(steps: pa.ChunkedArray, lanes: pa.ChunkedArray) -> pa.ListArray:
+    """Return the lane that each object is on at each step; see the view ``object_lanes``.
+
+    Args:
+        steps: For each object a list of positions [m] and yaw rates [rad/s].
+        lanes: For each object a list of the lanes near it, by name, with outlines and centrelines [m].
+
+    Returns:
+        For each step the number of the lane in this list, from 1, and how far the position is to the left of the lane's
+        centreline [m]; nulls off the lanes.
+    """
+    walked, near = pc.list_flatten(steps).combine_chunks(), pc.list_flatten(lanes).combine_chunks()
+    outline, line = near.field("xs"), near.field("line_xs")
+    found = np.full(len(walked), -1)
+    aside = np.zeros(len(walked))
+    choose_lanes(
+        Steps(_offsets(steps), *(walked.field(name).to_numpy() for name in ("px", "py", "yaw_rate"))),
+        NearLanes(
+            _offsets(lanes),
+            near.field("turns").to_numpy().astype(np.int64),
+            pc.fill_null(near.field("is_intersection").cast(pa.int64()), -1).to_numpy(),
+            _offsets(outline),
+            outline.flatten().to_numpy(),
+            near.field("ys").flatten().to_numpy(),
+            _offsets(line),
+            line.flatten().to_numpy(),
+            near.field("line_ys").flatten().to_numpy(),
+        ),
+        found,
+        aside,
+    )
+    is_off = found < 0
+    columns = [pa.array(found + 1, pa.int32(), mask=is_off), pa.array(aside, mask=is_off)]
+    return pa.ListArray.from_arrays(
+        pa.array(_offsets(steps), pa.int32()), pa.StructArray.from_arrays(columns, ["lane", "aside"])
+    )
+
+
+def _offsets(lists: pa.Array | pa.ChunkedArray) -> Int64:
+    """Where each list begins among the elements of all, and where the last ends."""
+    return np.append(0, np.cumsum(pc.list_value_length(lists).to_numpy())).astype(np.int64)
