@@ -136,7 +136,7 @@ class RelationSteps:
         """Return all other steps at which the objects were observed, both of a pair."""
         if self.denied is not None:
             return self.denied
-        view = "pairs" if len(self.roles) > 1 else "states"
+        view = "pairs" if len(self.roles) > 1 else "object_states"
         column = "track_id AS other_id" if self.roles == (_OTHER,) else ", ".join(self.roles)
         observed = RelationSteps(f"SELECT scenario_id, {column}, timestep FROM {view}", self.roles)
         return RelationSteps(together([observed], [self]), self.roles, denied=self)

@@ -79,9 +79,7 @@ class LakeView:
             if not (value is None or isinstance(value, int)):
                 raise BadParameter(f"{what}: wanted a number or None, found {value!r}")
         if not isinstance(user_columns, Mapping | None):
-            raise BadParameter(
-                f"user_columns: wanted versions by name, such as {{'weather': 2}}, found {user_columns!r}"
-            )
+            raise BadParameter(f"user_columns: wanted versions by name, as {{'weather': 2}}, found {user_columns!r}")
         self.files = open_files(root)
         self.snapshot: Snapshot = snapshots.read(self.files, snapshot)
         if self.snapshot == snapshots.EMPTY:
@@ -162,8 +160,7 @@ class LakeView:
     def sql(self, query: str, parameters: Mapping[str, Any] | None = None) -> pl.DataFrame:
         """Run one SELECT over the views of the lake and return its rows as a Polars data frame.
 
-        The views are metadata, tracks, lights, maps, states, steps, objects, shards, quarantine, defects, and
-        those of docs/guides/events.md.
+        docs/reference/views.md lists the views: metadata, tracks, lights, maps, states, objects and others.
 
         Args:
             query: The SELECT.

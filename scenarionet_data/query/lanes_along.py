@@ -16,16 +16,19 @@ if TYPE_CHECKING:
 
 
 def add_lanes_along(connection: duckdb.DuckDBPyConnection) -> None:
-    """Make ``lanes_along(steps, lanes)`` known to a connection, see :func:`lanes_along`."""
+    """Make :func:`lanes_along` known to the SQL of a connection."""
+    from duckdb.func import PythonUDFType  # here: a loader needs no DuckDB
+
+    lines = ", ".join(f"{name} DOUBLE[]" for name in ("xs", "ys", "line_xs", "line_ys"))
     connection.create_function(
         "lanes_along",
         lanes_along,
         [
             "STRUCT(px DOUBLE, py DOUBLE, yaw_rate DOUBLE)[]",
-            "STRUCT(turns INTEGER, is_intersection BOOLEAN, xs DOUBLE[], ys DOUBLE[], line_xs DOUBLE[], line_ys DOUBLE[])[]",
+            f"STRUCT(turns INTEGER, is_intersection BOOLEAN, {lines})[]",
         ],
         "STRUCT(lane INTEGER, aside DOUBLE)[]",
-        type="arrow",
+        type=PythonUDFType.ARROW,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -118,13 +118,24 @@ def shows_every_column(connection: duckdb.DuckDBPyConnection, sql: str) -> bool:
 
     True if DuckDB cannot serialise the query.
     """
-    (answer,) = connection.execute("SELECT json_serialize_sql($1::VARCHAR)", [sql]).fetchall()[0]
-    tree = json.loads(answer)
-    nodes = list(_nodes(tree))
+    nodes, is_unknown = _parsed(connection, sql)
     sources = {node["alias"] or node["table_name"] for node in nodes if node.get("type") == "BASE_TABLE"}
     named = {node["column_names"][0] for node in nodes if len(node.get("column_names", ())) == 1}
     is_row = not {name.lower() for name in sources}.isdisjoint(name.lower() for name in named)
-    return tree["error"] or is_row or any(node.get("class") == "STAR" for node in nodes)
+    return is_unknown or is_row or any(node.get("class") == "STAR" for node in nodes)
+
+
+def names_column(connection: duckdb.DuckDBPyConnection, sql: str, columns: Set[str]) -> bool:
+    """Return whether a query names one of some columns, of whatever table; true if DuckDB cannot serialise it."""
+    nodes, is_unknown = _parsed(connection, sql)
+    return is_unknown or any(node["column_names"][-1].lower() in columns for node in nodes if node.get("column_names"))
+
+
+def _parsed(connection: duckdb.DuckDBPyConnection, sql: str) -> tuple[list[dict[str, Any]], bool]:
+    """Return the nodes of a query as DuckDB parses it, and whether it cannot serialise them."""
+    (answer,) = connection.execute("SELECT json_serialize_sql($1::VARCHAR)", [sql]).fetchall()[0]
+    tree = json.loads(answer)
+    return list(_nodes(tree)), tree["error"]
 
 
 def _nodes(tree: Any) -> Iterator[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The motion of objects from their positions, as a function ``track_motion`` of SQL: in NumPy, over many tracks at once."""
+"""The motion of objects from their positions, as a function ``track_motion`` of SQL."""
 
 from __future__ import annotations
 
@@ -23,15 +23,17 @@ _LISTS = {"timestep": "INTEGER[]"} | dict.fromkeys(
 
 
 def add_track_motion(connection: duckdb.DuckDBPyConnection) -> None:
-    """Make ``track_motion(x, y, z, heading, valid, start, timestamps, dt)`` known to a connection, see :func:`track_motion`."""
+    """Make :func:`track_motion` known to the SQL of a connection."""
+    from duckdb.func import FunctionNullHandling, PythonUDFType  # here: a loader needs no DuckDB
+
     lists = ", ".join(f"{name} {kind}" for name, kind in _LISTS.items())
     connection.create_function(
         "track_motion",
         track_motion,
         ["FLOAT[]", "FLOAT[]", "FLOAT[]", "FLOAT[]", "BOOLEAN[]", "INTEGER", "DOUBLE[]", "DOUBLE"],
         f"STRUCT({lists}, extent DOUBLE)",
-        type="arrow",
-        null_handling="special",
+        type=PythonUDFType.ARROW,
+        null_handling=FunctionNullHandling.SPECIAL,
     )
 
 
@@ -113,8 +115,8 @@ def _times(timestamps: Column, dt: Column, track: Int64, timestep: Int64) -> Flo
 def _median_of_seven(v: Sequence[Float64]) -> Float64:
     """Return the median of seven arrays, element by element.
 
-    Of two sorted triples, the k-th number is the least, over i + j = k, of the greater one of the i-th of one and the j-th
-    of the other; the median lies between the third and the fourth.
+    Of two sorted triples, the k-th number is the least, over i + j = k, of the greater one of the i-th of one and the
+    j-th of the other; the median lies between the third and the fourth.
     """
     (a, b, c), (d, e, f) = _sorted(*v[:3]), _sorted(*v[4:])
     third = np.minimum(np.minimum(c, f), np.minimum(np.maximum(a, e), np.maximum(b, d)))

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.query.lanes_along import add_lanes_along
-from scenarionet_data.query.statements import quoted, shows_every_column, words
+from scenarionet_data.query.statements import names_column, quoted, shows_every_column, words
 from scenarionet_data.query.track_motion import add_track_motion
 from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
@@ -45,12 +45,12 @@ _ANY_TIME = {"moments", "moments_rows", *evaluation_runs.RUN_TABLES}
 """Views of files that are written beside the snapshot."""
 _COMMENT_TABLES = {"duckdb_columns", "duckdb_views", "information_schema", "pg_description"}
 _LANE_COLUMNS = {"lane_id", "lane_type", "lane_offset"}
-_WITH_LANES = {
+_LANES = {
     "states": ("state_lanes", "scenario_id, track_id, timestep"),
     "objects": ("track_lanes", "scenario_id, track_id"),
 }
-"""Views that have the lanes of another one, by their keys, for queries that name a column of lanes: finding lanes takes
-twenty times as long as everything else in them."""
+"""Views that have the lanes of another one, by their keys, for queries that name one of LANE_COLUMNS: finding lanes
+takes ten times as long as everything else in them. No other view uses these two."""
 _NUMBERED = {
     "metadata_rows": {"scenario_id": "scenario_number", "ego_id": "track_number"},
     "tracks": {"scenario_id": "scenario_number", "track_id": "track_number"},
@@ -127,17 +127,13 @@ class Views:
         if not words(sql).isdisjoint(_ANY_TIME):
             for name in sorted(_ANY_TIME & self._made):  # moments before their rows
                 self._drop(name)
-        named = words(sql) & set(defined)
-        has_lanes = not (self.given or words(sql).isdisjoint(_LANE_COLUMNS) or "lights" in named)
-        if has_lanes:  # unless another view of the query has them, as lights do
-            for name in named.difference(_WITH_LANES):
-                has_lanes &= "lane_id" not in defined[name].read_text("utf-8")
-        if has_lanes != self._has_lanes:
-            self._has_lanes = has_lanes
-            for name in sorted(self._made & set(_WITH_LANES)):
-                self._drop(name)
-                self._make(name, defined)  # views that were made use it
-        for name in sorted(named):
+        if words(sql) & _LANES.keys():
+            has_lanes = names_column(self.connection, sql, _LANE_COLUMNS)
+            if has_lanes != self._has_lanes:
+                self._has_lanes = has_lanes
+                for name in sorted(_LANES.keys() & self._made):
+                    self._drop(name)
+        for name in sorted(words(sql) & set(defined)):
             self._make(name, defined)
         if words(sql) & _COMMENT_TABLES:  # only on demand: comments take a third of the time of a first query
             for name in sorted(self._made - self._commented):
@@ -170,12 +166,10 @@ class Views:
                 self.scanned[file] = None
                 joins.append(f"LEFT JOIN read_parquet({quoted(str(path))}) AS user_{column} USING (scenario_id)")
             text = text.replace("{user_columns}", " ".join(joins))
-        if self._has_lanes and name in _WITH_LANES:
-            view, keys = _WITH_LANES[name]
-            self._make(view, defined)
-            head, _, body = text.partition(f"CREATE VIEW {name} AS\n")
-            body = body.rstrip().removesuffix(";")
-            text = f"{head}CREATE VIEW {name} AS SELECT * FROM (\n{body}\n) LEFT JOIN {view} USING ({keys})"
+        if self._has_lanes and name in _LANES:
+            self._make(_LANES[name][0], defined)
+            text = text.replace("{lanes}", "LEFT JOIN {} USING ({})".format(*_LANES[name]))
+        text = text.replace("{lanes}", "")
         if self.keeps and name in _NUMBERED:
             text = self._numbered(name, text)
         elif self.keeps and "-- kept:" in text:
@@ -188,7 +182,9 @@ class Views:
         if not _NUMBERED.keys() & self._made:  # the types of both, before the first of them
             metadata, tracks = self._relation("metadata"), self._relation("tracks")
             owners = f"SELECT track_id FROM {tracks} UNION SELECT ego_id FROM {metadata} WHERE ego_id IS NOT NULL"
-            self.connection.execute(f"CREATE TYPE scenario_number AS ENUM (SELECT scenario_id FROM {metadata} ORDER BY 1)")
+            self.connection.execute(
+                f"CREATE TYPE scenario_number AS ENUM (SELECT scenario_id FROM {metadata} ORDER BY 1)"
+            )
             self.connection.execute(f"CREATE TYPE track_number AS ENUM (SELECT * FROM ({owners}) ORDER BY 1)")
         ids = ", ".join(f"{column}::{number} AS {column}" for column, number in _NUMBERED[name].items())
         stored = text.partition(f"CREATE VIEW {name} AS\n")[2].rstrip().rstrip(";")

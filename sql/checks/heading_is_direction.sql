@@ -4,7 +4,7 @@ WITH turns AS (
         scenario_id,
         heading_p99,
         abs((atan2(vy, vx) - heading + 5 * pi()) % (2 * pi()) - pi()) AS turn
-    FROM states JOIN metadata_rows USING (scenario_id) JOIN budgets USING (dataset)
+    FROM object_states JOIN metadata_rows USING (scenario_id) JOIN budgets USING (dataset)
     WHERE speed > 1 AND object_type IN ('VEHICLE', 'CYCLIST')
 )
 SELECT

@@ -11,7 +11,7 @@ WITH walkers AS (
         coalesce(m.timestamps[s.timestep + 1], s.timestep * m.dt) AS seconds,
         s.x + m.origin_x AS x,
         s.y + m.origin_y AS y
-    FROM states AS s JOIN metadata_rows AS m USING (scenario_id)
+    FROM object_states AS s JOIN metadata_rows AS m USING (scenario_id)
     WHERE object_type = 'PEDESTRIAN'
 ),
 reaches AS (

@@ -15,7 +15,7 @@ WITH lefts AS (
 ),
 begun AS (
     SELECT l.*, s.x, s.y, s.heading
-    FROM lefts AS l JOIN states AS s
+    FROM lefts AS l JOIN object_states AS s
         ON s.scenario_id = l.scenario_id AND s.track_id = l.track_id AND s.timestep = l.first_timestep
 ),
 arrows AS (
@@ -27,7 +27,7 @@ oncoming AS (
     SELECT
         b.scenario_id, b.track_id, o.track_id AS other_id, b.first_timestep, b.last_timestep,
         min((o.x - b.x) * cos(b.heading) + (o.y - b.y) * sin(b.heading)) AS ahead
-    FROM begun AS b JOIN states AS o ON o.scenario_id = b.scenario_id
+    FROM begun AS b JOIN object_states AS o ON o.scenario_id = b.scenario_id
         AND o.timestep >= b.first_timestep
         AND coalesce(b.timestamps[o.timestep + 1] - b.timestamps[b.first_timestep + 1], (o.timestep - b.first_timestep) * b.dt)
             <= $within + 1e-6

@@ -6,7 +6,7 @@
 WITH signs AS (
     SELECT DISTINCT ON (s.scenario_id, s.track_id)
         s.scenario_id, s.track_id AS sign_id, px, py, s.heading, s.dataset, s.version, s.map_id, lane_id
-    FROM source_places AS s JOIN states AS t USING (scenario_id, track_id, timestep)
+    FROM source_places AS s JOIN object_states AS t USING (scenario_id, track_id, timestep)
     JOIN lane_outlines USING (dataset, version, map_id)
     WHERE
         source_type = 'STOP_SIGN' AND px BETWEEN min_x - 10 AND max_x + 10 AND py BETWEEN min_y - 10 AND max_y + 10

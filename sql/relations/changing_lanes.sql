@@ -12,7 +12,7 @@ WITH beside AS (  -- tracks that are ever on two lanes beside each other
 ),
 lanes AS MATERIALIZED (
     SELECT
-        p.scenario_id, p.track_id, p.timestep, px, py, p.dataset, p.version, p.map_id, lane_id,
+        p.scenario_id, p.track_id, p.timestep, px, py, p.dataset, p.version, p.map_id, lane_id, lane_offset,
         row_number() OVER track AS i, lag(lane_id) OVER track AS previous
     FROM source_places AS p SEMI JOIN beside USING (scenario_id, track_id)
     LEFT JOIN object_lanes USING (scenario_id, track_id, timestep)
@@ -43,12 +43,10 @@ drifts AS (
     SELECT
         scenario_id, track_id, timestep, i, side,
         c.i IS NOT NULL AS is_crossing,
-        nearest_segment(px, py, line_xs, line_ys).aside AS aside,
-        is_crossing OR side * (aside - lag(aside) OVER track) > 0 AS drifts
+        is_crossing OR side * (lane_offset - lag(lane_offset) OVER track) > 0 AS drifts
     FROM lanes AS l
     JOIN (SELECT DISTINCT scenario_id, track_id, side FROM crossings) AS changed USING (scenario_id, track_id)
     LEFT JOIN crossings AS c USING (scenario_id, track_id, side, i)
-    LEFT JOIN lane_outlines USING (dataset, version, map_id, lane_id)
     WINDOW track AS (PARTITION BY scenario_id, track_id, side ORDER BY i)
 ),
 runs AS (

@@ -2,5 +2,5 @@
 -- BOX_TRUCK, in any case, or ANY.
 -- category = "ANY"
 SELECT scenario_id, track_id, timestep
-FROM states
+FROM object_states
 WHERE upper($category) = 'ANY' OR upper(object_type) = upper($category) OR upper(source_type) = upper($category)

@@ -1,4 +1,4 @@
--- needs: states, stop_lines, metadata_rows, wrap_angle
+-- needs: object_states, stop_lines, metadata_rows, wrap_angle
 -- One row per vehicle, timestep and stop line whose light is red then, when the vehicle is within 20 m of it, in its
 -- lane (2 m to either side) and within 45 degrees of its direction: `before` [m] is the distance from the vehicle's
 -- front to the line, negative beyond it.
@@ -25,7 +25,7 @@ beside AS (
         (o.y - l.y) * cos(l.heading) - (o.x - l.x) * sin(l.heading) AS "left"
     FROM (
         SELECT *, floor(x / 20)::INTEGER AS square_x, floor(y / 20)::INTEGER AS square_y
-        FROM states
+        FROM object_states
         WHERE object_type = 'VEHICLE'
     ) AS o
     JOIN near AS l USING (scenario_id, timestep, square_x, square_y)

@@ -1,4 +1,4 @@
--- needs: states, ego_states, wrap_angle
+-- needs: object_states, ego_states, wrap_angle
 -- One row per object and timestep at which it and the ego were observed: the object in the ego frame. `ahead`, `left`
 -- [m], `v_ahead`, `v_left` [m/s] and `turn` [rad] are the object's centre, velocity and heading relative to the ego's;
 -- they are the arguments of box_gap and box_ttc.
@@ -22,5 +22,5 @@ SELECT
     o.width,
     e.length AS ego_length,
     e.width AS ego_width
-FROM states AS o JOIN ego_states AS e USING (scenario_id, timestep)
+FROM object_states AS o JOIN ego_states AS e USING (scenario_id, timestep)
 WHERE o.track_id <> e.track_id;

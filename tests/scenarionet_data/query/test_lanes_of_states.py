@@ -38,9 +38,10 @@ def test_columns_of_lanes_are_there_when_they_are_named(lake):
     assert len(lake.sql("SELECT * FROM ego_pairs")) == 2 * len(T)
     assert "lane_id" in lake.sql("SELECT * FROM states WHERE lane_id IS NOT NULL").columns
     assert len(lake.sql("SELECT * FROM ego_pairs")) == 2 * len(T)
-    joined = "SELECT count(DISTINCT lane_id) FROM states JOIN object_lanes USING (scenario_id, track_id, timestep)"
-    assert lake.sql(joined).item() == 2  # not ambiguous
-    lights = "SELECT count(*) FROM objects LEFT JOIN lights USING (scenario_id) WHERE lane_id IS NULL"
+    joined = "FROM states JOIN object_lanes AS l USING (scenario_id, track_id, timestep)"
+    assert lake.sql(f"SELECT count(DISTINCT states.lane_id) {joined}").item() == 2
+    lights = "SELECT count(*) FROM objects LEFT JOIN lights USING (scenario_id) WHERE lights.lane_id IS NULL"
     assert lake.sql(lights).item() == 3  # the lane of a light
+    assert "lane_id" not in lake.sql("SELECT 'lane_id' AS word, * FROM states").columns  # no column, but a text
     with pytest.raises(QueryError):
         lake.sql("SELECT lane_number FROM states")
