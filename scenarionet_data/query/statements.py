@@ -125,10 +125,15 @@ def shows_every_column(connection: duckdb.DuckDBPyConnection, sql: str) -> bool:
     return is_unknown or is_row or any(node.get("class") == "STAR" for node in nodes)
 
 
-def names_column(connection: duckdb.DuckDBPyConnection, sql: str, columns: Set[str]) -> bool:
-    """Return whether a query names one of some columns, of whatever table; true if DuckDB cannot serialise it."""
+def names_both(connection: duckdb.DuckDBPyConnection, sql: str, tables: Set[str], columns: Set[str]) -> bool:
+    """Return whether a query reads one of some tables and names one of some columns, of whatever table.
+
+    True if DuckDB cannot serialise the query.
+    """
     nodes, is_unknown = _parsed(connection, sql)
-    return is_unknown or any(node["column_names"][-1].lower() in columns for node in nodes if node.get("column_names"))
+    has_table = any(node["table_name"].lower() in tables for node in nodes if node.get("type") == "BASE_TABLE")
+    named = {node["column_names"][-1].lower() for node in nodes if node.get("column_names")}
+    return is_unknown or (has_table and not named.isdisjoint(columns))
 
 
 def _parsed(connection: duckdb.DuckDBPyConnection, sql: str) -> tuple[list[dict[str, Any]], bool]:

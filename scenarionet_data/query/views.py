@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.query.lanes_along import add_lanes_along
-from scenarionet_data.query.statements import names_column, quoted, shows_every_column, words
+from scenarionet_data.query.statements import names_both, quoted, shows_every_column, words
 from scenarionet_data.query.track_motion import add_track_motion
 from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
@@ -128,7 +128,7 @@ class Views:
             for name in sorted(_ANY_TIME & self._made):  # moments before their rows
                 self._drop(name)
         if words(sql) & _LANES.keys():
-            has_lanes = names_column(self.connection, sql, _LANE_COLUMNS)
+            has_lanes = names_both(self.connection, sql, _LANES.keys(), _LANE_COLUMNS)
             if has_lanes != self._has_lanes:
                 self._has_lanes = has_lanes
                 for name in sorted(_LANES.keys() & self._made):
