@@ -14,7 +14,7 @@ _STRAIGHT_ON = 0.15
 """Largest mean yaw rate [rad/s] of what goes straight on."""
 
 
-class Steps(NamedTuple):
+class PlacedSteps(NamedTuple):
     """Positions of N objects, one after the other.
 
     Attributes:
@@ -81,7 +81,7 @@ def _aside(px: float, py: float, xs: Array, ys: Array) -> float:
 
 
 @kernel
-def choose_lanes(steps: Steps, lanes: NearLanes, chosen: Array, aside: Array) -> None:
+def choose_lanes(steps: PlacedSteps, lanes: NearLanes, chosen: Array, aside: Array) -> None:
     """Find the lane that each object is on at each step; see the view ``object_lanes``.
 
     Args:

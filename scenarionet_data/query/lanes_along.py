@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.arrays.dtypes import Int64
-from scenarionet_data.query.lane_kernels import NearLanes, Steps, choose_lanes
+from scenarionet_data.query.lane_kernels import NearLanes, PlacedSteps, choose_lanes
 
-if TYPE_CHECKING:
-    import duckdb
-
-
-def add_lanes_along(connection: duckdb.DuckDBPyConnection) -> None:
-    """Make :func:`lanes_along` known to the SQL of a connection."""
-    from duckdb.func import PythonUDFType  # here: a loader needs no DuckDB
-
-    lines = ", ".join(f"{name} DOUBLE[]" for name in ("xs", "ys", "line_xs", "line_ys"))
-    connection.create_function(
-        "lanes_along",
-        lanes_along,
-        [
-            "STRUCT(px DOUBLE, py DOUBLE, yaw_rate DOUBLE)[]",
-            f"STRUCT(turns INTEGER, is_intersection BOOLEAN, {lines})[]",
-        ],
-        "STRUCT(lane INTEGER, aside DOUBLE)[]",
-        type=PythonUDFType.ARROW,
-    )
+_LINES = ", ".join(f"{name} DOUBLE[]" for name in ("xs", "ys", "line_xs", "line_ys"))
+PARAMETERS = (
+    "STRUCT(px DOUBLE, py DOUBLE, yaw_rate DOUBLE)[]",
+    f"STRUCT(turns INTEGER, is_intersection BOOLEAN, {_LINES})[]",
+)
+RETURNS = "STRUCT(lane INTEGER, aside DOUBLE)[]"
+"""Types in SQL."""
 
 
 def lanes_along(steps: pa.ChunkedArray, lanes: pa.ChunkedArray) -> pa.ListArray:
@@ -48,7 +34,7 @@ def lanes_along(steps: pa.ChunkedArray, lanes: pa.ChunkedArray) -> pa.ListArray:
     found = np.full(len(walked), -1)
     aside = np.zeros(len(walked))
     choose_lanes(
-        Steps(_offsets(steps), *(walked.field(name).to_numpy() for name in ("px", "py", "yaw_rate"))),
+        PlacedSteps(_offsets(steps), *(walked.field(name).to_numpy() for name in ("px", "py", "yaw_rate"))),
         NearLanes(
             _offsets(lanes),
             near.field("turns").to_numpy().astype(np.int64),

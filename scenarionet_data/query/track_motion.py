@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -11,34 +11,26 @@ import pyarrow.compute as pc
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
 
-if TYPE_CHECKING:
-    import duckdb
-
-Column: TypeAlias = pa.Array | pa.ChunkedArray
+ArrowColumn: TypeAlias = pa.Array | pa.ChunkedArray
 
 _SMOOTHED = ("x", "y", "vx", "vy", "accel_x", "accel_y")
 _LISTS = {"timestep": "INTEGER[]"} | dict.fromkeys(
     ("seconds", *_SMOOTHED, "yaw_rate", "box_x", "box_y", "heading"), "DOUBLE[]"
 )
-
-
-def add_track_motion(connection: duckdb.DuckDBPyConnection) -> None:
-    """Make :func:`track_motion` known to the SQL of a connection."""
-    from duckdb.func import FunctionNullHandling, PythonUDFType  # here: a loader needs no DuckDB
-
-    lists = ", ".join(f"{name} {kind}" for name, kind in _LISTS.items())
-    connection.create_function(
-        "track_motion",
-        track_motion,
-        ["FLOAT[]", "FLOAT[]", "FLOAT[]", "FLOAT[]", "BOOLEAN[]", "INTEGER", "DOUBLE[]", "DOUBLE"],
-        f"STRUCT({lists}, extent DOUBLE)",
-        type=PythonUDFType.ARROW,
-        null_handling=FunctionNullHandling.SPECIAL,
-    )
+PARAMETERS = ("FLOAT[]", "FLOAT[]", "FLOAT[]", "FLOAT[]", "BOOLEAN[]", "INTEGER", "DOUBLE[]", "DOUBLE")
+RETURNS = f"STRUCT({', '.join(f'{name} {kind}' for name, kind in _LISTS.items())}, extent DOUBLE)"
+"""Types in SQL."""
 
 
 def track_motion(
-    x: Column, y: Column, z: Column, heading: Column, valid: Column, start: Column, timestamps: Column, dt: Column
+    x: ArrowColumn,
+    y: ArrowColumn,
+    z: ArrowColumn,
+    heading: ArrowColumn,
+    valid: ArrowColumn,
+    start: ArrowColumn,
+    timestamps: ArrowColumn,
+    dt: ArrowColumn,
 ) -> pa.StructArray:
     """Return the motion of objects at the timesteps at which they were observed; see the view ``smoothed``.
 
@@ -55,7 +47,8 @@ def track_motion(
         ``extent`` [m], the diagonal of the box around all its smoothed positions.
     """
     spans = _lengths(x)
-    track, place = np.repeat(np.arange(len(spans)), spans), _places(spans)
+    track = np.repeat(np.arange(len(spans)), spans)
+    place = np.arange(len(track)) - (np.cumsum(spans) - spans)[track]
     observed = _values(valid, spans, True).astype(np.bool_)
     track, place = track[observed], place[observed]
     box_x, box_y, height, angle = (_values(each, spans, 0.0)[observed] for each in (x, y, z, heading))
@@ -79,22 +72,20 @@ def track_motion(
     lists = [timestep.astype(np.int32), seconds, *smoothed[:-1], yaw_rate, box_x, box_y, angle]
     offsets = pa.array(np.append(0, np.cumsum(count)).astype(np.int32))
     columns = [pa.ListArray.from_arrays(offsets, pa.array(each)) for each in lists]
-    extent = _extents([smoothed[0], smoothed[1], smoothed[-1]], count)
-    return pa.StructArray.from_arrays([*columns, extent], [*_LISTS, "extent"])
+    is_seen = count > 0
+    starts, extent = (np.cumsum(count) - count)[is_seen], np.zeros(len(count))
+    for axis in (smoothed[0], smoothed[1], smoothed[-1]) if len(track) else ():
+        extent[is_seen] += (np.maximum.reduceat(axis, starts) - np.minimum.reduceat(axis, starts)) ** 2
+    return pa.StructArray.from_arrays([*columns, pa.array(np.sqrt(extent), mask=~is_seen)], [*_LISTS, "extent"])
 
 
-def _lengths(lists: Column) -> Int64:
+def _lengths(lists: ArrowColumn) -> Int64:
     """Lengths of lists, 0 of null."""
     found: Int64 = pc.fill_null(pc.list_value_length(lists), 0).to_numpy().astype(np.int64)
     return found
 
 
-def _places(lengths: Int64) -> Int64:
-    """The place of each element in its list, from 0."""
-    return np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-
-
-def _values(lists: Column, spans: Int64, default: float) -> Float64:
+def _values(lists: ArrowColumn, spans: Int64, default: float) -> Float64:
     """The elements of lists of such lengths, with a default for lists and elements that are null."""
     values = np.full(spans.sum(), default)
     given = pc.fill_null(pc.cast(pc.list_flatten(lists), pa.float64()), default)
@@ -102,7 +93,7 @@ def _values(lists: Column, spans: Int64, default: float) -> Float64:
     return values
 
 
-def _times(timestamps: Column, dt: Column, track: Int64, timestep: Int64) -> Float64:
+def _times(timestamps: ArrowColumn, dt: ArrowColumn, track: Int64, timestep: Int64) -> Float64:
     """The times of timesteps [s]; their number times ``dt`` where none are recorded."""
     recorded = _lengths(timestamps)
     times: Float64 = timestep * dt.to_numpy()[track]
@@ -128,13 +119,3 @@ def _median_of_seven(v: Sequence[Float64]) -> Float64:
 def _sorted(a: Float64, b: Float64, c: Float64) -> tuple[Float64, Float64, Float64]:
     low, high = np.minimum(a, b), np.maximum(a, b)
     return np.minimum(low, c), np.maximum(low, np.minimum(high, c)), np.maximum(high, c)
-
-
-def _extents(axes: Sequence[Float64], count: Int64) -> pa.Array:
-    """Diagonals of the boxes around the positions of each track [m]; null for a track without any."""
-    has = count > 0
-    starts = (np.cumsum(count) - count)[has]
-    sides = [np.maximum.reduceat(v, starts) - np.minimum.reduceat(v, starts) if len(v) else v for v in axes]
-    extents = np.zeros(len(count))
-    extents[has] = np.sqrt(sum(side**2 for side in sides))
-    return pa.array(extents, mask=~has)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import filterfalse
@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data.query.lanes_along import add_lanes_along
+from scenarionet_data.query import lanes_along, track_motion
 from scenarionet_data.query.statements import names_both, quoted, shows_every_column, words
-from scenarionet_data.query.track_motion import add_track_motion
 from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
 from scenarionet_data.storage import evaluation_runs, kept_moments
@@ -56,8 +55,11 @@ _NUMBERED = {
     "tracks": {"scenario_id": "scenario_number", "track_id": "track_number"},
 }
 """Views whose rows are kept with ids of these types (ENUM)."""
-_FUNCTIONS = {"track_motion": add_track_motion, "lanes_along": add_lanes_along}
-"""Functions in Python that views need."""
+_FUNCTIONS: dict[str, tuple[Callable[..., pa.Array], Sequence[str], str]] = {
+    "track_motion": (track_motion.track_motion, track_motion.PARAMETERS, track_motion.RETURNS),
+    "lanes_along": (lanes_along.lanes_along, lanes_along.PARAMETERS, lanes_along.RETURNS),
+}
+"""Functions of Arrow arrays that views need, with types of their parameters and of what they return."""
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 
 
@@ -148,7 +150,17 @@ class Views:
         if name in self._made or name in self.given:
             return
         if name in _FUNCTIONS:
-            _FUNCTIONS[name](self.connection)
+            from duckdb.func import FunctionNullHandling, PythonUDFType  # here: a loader needs no DuckDB
+
+            function, parameters, returns = _FUNCTIONS[name]
+            self.connection.create_function(
+                name,
+                function,
+                list(parameters),
+                returns,
+                type=PythonUDFType.ARROW,
+                null_handling=FunctionNullHandling.SPECIAL,
+            )
             self._made.add(name)
             return
         text = defined[name].read_text("utf-8")
