@@ -36,7 +36,7 @@ class NearMemory(NamedTuple):
         return cls(np.empty(most, np.float32), np.empty(most, np.int32), np.empty(most, np.int32))
 
 
-@device_function
+@device_function(in_lanes=True)
 def nearest_objects(
     w: int, own: int, now: StateArrays, boxes: Boxes, types: Bool, scale: Float64, memory: NearMemory, out: Float32
 ) -> None:
@@ -121,13 +121,13 @@ def nearest_pieces(w: int, me: Float64, lines: Lines, reach: float, memory: Near
         if first <= last:
             span = lines.piece_start[first], lines.piece_start[last + 1]
             seen = _add_in_reach(span, east, north, limit, lines.pieces, apart, row_of, seen)
-    below, up_to = np.float32(np.inf), np.float32(np.inf)
+    chosen = seen
     if seen > most:
         below, up_to = _split(seen, most, limit, apart)
-    chosen = _choose(seen, np.float32(-1.0), below, 0, apart, row_of, order)
-    if chosen < most:
-        chosen = smaller(_choose(seen, below, up_to, chosen, apart, row_of, order), most)
-    _write(chosen, me, 1.0 / reach, order, lines.pieces, out)
+        chosen = _choose(seen, np.float32(-1.0), below, 0, apart, row_of, order)
+        if below < up_to:
+            chosen = smaller(_choose(seen, below, up_to, chosen, apart, row_of, order), most)
+    _write(chosen, me, 1.0 / reach, order if seen > most else row_of, lines.pieces, out)
     _clear(chosen * OF_PIECE, out)
 
 
