@@ -17,7 +17,6 @@ import numpy as np
 import torch
 from torch import nn
 
-from scenarionet_data.errors import BadParameter
 from scenarionet_data.forecasts.forecaster import load_model, make_checkpoint, metrics_row, parse_settings, restore
 from scenarionet_data.generation.traffic_model import TrafficModel, motion_loss, placement_loss
 from scenarionet_data.query.lake_view import LakeView
@@ -41,7 +40,6 @@ def train(
     run: str,
     seed: int = 0,
     tests: tuple[str, ...] = (),
-    device: str = "cpu",
     on_epoch: Callable[[list[dict[str, Any]]], None] | None = None,
 ) -> TrafficModel:
     """Train a model of traffic.
@@ -53,16 +51,11 @@ def train(
         run: Name of the run, which has the checkpoints and the metrics.
         seed: Seed of weights, order and contexts.
         tests: Databases whose losses are measured after each epoch.
-        device: Where it is trained, ``cpu`` or ``cuda``.
         on_epoch: Called with the rows of metrics after each epoch.
 
     Raises:
-        BadParameter: The device is not there, or no moment shows enough vehicles.
+        BadParameter: No moment shows enough vehicles.
     """
-    if device != "cpu" and not torch.cuda.is_available():
-        raise BadParameter(
-            f"device={device!r}: this installation of torch finds no graphics card; leave it out for the CPU"
-        )
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     model = TrafficModel(config)

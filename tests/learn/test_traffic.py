@@ -208,9 +208,6 @@ def test_mistakes_are_said(lake, tmp_path, monkeypatch):
         score_placement(lake, "model", one.name)
     with pytest.raises(BadParameter, match="no moment of its scenarios shows 99 vehicles"):
         train(lake, "one", replace(CONFIG, min_vehicles=99), run="none")
-    if not torch.cuda.is_available():
-        with pytest.raises(BadParameter, match="finds no graphics card"):
-            train(lake, "one", CONFIG, run="none", device="cuda")
     for wrong in ({"duration": 0.5}, {"number": 0}, {"vehicles": -1}):
         with pytest.raises(BadParameter):
             GenerationChoice(**wrong)

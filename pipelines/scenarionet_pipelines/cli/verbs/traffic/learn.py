@@ -24,13 +24,11 @@ class LearnVerb(DatabaseVerb, Progressing):
     examples = (
         "scenarionet traffic learn lake recorded_train --test recorded_val --name traffic",
         "scenarionet traffic learn lake recorded_train --name small -p size=32 -p epochs=2 --seed 1",
-        "scenarionet traffic learn lake recorded_train --name traffic --device cuda",
     )
     name: str = option("Name of the run.", metavar="NAME")
     seed: int = option("Seed of weights, order and contexts.", default=0)
     parameters: tuple[str, ...] = PARAMETERS
     tests: tuple[str, ...] = option("Measure on this database after each epoch; repeatable.", "--test", metavar="NAME")
-    device: str = option("Where it is trained.", choices=("cpu", "cuda"), default="cpu")
 
     def run(self) -> None:
         try:
@@ -49,8 +47,7 @@ class LearnVerb(DatabaseVerb, Progressing):
                 progress.update(rows[0]["round"], config.epochs, 0)
 
             train(
-                self.open(), self.database, config, run=self.name, seed=self.seed, tests=self.tests,
-                device=self.device, on_epoch=note,
+                self.open(), self.database, config, run=self.name, seed=self.seed, tests=self.tests, on_epoch=note,
             )  # fmt: skip
         lines = []
         for row in curve:
