@@ -7,15 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from scenarionet_data import Lake, ScenarioLoader, convert
 
 pytestmark = pytest.mark.learn
 torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
 
+from scenarionet_data.arrays.geometry import box_corners  # noqa: E402
 from scenarionet_data.errors import BadParameter, LakeError  # noqa: E402
 from scenarionet_data.forecasts import forecaster  # noqa: E402
-from scenarionet_data.generation.driving import MARGIN, drive, place  # noqa: E402
+from scenarionet_data.generation.driving import drive, place  # noqa: E402
 from scenarionet_data.generation.scores import score_placement  # noqa: E402
 from scenarionet_data.generation.snapshots import HEADING, TrafficConfig, read_moments  # noqa: E402
 from scenarionet_data.generation.traffic_model import TrafficModel, from_lane, placement_loss, to_lane  # noqa: E402
@@ -121,9 +123,9 @@ def test_vehicles_are_placed_apart(lake, moments):
     first = scenes.cars.shape[1]
     assert placed.drawn == 48 and (placed.ok[:, first:].sum(dim=1) >= 8).all()
     for cars, ok in zip(placed.cars, placed.ok, strict=True):
-        there = cars[ok]
-        gaps = torch.cdist(there[:, :2], there[:, :2]) + 100.0 * torch.eye(len(there))
-        assert gaps.min() > there[:, 5].min() + MARGIN  # nearer centres than a width touch whatever the headings
+        there = cars[ok].numpy()
+        boxes = shapely.polygons(box_corners(there[:, :2], there[:, 2], there[:, 4], there[:, 5]))
+        assert shapely.intersects(boxes[:, None], boxes).sum() == len(boxes)  # each with itself
     again = place(model, scenes, nobody, number, torch.Generator().manual_seed(0))
     assert torch.equal(placed.cars, again.cars)
     raw = place(model, scenes, nobody, number, torch.Generator().manual_seed(0), may_touch=True)
