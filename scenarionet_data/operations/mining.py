@@ -80,14 +80,14 @@ def defined(name: str, parameters: Mapping[str, str]) -> Defined:
     """Return what the name of an event or a relation stands for.
 
     Args:
-        name: Name of its file.
+        name: Name of its file; of an event where both have it (``following``).
         parameters: Values of its parameters as text; the others keep their defaults.
 
     Raises:
         UnknownEvent: There is neither.
         BadParameter: A parameter is unknown, or its text has another type.
     """
-    is_relation = name in RELATIONS.names()
+    is_relation = name in RELATIONS.names() and name not in EVENTS.names()
     named = (RELATIONS if is_relation else EVENTS).load(name)
     given = named.parse(parameters)
     found = composed.relation(name, given).lasting() if is_relation else composed.event(name, given)

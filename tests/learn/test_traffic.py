@@ -24,8 +24,11 @@ from scenarionet_data.generation.traffic_model import TrafficModel, from_lane, p
 from scenarionet_data.generation.training import load, make_config, train  # noqa: E402
 from scenarionet_data.generation.writing import GenerationChoice, generate  # noqa: E402
 from scenarionet_data.storage import checkpoints  # noqa: E402
+from scenarionet_data.storage.snapshots import commit as commits  # noqa: E402
 from scenarionet_data.variations.limits import check_limits  # noqa: E402
 from scenarionet_sim import evaluate  # noqa: E402
+from tests.fixtures.lakes import write_shard  # noqa: E402
+from tests.fixtures.moments import along, moment  # noqa: E402
 
 CONFIG = TrafficConfig(epochs=2, size=16, lanes=160, min_vehicles=3, components=3, modes=3, batch_size=8)
 MANY = GenerationChoice(40, duration=2.0)
@@ -215,6 +218,17 @@ def test_mistakes_are_said(lake, tmp_path, monkeypatch):
             GenerationChoice(**wrong)
     with pytest.raises(BadParameter, match="use letters"):
         generate(lake, "recorded", "model", name="a b")
+
+
+def test_maps_without_lanes_are_said(lake):
+    bare = moment("bare", along(0, 0, 10), car=along(20, 0, 10))
+    commits.commit(lake.files, [write_shard(lake.root, [bare], "bare")], "test")
+    lake = lake.refresh()
+    lake.filter("dataset = 'moments'", name="bare")
+    report = generate(lake, "bare", "model", name="bare", choice=MANY)
+    assert (report.converted, report.quarantined) == (0, 40)
+    said = lake.refresh().sql("SELECT DISTINCT message FROM quarantine WHERE version = 'bare'")["message"]
+    assert "wanted lanes around the ego, on which vehicles are placed; found none" in said.item()
 
 
 def test_scores_stand_beside_baselines(lake):

@@ -66,6 +66,11 @@ def test_kept_moments_are_those_that_are_found(lake):
     assert [name.rpartition("/")[2] for (name,) in lake.sql(nothing).rows()] == ["alone", "braking"]
 
 
+def test_a_name_of_both_is_the_event():
+    assert mining.defined("following", {}).moments == event("following")
+    assert mining.defined("stationary", {}).moments == relation("stationary").lasting()
+
+
 def test_new_scenarios_are_mined_alone(lake, monkeypatch):
     lake.keep_moments("all", {"near": NEAR, "fast": FAST})
     before = moments(lake)

@@ -137,6 +137,13 @@ class TestSurrounding(SensorConformance):
         np.testing.assert_allclose(rows[0, [0, 1, 2, 12]], [1, 9 / 50, 0, 1], atol=1e-6)
         assert not rows[1].any()
 
+    def test_of_equal_distances_the_first_come_first(self):
+        """Three objects are 9 m away, one is nearer, and there is room for three."""
+        others = (Other(0.0, 9.0), Other(9.0), Other(0.0, -9.0), Other(5.0))
+        drive = simulate(make_drive(others=others), steps=0)
+        rows = self.observed(drive, Surrounding(objects=3), np.array([[0, 0]], np.int32))[0]
+        np.testing.assert_allclose(rows[:, 1:3] * 50.0, [(5.0, 0.0), (0.0, 9.0), (9.0, 0.0)], atol=1e-5)
+
 
 @pytest.mark.parametrize(
     ("sensor", "wrong"),

@@ -77,7 +77,7 @@ class SearchVerb(LakeVerb):
             f"{found.wrong} of {count(found.controls, 'control')} away from the border differ from what is predicted",
         ]
         lines += [f"wrote {self.file}"] if self.file else []
-        if found.resolution > space.resolution:
+        if found.border and found.resolution > space.resolution:
             lines.append(
                 f"--most {self.most} was reached before --resolution {self.resolution}: raise it, or fix values"
             )
