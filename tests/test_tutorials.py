@@ -31,7 +31,7 @@ def test_messages_name_extras_that_exist():
         for part in ("scenarionet_data", "scenarionet_sim", "pipelines")
         for file in (ROOT / part).rglob("*.py")
     )
-    named = set(re.findall(r'MissingDependency\(\s*f?"[^"]*",\s*"(\w+)"', source))
+    named = set(re.findall(r'(?:MissingDependency|needing)\(\s*f?"[^"]*",\s*"(\w+)"', source))
     assert len(named) > 8
     assert named <= EXTRAS.keys()
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from functools import cache
+from importlib import import_module
 from itertools import filterfalse
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +14,6 @@ from typing import TYPE_CHECKING
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data.query import lanes_along, track_motion
 from scenarionet_data.query.statements import names_both, quoted, shows_every_column, words
 from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
@@ -55,11 +55,8 @@ _NUMBERED = {
     "tracks": {"scenario_id": "scenario_number", "track_id": "track_number"},
 }
 """Views whose rows are kept with ids of these types (ENUM)."""
-_FUNCTIONS: dict[str, tuple[Callable[..., pa.Array], Sequence[str], str]] = {
-    "track_motion": (track_motion.track_motion, track_motion.PARAMETERS, track_motion.RETURNS),
-    "lanes_along": (lanes_along.lanes_along, lanes_along.PARAMETERS, lanes_along.RETURNS),
-}
-"""Functions of Arrow arrays that views need, with types of their parameters and of what they return."""
+_FUNCTIONS = ("track_motion", "lanes_along")
+"""Functions of Arrow arrays that views need; each is in a module of its name, with its types in SQL."""
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 
 
@@ -152,12 +149,12 @@ class Views:
         if name in _FUNCTIONS:
             from duckdb.func import FunctionNullHandling, PythonUDFType  # here: a loader needs no DuckDB
 
-            function, parameters, returns = _FUNCTIONS[name]
+            module = import_module(f"{__package__}.{name}")  # here: few queries need what it imports
             self.connection.create_function(
                 name,
-                function,
-                list(parameters),
-                returns,
+                getattr(module, name),
+                list(module.PARAMETERS),
+                module.RETURNS,
                 type=PythonUDFType.ARROW,
                 null_handling=FunctionNullHandling.SPECIAL,
             )
