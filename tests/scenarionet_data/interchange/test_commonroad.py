@@ -155,6 +155,7 @@ def check(scenario: ScenarioDescription, folder: Path) -> None:
     assert {what for what in told if not what.startswith(others)} == differing(scenario, read(folder))
 
 
+@pytest.mark.integration
 def test_generated_scenarios(lake, tmp_path):
     for number, scenario in enumerate(Lake(lake).loader()):
         check(scenario, tmp_path / str(number))
@@ -178,6 +179,7 @@ def test_numbers_stay_and_are_given_once(lake, tmp_path):
     assert len(set(numbers)) == len(numbers) and "5" in {each.get("id") for each in root.findall("dynamicObstacle")}
 
 
+@pytest.mark.integration
 def test_recorded_scenarios(recordings, tmp_path):
     convert("waymo", recordings / "waymo" / "training", tmp_path / "lake")
     convert("gpudrive", recordings / "gpudrive", tmp_path / "lake")

@@ -28,6 +28,7 @@ def written(scenario, losses=None):
     return {name.removeprefix("scene."): Xml.fromstring(text) for name, text in found.items() if name != "replay.py"}
 
 
+@pytest.mark.integration
 def test_every_lane_and_link_is_in_the_net(lake):
     for scenario in ScenarioLoader(lake):
         net, graph = written(scenario)["net.xml"], read_lanes(scenario.map, Losses())

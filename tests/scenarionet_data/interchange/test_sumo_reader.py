@@ -68,6 +68,7 @@ class TestSumoDamage(DamageConformance):
         return RowDamage(frozenset(hit))
 
 
+@pytest.mark.integration
 def test_what_went_out_comes_back(lake, tmp_path):
     for number, scenario in enumerate(Lake(lake).loader()):
         write(scenario, tmp_path / str(number))

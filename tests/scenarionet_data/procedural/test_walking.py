@@ -68,6 +68,7 @@ def test_people_cross_only_while_the_vehicles_of_that_side_have_red():
     assert crossings > 3
 
 
+@pytest.mark.integration
 def test_drivers_and_people_keep_apart():
     episodes = [busy(seed) for seed in range(4)]
     assert not any(touches(episode) for episode in episodes)

@@ -169,6 +169,7 @@ def test_a_flood_of_old_answers_hides_no_new_one(drive):
     assert not drive(flood, "flood")[2].broken
 
 
+@pytest.mark.integration
 def test_real_time_keeps_to_the_wall_clock_and_holds_commands(drive, lake):
     count = []
 

@@ -63,6 +63,7 @@ def test_what_is_fully_ahead():
     assert not covers(0.5, 0.9, 0.9) and not covers(-3.5, 0.9, 0.9)
 
 
+@pytest.mark.integration
 def test_a_careful_human_avoids_in_simulation_what_it_avoids_in_the_model(tmp_path):
     convert("logical", "deceleration", tmp_path / "lake", options={"number": 6, "seed": 7})
     for name in ("careful-human", "rss", "constant-planner"):
