@@ -241,8 +241,9 @@ def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRou
         learner.restore({key: torch.from_numpy(value.copy()) for key, value in checkpoint.arrays.items()})
     report.resumed, report.memory = steps, learner.num_bytes
     rows: list[dict[str, Any]] = []
-    lake = Lake(training.lake, training.snapshot)
-    difficulties = dict(lake.sql("SELECT scenario_id, difficulty FROM metadata").rows())
+    _, selected = Lake(training.lake, training.snapshot).find(training.database)
+    columns = selected.columns(["scenario_id", "difficulty"])  # no data frame: Polars takes a gigabyte of addresses
+    difficulty = dict(zip(columns["scenario_id"].to_pylist(), columns["difficulty"].to_pylist(), strict=True))
     while steps < config.steps:
         done, learned = learner.round()
         if not all(np.isfinite(value) for value in learned.values()):
@@ -255,7 +256,7 @@ def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRou
         report.times = {key: report.times.get(key, 0.0) + spent for key, spent in learner.clock.seconds.items()}
         seconds = {f"{activity}_seconds": spent for activity, spent in learner.clock.seconds.items()}
         learner.clock.seconds = {}
-        driven = [difficulties[env.scenario_id(row)] for row in range(0, env.num_agents, env.seats)]
+        driven = [difficulty[env.scenario_id(row)] for row in range(0, env.num_agents, env.seats)]
         known = [value for value in driven if value is not None]
         place = {"round": rounds, "steps": steps, "level": env.level, "coverage": env.coverage}
         place["difficulty"] = sum(known) / len(known) if known else None
