@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scenarionet_data.forecasts.forecaster import load, weights_digest  # first: says how to install torch
+from scenarionet_data.forecasts.forecaster import load  # first: says how to install torch
 
 # isort: split
 import warnings
@@ -18,6 +18,7 @@ from scenarionet_data.samples.choices import Targets
 from scenarionet_data.samples.dataset import Samples
 from scenarionet_data.samples.selection import SamplesWarning
 from scenarionet_data.samples.training import collate
+from scenarionet_data.storage.fitting import weights_digest
 
 _SCENARIOS = 64  # whose samples are made at a time
 _BATCH = 256

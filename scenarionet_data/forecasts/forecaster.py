@@ -12,30 +12,25 @@ from __future__ import annotations
 from scenarionet_data.samples.training import SampleStream, collate  # first: says how to install torch
 
 # isort: split
-import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, TypeVar
 
 import numpy as np
 import pyarrow as pa
 import torch
 from torch import Tensor, nn
-from xxhash import xxh3_64
 
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.errors import BadParameter, LakeError
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.forecasts.predictions import make_predictions
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.samples.choices import Agents, Augmentation, Polylines, Targets, TimeWindow
 from scenarionet_data.samples.dataset import Samples
 from scenarionet_data.samples.order import Shuffling
-from scenarionet_data.storage import checkpoints, evaluation_runs
+from scenarionet_data.storage.fitting import BatchLosses, FitRun, OnEpoch, fit, load_model, parse_settings
 
 _TYPES = 256  # codes of objects and of map features are below
 TensorBatch = Mapping[str, Tensor]
-_Config = TypeVar("_Config")
-_Model = TypeVar("_Model", bound=nn.Module)
 Predictor = Callable[[TensorBatch], Array]
 """Returns (B, K, F, 2) positions of K trajectories in the frame of the target [m]."""
 
@@ -119,28 +114,6 @@ def make_config(given: Mapping[str, str]) -> ForecasterConfig:
     if config.size % config.heads:
         raise BadParameter(f"size: wanted a multiple of heads, {config.heads}, found {config.size}")
     return config
-
-
-def parse_settings(given: Mapping[str, str], defaults: Mapping[str, int | float], what: str) -> dict[str, Any]:
-    """Return settings, given as texts, as numbers of the types of their defaults.
-
-    Raises:
-        BadParameter: There is no such setting, or a value is not a positive number of its type.
-    """
-    kinds: dict[str, type[int] | type[float]] = {
-        name: int if isinstance(value, int) else float for name, value in defaults.items()
-    }
-    values: dict[str, Any] = {}
-    for name, text in given.items():
-        if name not in kinds:
-            raise BadParameter(f"{what} has no setting {name!r}; it has {', '.join(kinds)}")
-        try:
-            values[name] = kinds[name](text)
-        except ValueError as error:
-            raise BadParameter(f"{name}: wanted {kinds[name].__name__}, found {text!r}") from error
-        if not 0 < values[name] < np.inf:
-            raise BadParameter(f"{name}: wanted a number above 0, found {text}")
-    return values
 
 
 class Forecaster(nn.Module):
@@ -262,7 +235,7 @@ def train(
     run: str,
     seed: int = 0,
     tests: tuple[str, ...] = (),
-    on_epoch: Any = None,
+    on_epoch: OnEpoch | None = None,
 ) -> Forecaster:
     """Train a forecaster; a run that was interrupted continues after its last whole epoch, with the same result.
 
@@ -273,41 +246,26 @@ def train(
         run: Name of the run, which has the checkpoints and the metrics.
         seed: Seed of weights, order and augmentation.
         tests: Databases that it is measured on after each epoch.
-        on_epoch: Called with the row of metrics after each epoch.
+        on_epoch: Called after each epoch.
     """
-    torch.set_num_threads(1)
     torch.manual_seed(seed)
     model = Forecaster(config)
     samples = config.samples(lake, database, is_training=True, seed=seed)
     stream = SampleStream(samples, config.batch_size, shuffling=Shuffling(seed=seed))
-    optimizer = torch.optim.AdamW(model.parameters(), lr=config.rate, weight_decay=config.decay)
-    total = max(1, config.epochs * len(stream))
-    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: 0.5 + 0.5 * np.cos(np.pi * step / total))
-    description = {"database": lake.record(database).reference, "forecaster": asdict(config), "seed": seed}
-    claimed = evaluation_runs.claim(lake.files, run, ("training",), description | {"tests": list(tests)})
-    begun = checkpoints.load(lake.files, run)
-    if begun is not None:
-        restore(model, optimizer, schedule, begun)
     tested = {name: config.samples(lake, name, is_training=False) for name in tests}
-    for epoch in range(begun.facts["epoch"] if begun else 0, config.epochs):
+
+    def losses(epoch: int) -> Iterator[BatchLosses]:
         torch.manual_seed(hash((seed, epoch)) % 2**32)  # of dropout, so that a resumed run draws the same
         stream.set_epoch(epoch)
-        model.train()
-        losses = []
         for batch in stream:
-            value = loss(model(batch), batch)
-            optimizer.zero_grad()
-            value.backward()
-            nn.utils.clip_grad_norm_(model.parameters(), 1.0)
-            optimizer.step()
-            schedule.step()
-            losses.append(float(value.detach()))
-        rows = [metrics_row(None, epoch, len(samples), {"loss": float(np.mean(losses))})]
-        rows += [metrics_row(name, epoch, len(samples), _means(model, each)) for name, each in tested.items()]
-        claimed.publish(epoch + 1, {"training": rows})
-        checkpoints.save(lake.files, run, make_checkpoint(epoch + 1, model, optimizer, schedule))
-        if on_epoch is not None:
-            on_epoch(rows)
+            yield {"loss": loss(model(batch), batch)}
+
+    description = {"database": lake.record(database).reference, "forecaster": asdict(config), "seed": seed}
+    fitted = FitRun(lake.files, run, description | {"tests": list(tests)})
+    fit(
+        fitted, model, config, len(samples), losses,
+        lambda: {name: _means(model, each) for name, each in tested.items()}, on_epoch=on_epoch,
+    )  # fmt: skip
     return model
 
 
@@ -318,90 +276,9 @@ def load(lake: LakeView, run: str) -> tuple[Forecaster, ForecasterConfig]:
         LakeError: There is no such run, it is not of a forecaster of this layout, it has no checkpoint yet, or its
             weights are not finite.
     """
-    return load_model(lake, run, "forecaster", "scenarionet forecast fit", ForecasterConfig, Forecaster)
-
-
-def load_model(
-    lake: LakeView, run: str, kind: str, fit: str, config_type: type[_Config], model_type: Callable[[_Config], _Model]
-) -> tuple[_Model, _Config]:
-    """Return the model of a training run whose description has its settings under the name of its kind.
-
-    Args:
-        lake: The lake.
-        run: Name of the run.
-        kind: Name of what is trained, for example ``forecaster``.
-        fit: The command that trains it.
-        config_type: Class of its settings.
-        model_type: Its class.
-
-    Raises:
-        LakeError: There is no such run, it is not of that kind or of another layout, it has no checkpoint yet, or its
-            weights are not finite.
-    """
-    described = evaluation_runs.describe(lake.files, run)
-    found = checkpoints.load(lake.files, run)
-    if kind not in described or found is None:
-        what = "has no checkpoint yet" if kind in described else f"is not of a {kind}"
-        raise LakeError(f"run {run} of {lake.root} {what}; train one: {fit}")
-    broken = [name for name, values in found.arrays.items() if not np.isfinite(values).all()]
-    if broken:
-        raise LakeError(
-            f"run {run}: weights are not finite, for example {broken[0]}; train it again under another name"
-        )
-    try:
-        config = config_type(**described[kind])
-        model = model_type(config)
-        restore(model, None, None, found)
-    except (TypeError, RuntimeError) as error:
-        reason = str(error).splitlines()[-1].strip()
-        raise LakeError(f"run {run}: a {kind} of another layout, {reason}; train it again with this version") from error
-    return model, config
-
-
-def weights_digest(model: nn.Module) -> str:
-    """Return 16 hex digits that change with the weights of a model."""
-    digest = xxh3_64()
-    for name, weights in sorted(model.state_dict().items()):
-        digest.update(name.encode() + weights.numpy().tobytes())
-    return digest.hexdigest()
+    return load_model(lake.files, run, "forecaster", "scenarionet forecast fit", ForecasterConfig, Forecaster)
 
 
 def _means(model: Forecaster, samples: Samples) -> dict[str, float]:
     mean, end = measure(model.modes, samples)
     return {"min_ade": float(np.nanmean(mean)), "min_fde": float(np.nanmean(end))}
-
-
-def metrics_row(test: str | None, epoch: int, count: int, learned: Mapping[str, float]) -> dict[str, Any]:
-    """Return what an epoch over ``count`` samples has learned, as a row of the table ``training``."""
-    return {
-        "test": test,
-        "round": epoch + 1,
-        "steps": (epoch + 1) * count,
-        "episodes": 0,
-        "learned": json.dumps(learned),
-    }
-
-
-def make_checkpoint(number: int, model: nn.Module, optimizer: Any, schedule: Any) -> checkpoints.Checkpoint:
-    """Return where a training stands."""
-    arrays = {f"model.{name}": value.numpy() for name, value in model.state_dict().items()}
-    for index, state in optimizer.state_dict()["state"].items():
-        arrays |= {f"optimizer.{index}.{name}": value.numpy() for name, value in state.items()}
-    return checkpoints.Checkpoint(number, {"epoch": number, "updates": schedule.last_epoch}, arrays)
-
-
-def restore(model: nn.Module, optimizer: Any, schedule: Any, found: checkpoints.Checkpoint) -> None:
-    """Set a model, and its optimizer and schedule if they are given, to where a training stood."""
-    tensors = {name: torch.from_numpy(values.copy()) for name, values in found.arrays.items()}
-    model.load_state_dict({name[6:]: value for name, value in tensors.items() if name.startswith("model.")})
-    if optimizer is None:
-        return
-    state: dict[int, dict[str, Tensor]] = {}
-    for name, value in tensors.items():
-        if name.startswith("optimizer."):
-            _, index, part = name.split(".", 2)
-            state.setdefault(int(index), {})[part] = value
-    optimizer.load_state_dict(optimizer.state_dict() | {"state": state})
-    schedule.load_state_dict(schedule.state_dict() | {"last_epoch": found.facts["updates"]})
-    for group, rate in zip(optimizer.param_groups, [schedule.lr_lambdas[0](found.facts["updates"])], strict=True):
-        group["lr"] = rate * group["initial_lr"]

@@ -9,18 +9,14 @@ from scenarionet_data.generation.snapshots import (
 )  # first: says how to install torch
 
 # isort: split
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from typing import Any
 
-import numpy as np
 import torch
-from torch import nn
 
-from scenarionet_data.forecasts.forecaster import load_model, make_checkpoint, metrics_row, parse_settings, restore
 from scenarionet_data.generation.traffic_model import TrafficModel, motion_loss, placement_loss
 from scenarionet_data.query.lake_view import LakeView
-from scenarionet_data.storage import checkpoints, evaluation_runs
+from scenarionet_data.storage.fitting import BatchLosses, FitRun, OnEpoch, fit, load_model, parse_settings
 
 
 def make_config(given: Mapping[str, str]) -> TrafficConfig:
@@ -40,7 +36,7 @@ def train(
     run: str,
     seed: int = 0,
     tests: tuple[str, ...] = (),
-    on_epoch: Callable[[list[dict[str, Any]]], None] | None = None,
+    on_epoch: OnEpoch | None = None,
 ) -> TrafficModel:
     """Train a model of traffic.
 
@@ -51,48 +47,35 @@ def train(
         run: Name of the run, which has the checkpoints and the metrics.
         seed: Seed of weights, order and contexts.
         tests: Databases whose losses are measured after each epoch.
-        on_epoch: Called with the rows of metrics after each epoch.
+        on_epoch: Called after each epoch.
 
     Raises:
         BadParameter: No moment shows enough vehicles.
     """
-    torch.set_num_threads(1)
     torch.manual_seed(seed)
     model = TrafficModel(config)
     moments, _ = read_moments(lake, database, config)
     tested = {name: read_moments(lake, name, config)[0] for name in tests}
     count = len(moments.cars)
-    steps = -(-count // config.batch_size)
-    optimizer = torch.optim.AdamW(model.parameters(), lr=config.rate, weight_decay=config.decay)
-    total = config.epochs * steps
-    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: 0.5 + 0.5 * np.cos(np.pi * step / total))
-    description = {"database": lake.record(database).reference, "traffic model": asdict(config), "seed": seed}
-    claimed = evaluation_runs.claim(lake.files, run, ("training",), description | {"tests": list(tests)})
-    begun = checkpoints.load(lake.files, run)
-    if begun is not None:
-        restore(model, optimizer, schedule, begun)
-    for epoch in range(begun.facts["epoch"] if begun else 0, config.epochs):
+
+    def losses(epoch: int) -> Iterator[BatchLosses]:
         generator = torch.Generator().manual_seed(hash((seed, epoch)) % 2**32)
-        losses = []
         for rows in torch.randperm(count, generator=generator).split(config.batch_size):
-            placement, motion = _losses(model, moments.take(rows), generator)
-            optimizer.zero_grad()
-            (placement + motion).backward()
-            nn.utils.clip_grad_norm_(model.parameters(), 5.0)
-            optimizer.step()
-            schedule.step()
-            losses.append((float(placement.detach()), float(motion.detach())))
-        found = [metrics_row(None, epoch, count, _named(losses))]
+            yield _losses(model, moments.take(rows), generator)
+
+    @torch.no_grad()
+    def measure() -> dict[str, dict[str, float]]:
+        found = {}
         for name, scenes in tested.items():
             generator = torch.Generator().manual_seed(seed)
-            with torch.no_grad():
-                parts = torch.arange(len(scenes.cars)).split(config.batch_size)
-                losses = [(float(a), float(b)) for a, b in (_losses(model, scenes.take(k), generator) for k in parts)]
-            found.append(metrics_row(name, epoch, count, _named(losses)))
-        claimed.publish(epoch + 1, {"training": found})
-        checkpoints.save(lake.files, run, make_checkpoint(epoch + 1, model, optimizer, schedule))
-        if on_epoch is not None:
-            on_epoch(found)
+            parts = torch.arange(len(scenes.cars)).split(config.batch_size)
+            losses = [_losses(model, scenes.take(rows), generator) for rows in parts]
+            found[name] = {each: float(torch.stack([part[each] for part in losses]).mean()) for each in losses[0]}
+        return found
+
+    description = {"database": lake.record(database).reference, "traffic model": asdict(config), "seed": seed}
+    fitted = FitRun(lake.files, run, description | {"tests": list(tests)})
+    fit(fitted, model, config, count, losses, measure, clip=5.0, on_epoch=on_epoch)
     return model
 
 
@@ -103,17 +86,10 @@ def load(lake: LakeView, run: str) -> TrafficModel:
         LakeError: There is no such run, it is not of a model of traffic of this layout, it has no checkpoint yet, or
             its weights are not finite.
     """
-    model, _ = load_model(lake, run, "traffic model", "scenarionet traffic learn", TrafficConfig, TrafficModel)
+    model, _ = load_model(lake.files, run, "traffic model", "scenarionet traffic learn", TrafficConfig, TrafficModel)
     model.eval()
     return model
 
 
-def _losses(
-    model: TrafficModel, scenes: TrafficMoments, generator: torch.Generator
-) -> tuple[torch.Tensor, torch.Tensor]:
-    return placement_loss(model, scenes, generator), motion_loss(model, scenes, generator)
-
-
-def _named(losses: list[Any]) -> dict[str, float]:
-    placement, motion = np.mean(losses, axis=0)
-    return {"placement": float(placement), "motion": float(motion)}
+def _losses(model: TrafficModel, scenes: TrafficMoments, generator: torch.Generator) -> BatchLosses:
+    return {"placement": placement_loss(model, scenes, generator), "motion": motion_loss(model, scenes, generator)}

@@ -27,7 +27,6 @@ from scenarionet_data.converters.base import Budgets
 from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
-from scenarionet_data.forecasts.forecaster import weights_digest
 from scenarionet_data.generation.snapshots import make_scenes
 from scenarionet_data.generation.traffic_model import TrafficModel
 from scenarionet_data.generation.training import load
@@ -35,6 +34,7 @@ from scenarionet_data.ingest.shard import RawItem, Shard, bucket
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import Lights, ScenarioDescription, make_scenario_id
 from scenarionet_data.scenario.vocabulary import ObjectType
+from scenarionet_data.storage.fitting import weights_digest
 from scenarionet_data.variations.writing import OfParents, ParentOptions, write_shards
 
 DATASET = "generated"

@@ -24,6 +24,7 @@ from scenarionet_data.generation.traffic_model import TrafficModel, from_lane, p
 from scenarionet_data.generation.training import load, make_config, train  # noqa: E402
 from scenarionet_data.generation.writing import GenerationChoice, generate  # noqa: E402
 from scenarionet_data.storage import checkpoints  # noqa: E402
+from scenarionet_data.storage.fitting import weights_digest  # noqa: E402
 from scenarionet_data.storage.snapshots import commit as commits  # noqa: E402
 from scenarionet_data.variations.limits import check_limits  # noqa: E402
 from scenarionet_sim import evaluate  # noqa: E402
@@ -152,7 +153,7 @@ def test_generated_scenarios_can_be_driven_and_know_where_they_come_from(lake):
     rows = fresh.sql("SELECT scenario_id, parent, extras, split FROM metadata WHERE dataset = 'generated'")
     assert len(rows) == 12 and set(rows["parent"]) == set(lake.database("recorded").scenario_ids)
     made = json.loads(rows["extras"][0])["generated"]
-    assert made["model"] == "model" and made["weights"] == forecaster.weights_digest(load(lake, "model"))
+    assert made["model"] == "model" and made["weights"] == weights_digest(load(lake, "model"))
     assert made["seed"] == 3 and made["placed"] <= made["wanted"]
     for scenario in ScenarioLoader(lake.root, rows["scenario_id"].to_list()):
         assert (

@@ -1,0 +1,216 @@
+"""Training runs of networks that learn from recordings: epochs, checkpoints and curves in the lake's results.
+
+A run that was interrupted continues after its last whole epoch, and ends with the same weights on the same machine.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from xxhash import xxh3_64
+
+from scenarionet_data.errors import BadParameter, LakeError
+from scenarionet_data.storage import checkpoints, evaluation_runs
+from scenarionet_data.storage.files.lake_files import LakeFiles
+
+_Config = TypeVar("_Config")
+_Model = TypeVar("_Model", bound=nn.Module)
+
+BatchLosses = Mapping[str, Tensor]
+"""BatchLosses of a batch by name, whose sum is minimised."""
+
+OnEpoch = Callable[[list[dict[str, Any]]], None]
+"""Called after each epoch with its rows of the table ``training``: of the training, and of each test."""
+
+
+class FitSettings(Protocol):
+    """What the settings of every training have: the rate falls along a cosine to 0."""
+
+    @property
+    def epochs(self) -> int:
+        """Times that all samples are seen."""
+
+    @property
+    def batch_size(self) -> int:
+        """Samples of a batch."""
+
+    @property
+    def rate(self) -> float:
+        """Learning rate at the beginning."""
+
+    @property
+    def decay(self) -> float:
+        """Weight decay."""
+
+
+@dataclass(frozen=True)
+class FitRun:
+    """A training run of a lake.
+
+    Attributes:
+        files: The lake.
+        name: Name of the run.
+        description: Everything that the weights depend on, JSON-serialisable.
+    """
+
+    files: LakeFiles
+    name: str
+    description: Mapping[str, Any]
+
+
+def fit(
+    run: FitRun,
+    model: nn.Module,
+    config: FitSettings,
+    count: int,
+    losses: Callable[[int], Iterator[BatchLosses]],
+    measure: Callable[[], Mapping[str, Mapping[str, float]]] = dict,
+    *,
+    clip: float = 1.0,
+    on_epoch: OnEpoch | None = None,
+) -> None:
+    """Train a model with AdamW, on its device, to the end of its epochs.
+
+    Args:
+        run: The run, which has the checkpoints and the curve.
+        model: The model, as it was made from the seed.
+        config: Settings.
+        count: Samples of an epoch.
+        losses: Yields the losses of the batches of an epoch, given its number; it draws what is random from that.
+        measure: Returns what tests say after an epoch, by the name of the test.
+        clip: Largest norm of the gradient.
+        on_epoch: Called after each epoch.
+
+    Raises:
+        BadParameter: There is no sample, or another run has this name.
+    """
+    if not count:
+        raise BadParameter("no sample to learn from; give a database with more or longer scenarios")
+    torch.set_num_threads(1)
+    optimizer = torch.optim.AdamW(model.parameters(), lr=config.rate, weight_decay=config.decay)
+    total = max(1, config.epochs * -(-count // config.batch_size))
+    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: 0.5 + 0.5 * np.cos(np.pi * step / total))
+    claimed = evaluation_runs.claim(run.files, run.name, ("training",), run.description)
+    begun = checkpoints.load(run.files, run.name)
+    if begun is not None:
+        restore(model, begun)
+        _restore_optimizer(optimizer, schedule, begun)
+    for epoch in range(begun.facts["epoch"] if begun else 0, config.epochs):
+        model.train()
+        found = []
+        for batch in losses(epoch):
+            optimizer.zero_grad()
+            sum(batch.values(), torch.zeros(())).backward()
+            nn.utils.clip_grad_norm_(model.parameters(), clip)
+            optimizer.step()
+            schedule.step()
+            found.append({name: value.detach() for name, value in batch.items()})
+        means = {name: float(np.mean([float(each[name]) for each in found])) for name in found[0]}
+        rows = [
+            {"test": test, "round": epoch + 1, "steps": (epoch + 1) * count, "episodes": 0, "learned": json.dumps(each)}
+            for test, each in [(None, means), *measure().items()]
+        ]
+        claimed.publish(epoch + 1, {"training": rows})
+        checkpoints.save(run.files, run.name, _checkpoint(epoch + 1, model, optimizer, schedule))
+        if on_epoch is not None:
+            on_epoch(rows)
+
+
+def parse_settings(given: Mapping[str, str], defaults: Mapping[str, int | float], what: str) -> dict[str, Any]:
+    """Return settings, given as texts, as numbers of the types of their defaults.
+
+    Raises:
+        BadParameter: There is no such setting, or a value is not a positive number of its type.
+    """
+    kinds: dict[str, type[int] | type[float]] = {
+        name: int if isinstance(value, int) else float for name, value in defaults.items()
+    }
+    values: dict[str, Any] = {}
+    for name, text in given.items():
+        if name not in kinds:
+            raise BadParameter(f"{what} has no setting {name!r}; it has {', '.join(kinds)}")
+        try:
+            values[name] = kinds[name](text)
+        except ValueError as error:
+            raise BadParameter(f"{name}: wanted {kinds[name].__name__}, found {text!r}") from error
+        if not 0 < values[name] < np.inf:
+            raise BadParameter(f"{name}: wanted a number above 0, found {text}")
+    return values
+
+
+def load_model(
+    files: LakeFiles, run: str, kind: str, fit: str, config_type: type[_Config], model_type: Callable[[_Config], _Model]
+) -> tuple[_Model, _Config]:
+    """Return the model of a training run whose description has its settings under the name of its kind.
+
+    Args:
+        files: The lake.
+        run: Name of the run.
+        kind: Name of what is trained, for example ``forecaster``.
+        fit: The command that trains it.
+        config_type: Class of its settings.
+        model_type: Its class.
+
+    Raises:
+        LakeError: There is no such run, it is not of that kind or of another layout, it has no checkpoint yet, or its
+            weights are not finite.
+    """
+    described = evaluation_runs.describe(files, run)
+    found = checkpoints.load(files, run)
+    if kind not in described or found is None:
+        what = "has no checkpoint yet" if kind in described else f"is not of a {kind}"
+        raise LakeError(f"run {run} of {files.root} {what}; train one: {fit}")
+    broken = [name for name, values in found.arrays.items() if not np.isfinite(values).all()]
+    if broken:
+        raise LakeError(
+            f"run {run}: weights are not finite, for example {broken[0]}; train it again under another name"
+        )
+    try:
+        config = config_type(**described[kind])
+        model = model_type(config)
+        restore(model, found)
+    except (TypeError, RuntimeError) as error:
+        reason = str(error).splitlines()[-1].strip()
+        raise LakeError(f"run {run}: a {kind} of another layout, {reason}; train it again with this version") from error
+    return model, config
+
+
+def weights_digest(model: nn.Module) -> str:
+    """Return 16 hex digits that change with the weights of a model."""
+    digest = xxh3_64()
+    for name, weights in sorted(model.state_dict().items()):
+        digest.update(name.encode() + weights.numpy().tobytes())
+    return digest.hexdigest()
+
+
+def restore(model: nn.Module, found: checkpoints.Checkpoint) -> None:
+    """Set a model to where a training stood."""
+    arrays = {name[6:]: values for name, values in found.arrays.items() if name.startswith("model.")}
+    model.load_state_dict({name: torch.from_numpy(values.copy()) for name, values in arrays.items()})
+
+
+def _checkpoint(number: int, model: nn.Module, optimizer: Any, schedule: Any) -> checkpoints.Checkpoint:
+    """Where a training stands."""
+    arrays = {f"model.{name}": value.cpu().numpy() for name, value in model.state_dict().items()}
+    for index, state in optimizer.state_dict()["state"].items():
+        arrays |= {f"optimizer.{index}.{name}": value.cpu().numpy() for name, value in state.items()}
+    return checkpoints.Checkpoint(number, {"epoch": number, "updates": schedule.last_epoch}, arrays)
+
+
+def _restore_optimizer(optimizer: Any, schedule: Any, found: checkpoints.Checkpoint) -> None:
+    """Set the optimizer and its schedule to where a training stood."""
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, values in found.arrays.items():
+        if name.startswith("optimizer."):
+            _, index, part = name.split(".", 2)
+            state.setdefault(int(index), {})[part] = torch.from_numpy(values.copy())
+    optimizer.load_state_dict(optimizer.state_dict() | {"state": state})
+    schedule.load_state_dict(schedule.state_dict() | {"last_epoch": found.facts["updates"]})
+    for group in optimizer.param_groups:
+        group["lr"] = schedule.lr_lambdas[0](found.facts["updates"]) * group["initial_lr"]
