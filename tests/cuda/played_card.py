@@ -34,7 +34,7 @@ class PlayedCard:
     def __init__(self, monkeypatch):
         self.launches: list[tuple[str, tuple[object, ...]]] = []
         self.uploads: list[int] = []
-        context = object()
+        context = SimpleNamespace(device=object())  # not hashable, as contexts of numba-cuda
         cuda = SimpleNamespace(
             device_array=lambda shape, dtype: np.empty(shape, dtype).view(CardArray),
             to_device=self._upload,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 from pathlib import Path
 from types import SimpleNamespace
@@ -48,7 +49,9 @@ def without_card(monkeypatch):
 
 
 def assembler():
-    """Path of NVIDIA's assembler."""
+    """Path of NVIDIA's assembler: of a CUDA toolkit, or else of its package."""
+    if installed := shutil.which("ptxas"):
+        return installed
     import nvidia
 
     return next(Path(folder) / "cu13/bin/ptxas" for folder in nvidia.__path__ if (Path(folder) / "cu13/bin").exists())
