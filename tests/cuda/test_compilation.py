@@ -49,12 +49,13 @@ def without_card(monkeypatch):
 
 
 def assembler():
-    """Path of NVIDIA's assembler: of a CUDA toolkit, or else of its package."""
-    if installed := shutil.which("ptxas"):
-        return installed
-    import nvidia
-
-    return next(Path(folder) / "cu13/bin/ptxas" for folder in nvidia.__path__ if (Path(folder) / "cu13/bin").exists())
+    """Path of NVIDIA's assembler: of its package, whose version goes with numba-cuda's, or of a CUDA toolkit."""
+    nvidia = pytest.importorskip("nvidia")
+    packaged = (Path(folder) / "cu13/bin/ptxas" for folder in nvidia.__path__)
+    found = next((path for path in packaged if path.exists()), None) or shutil.which("ptxas")
+    if not found:
+        pytest.skip("no assembler of NVIDIA: pip install nvidia-cuda-nvcc")
+    return found
 
 
 @pytest.mark.parametrize(
