@@ -21,6 +21,8 @@ def light_places(lights: Lights, lane_ids: Object, lanes: Ragged) -> tuple[Int32
         (L,) int32 rows in ``lane_ids``, -1 where the map lacks the lane, and (L, 2) float32 [m]: the recorded place,
         else the start of the lane, else NaN.
     """
+    if not len(lights):
+        return np.zeros(0, np.int32), np.zeros((0, 2), np.float32)
     row_of = {lane: row for row, lane in enumerate(lane_ids)}
     lane = np.array([row_of.get(name, -1) for name in lights.lane_ids], np.int32)
     stop = lights.stop_point[:, :2].copy()  # ascontiguousarray would return a view for a single light

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 from scenarionet_data.compiled.decorators import kernel
 from scenarionet_sim.arrays.minmax import larger, smaller
 
@@ -55,6 +55,37 @@ def write_log(
             for axis in range(2):
                 extents[axis] = smaller(extents[axis], row[axis])
                 extents[2 + axis] = larger(extents[2 + axis], row[axis])
+
+
+@kernel(allocates=False)
+def trace(log: Float32, is_kept: Bool, path: Float32, offsets: Int32, turns_back: Bool) -> None:
+    """Write the selected positions as paths, one object after another.
+
+    Args:
+        log: (T, N, 8).
+        is_kept: (N, T) see :func:`thin`.
+        path: (P, 5) output: x, y, z, heading and arc length.
+        offsets: (N + 1,) output: rows of each object's path.
+        turns_back: (N,) output: whether the path turns by more than a right angle anywhere.
+    """
+    row, total, offsets[0] = 0, 0.0, 0
+    for n in range(log.shape[1]):
+        first, began, dx, dy = row, 0.0, 0.0, 0.0
+        turns_back[n] = False
+        for t in range(log.shape[0]):
+            if not is_kept[n, t]:
+                continue
+            for column in range(ARC):
+                path[row, column] = log[t, n, column]
+            if row:
+                ax, ay = np.float64(path[row, X]) - path[row - 1, X], np.float64(path[row, Y]) - path[row - 1, Y]
+                total += np.hypot(ax, ay)
+                turns_back[n] |= row > first + 1 and ax * dx + ay * dy < 0.0
+                dx, dy = ax, ay
+            began = total if row == first else began
+            path[row, ARC] = total - began
+            row += 1
+        offsets[n + 1] = row
 
 
 @kernel(allocates=False)

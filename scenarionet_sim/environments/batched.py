@@ -118,8 +118,21 @@ class BatchedEnvironment:
         arc: Float64 = self.simulation.route[self.agents[:, 0], self.agents[:, 1], 0]
         return arc
 
-    def begin(self, slots: Sequence[int] | IntP, worlds: Sequence[World], start: int | None = None) -> None:
+    def begin(
+        self,
+        slots: Sequence[int] | IntP,
+        worlds: Sequence[World],
+        start: int | None = None,
+        *,
+        is_observed: bool = True,
+    ) -> None:
         """Begin episodes in some slots; see :meth:`Simulation.reset`.
+
+        Args:
+            slots: The slots.
+            worlds: Their worlds.
+            start: First timestep of the logs.
+            is_observed: Observe the agents there; otherwise ``simulation.observe_begun`` has to come next.
 
         Raises:
             BadParameter: The ego is not valid at timestep ``start``.
@@ -130,7 +143,9 @@ class BatchedEnvironment:
                 raise BadParameter(
                     f"{world.scenario_id}: the ego is not valid at timestep {start}; choose {valid[0]} to {valid[-1]}"
                 )
-        self.simulation.reset_slots(slots, worlds, start)
+        self.simulation.begin(slots, worlds, start)
+        if is_observed:
+            self.simulation.observe_begun()
 
     def step(self, actions: npt.ArrayLike) -> None:
         """Advance every world by one timestep, score and observe the agents.

@@ -91,7 +91,10 @@ class Roads:
         """Convert a scenario's map, or return what a map of equal content was converted to; None gives empty roads."""
         if features is None:
             return cls.from_map(MapBuilder().build(np.zeros(3)))
-        return cls._converted(_MapContent(map_hash(features), features))
+        known: Roads | None = vars(features).get("_roads")
+        if known is None:  # scenarios may share the features
+            known = vars(features)["_roads"] = cls._converted(_MapContent(map_hash(features), features))
+        return known
 
     @classmethod
     @lru_cache(maxsize=8)

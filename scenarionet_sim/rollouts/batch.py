@@ -98,36 +98,48 @@ class RolloutBatch:
         core.is_observing = self._drivers.driver is not None
         recorder = RolloutRecorder(core)
         try:
-            seats = {slot: self._begin(core, recorder, slot, job) for slot, job in playing.items()}
-            while seats:
-                slots = np.array(list(seats))
-                is_over = recorder.is_over(slots, np.array([seat.job.waits for seat in seats.values()]))
+            beginning, seats = dict(playing), dict[int, _Slot]()
+            while beginning or seats:
+                seats |= self._begin(core, recorder, beginning)
+                slots, beginning = np.array(list(seats)), {}
+                is_over = recorder.is_over[slots]
                 for slot in slots[is_over].tolist():
                     yield playing.pop(slot), recorder.rollout(slot)
                     del seats[slot]
                     job = next(waiting, None)
                     if job is not None:
-                        playing[slot] = job
-                        seats[slot] = self._begin(core, recorder, slot, job)
+                        playing[slot] = beginning[slot] = job
                     elif seats:
                         core.simulation.rest(slot)
-                if not is_over.any():
+                if is_over.any():
+                    continue
+                if self._drivers.driver is None and core.simulation.may_play:
+                    recorder.play()
+                else:
                     core.step_by_place(self._actions(core, seats))
                     recorder.add(slots)
         finally:
             core.close()
 
-    def _begin(self, core: BatchedEnvironment, recorder: RolloutRecorder, slot: int, job: RolloutJob) -> _Slot:
-        """Begin the episode of a job in a slot."""
-        rng, driver = np.random.default_rng(job.seed), self._driver_of(slot)
-        core.simulation.policies = tuple(policy.sampled(rng) for policy in self._drivers.policies)
-        core.begin([slot], [job.world], job.start)
-        if driver is not None and hasattr(driver, "reset"):
-            driver.reset()
-        if driver is not None and hasattr(driver, "seed"):
-            driver.seed(rng)
-        recorder.begin(slot, job.world, job.num_steps)
-        return _Slot(job, rng, driver)
+    def _begin(
+        self, core: BatchedEnvironment, recorder: RolloutRecorder, jobs: Mapping[int, RolloutJob]
+    ) -> dict[int, _Slot]:
+        """Begin the episodes of jobs by slot."""
+        seats = {}
+        for slot, job in jobs.items():
+            rng, driver = np.random.default_rng(job.seed), self._driver_of(slot)
+            core.simulation.policies = tuple(policy.sampled(rng) for policy in self._drivers.policies)
+            core.begin([slot], [job.world], job.start, is_observed=False)
+            if driver is not None and hasattr(driver, "reset"):
+                driver.reset()
+            if driver is not None and hasattr(driver, "seed"):
+                driver.seed(rng)
+            seats[slot] = _Slot(job, rng, driver)
+        if jobs:
+            core.simulation.observe_begun()
+        for slot, job in jobs.items():
+            recorder.begin(slot, job.world, job.num_steps, waits=job.waits)
+        return seats
 
     def _driver_of(self, slot: int) -> Driver | None:
         """Return the driver of a slot: its own, unless one drives batches, as drivers may remember their episode."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Bool, Float64, IntP
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, IntP
 from scenarionet_sim.arrays.log import HEADING, VX, VY
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.outputs import ENDS
-from scenarionet_sim.rollouts.recording_kernels import EpisodeArrays, record_moments
+from scenarionet_sim.simulation.recording import EpisodeArrays, record_moments
 from scenarionet_sim.task.task import DRIVING
 from scenarionet_sim.worlds.world import World
 
@@ -79,26 +79,29 @@ class RolloutRecorder:
         self._core = core
         self._worlds = list(core.simulation.batch.worlds)
         count, objects = len(self._worlds), core.simulation.batch.max_objects
-        self._start, self._num_scored, last, end_step = np.zeros((4, count), np.int64)
-        present, contacts = np.empty((2, count, _MOMENTS, objects), np.bool_)
-        self._episodes = EpisodeArrays(
-            np.empty((count, _MOMENTS, objects, 7)), present, contacts, np.empty((count, _MOMENTS)), last, end_step,
-            np.zeros(count, np.uint8), np.zeros(count),
-        )  # fmt: skip
+        self._start: Int64 = np.zeros(count, np.int64)
+        self._episodes = EpisodeArrays.of(count, _MOMENTS, objects)
 
-    def begin(self, slot: int, world: World, num_scored: int | None = None) -> None:
+    def begin(self, slot: int, world: World, num_scored: int | None = None, *, waits: bool = True) -> None:
         """Record the first moment of an episode that has just begun.
 
         Args:
             slot: The slot.
             world: What it plays.
             num_scored: Steps that metrics look at; None for all until the ego's last recorded state.
+            waits: Whether the episode goes on until its outcome is decided.
         """
         self._worlds[slot], self._start[slot] = world, self._core.simulation.state.timestep[slot]
-        last = int(np.flatnonzero(world.log_valid[:, world.ego])[-1])
-        self._num_scored[slot] = last - self._start[slot] if num_scored is None else num_scored
+        if num_scored is None:
+            num_scored = int(np.flatnonzero(world.log_valid[:, world.ego])[-1] - self._start[slot])
+        self._episodes.num_scored[slot], self._episodes.waits[slot] = num_scored, waits
         self._episodes.last[slot], self._episodes.status[slot] = -1, DRIVING
         self.add(np.array([slot]))
+
+    def play(self) -> None:
+        """Record the episodes of all slots to their ends, as far as there is room, if policies drive every object."""
+        self._make_room(int(self._episodes.last.max()) + 2)
+        self._core.simulation.play(self._episodes)
 
     def add(self, slots: IntP) -> None:
         """Record the current moment of some slots (K,), in order."""
@@ -109,11 +112,10 @@ class RolloutRecorder:
             self._episodes,
         )  # fmt: skip
 
-    def is_over(self, slots: IntP, waits: Bool) -> Bool:
-        """Return which of some slots (K,) have all steps that are scored, and their outcome if they wait for it."""
-        is_decided = self._episodes.status[slots] != DRIVING
-        is_over: Bool = (self._episodes.last[slots] >= self._num_scored[slots]) & (is_decided | ~waits)
-        return is_over
+    @property
+    def is_over(self) -> Bool:
+        """(W,) slots that have all steps that are scored, and their outcome if they wait for it."""
+        return self._episodes.is_over
 
     def rollout(self, slot: int) -> Rollout:
         """Return the episode of a slot as recorded so far."""
@@ -127,7 +129,7 @@ class RolloutRecorder:
             agent=world.ego,
             end=_ENDS.get(status, "unfinished"),
             end_step=None if status == DRIVING else int(episodes.end_step[slot]),
-            num_scored=int(self._num_scored[slot]),
+            num_scored=int(episodes.num_scored[slot]),
             completion=float(episodes.completion[slot]),
             progress=arc - arc[0],
             position=motion[..., :2].copy(),

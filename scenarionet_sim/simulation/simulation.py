@@ -24,6 +24,7 @@ from scenarionet_sim.sensors.base import require_located
 from scenarionet_sim.sensors.observation_kernels import PIECES_NEAR, Scratch
 from scenarionet_sim.simulation.agents import DrivenAgents
 from scenarionet_sim.simulation.observer import Observer
+from scenarionet_sim.simulation.recording import NOT_RECORDED, EpisodeArrays
 from scenarionet_sim.simulation.step import (
     DRIVE,
     GO_ON,
@@ -31,6 +32,7 @@ from scenarionet_sim.simulation.step import (
     MOVE,
     OBSERVE,
     ONLY_BEGUN,
+    RECORD,
     SETTLE,
     step_reactive_worlds,
     step_worlds,
@@ -74,6 +76,7 @@ class Simulation:
         route: (W, N, 2) float64 location of the agents on their paths, see ``State``.
         contacts: (A, N) bool objects that each agent's box overlaps.
         hits: (A,) uint32 types of those objects: bit k is set for type k.
+        may_play: Whether steps are compiled as a whole, and nothing shows past moments: see :meth:`play`.
 
     Example:
         simulation = Simulation([World.from_scenario(scenario)], (Replay(), Idm(), External()))
@@ -101,8 +104,7 @@ class Simulation:
         if not isinstance(backend, Backend | None) or isinstance(backend, type):
             raise BadParameter(f"backend={backend!r}; expected, for example, Kinematic()")
         self.observer = observer or Observer.nothing(len(worlds))
-        self._dt = worlds[0].dt
-        self._threads = Threads(threads)
+        self._dt, self._threads = worlds[0].dt, Threads(threads)
         self._memory: list[tuple[Any, ...]] = []  # by thread
         self._memory_for: tuple[int, int, Any] = 0, 0, None  # largest numbers of objects and pieces, kinds of sensors
         self._policies = SlotPolicies(policies, len(worlds))
@@ -116,16 +118,17 @@ class Simulation:
         self.previous = State.empty(*shape).sharing(self.state)
         self.driver: UInt8 = np.full(shape, UNDRIVEN, np.uint8)
         self._session = (backend or Kinematic()).open(self.batch)
-        substeps = self._session.substeps if isinstance(self._session, KinematicSession) else 1
+        self._kinematic = kinematic = self._session if isinstance(self._session, KinematicSession) else None
+        substeps = kinematic.substeps if kinematic else 1
         self._settings = StepSettings(self._dt, LOOK_BACK, LOOK_AHEAD, not has_passengers, substeps, 0)
         self._begins: Int32 = np.full(len(worlds), GOES_ON, np.int32)
-        is_kinematic = isinstance(self._session, KinematicSession)
-        self._is_compiled = is_kinematic and self._policies.are_compiled
-        self._moving = MOVE | DRIVE if is_kinematic and not has_passengers else MOVE
-        has_new_vehicle = isinstance(self._session, KinematicSession) and len(self._session.new_vehicle) > 0
-        self._begins_in_step = has_new_vehicle and self._policies.are_compiled and not history
+        self._is_compiled = kinematic is not None and self._policies.are_compiled
+        self._moving = MOVE | DRIVE if kinematic and not has_passengers else MOVE
+        self.may_play = self._is_compiled and not history
+        self._begins_in_step = kinematic is not None and self.may_play and len(kinematic.new_vehicle) > 0
         self._arrays: dict[int, StepArrays] = {}  # of the step to each of the two states, by the identity of the state
-        self.reset_slots(range(len(worlds)), worlds)
+        self.begin(range(len(worlds)), worlds)
+        self.observe_begun()
 
     def __repr__(self) -> str:
         drivers = ", ".join(type(policy).__name__ for policy in self.policies)
@@ -188,13 +191,7 @@ class Simulation:
         """
         if not is_count(slot) or slot >= len(self.batch):
             raise BadParameter(f"slot={slot!r}; expected a whole number from 0 to {len(self.batch) - 1}")
-        self.reset_slots([slot], [world], start)
-
-    def reset_slots(
-        self, slots: Sequence[int] | IntP, worlds: Sequence[World | None], start: int | None = None
-    ) -> None:
-        """Begin episodes in several slots, and observe the agents there; as :meth:`reset`."""
-        self.begin(slots, worlds, start)
+        self.begin([slot], [world], start)
         self.observe_begun()
 
     def begin(self, slots: Sequence[int] | IntP, worlds: Sequence[World | None], start: int | None = None) -> None:
@@ -254,6 +251,10 @@ class Simulation:
         self._agents.act(actions, num_given)
         self._step()
 
+    def play(self, episodes: EpisodeArrays) -> None:
+        """Advance every world until its recorded episode is over or has no room left, if the simulation may."""
+        self._step(RECORD, episodes)
+
     def settle(self) -> None:
         """Let agents that ended leave their rows of flat buffers, if that is not a part of each step."""
         self._run(SETTLE)
@@ -301,14 +302,14 @@ class Simulation:
         if self.state.history is not None:
             self.state.history.present[:, list(slots)] = False
 
-    def _step(self) -> None:
-        """Advance every world by one timestep, in which the agents act as they are set to."""
+    def _step(self, more: int = 0, episodes: EpisodeArrays = NOT_RECORDED) -> None:
+        """Advance every world by one timestep, or by many, in which the agents act as they are set to."""
         if self.state.history is not None:
             self.state.history.push(self.state)
         self.state, self.previous = self.previous, self.state
         self.observer.renew_results()
         if self._is_compiled:
-            self._run(self._moving | LOCATE | GO_ON | self.observer.phases)
+            self._run(self._moving | LOCATE | GO_ON | self.observer.phases | more, episodes)
         else:
             self._step_in_parts()
         self._agents.forget_list()
@@ -317,25 +318,23 @@ class Simulation:
         """Step with policies or a backend outside of the compiled step."""
         self._run(self._moving)
         if not self._policies.are_compiled:
-            goes_on = self._begins == GOES_ON
-            driver = np.where(goes_on[:, None], self.driver, np.uint8(UNDRIVEN))
+            driver = np.where((self._begins == GOES_ON)[:, None], self.driver, np.uint8(UNDRIVEN))
             self._policies.advance_uncompiled(self.batch, self.previous, self.state, driver, self.dt)
         if self._moving == MOVE and len(self.agents) and not self._agents.are_egos:
             moves = self._begins[self.agents[:, 0]] == GOES_ON
             self._session.drive(self.state, self.agents[moves], self.actions[moves], self.dt)
         self._run(LOCATE | GO_ON | self.observer.phases)
 
-    def _run(self, phases: int) -> None:
+    def _run(self, phases: int, episodes: EpisodeArrays = NOT_RECORDED) -> None:
         """Run phases of the compiled step in all worlds."""
         observer, arrays = self.observer, self._arrays.get(id(self.state))
         if arrays is None or arrays.recorded is not self.batch.recorded:
             arrays = self._arrays[id(self.state)] = self._collect()
-        settings, memory = self._settings, self._memory
-        exchange = Exchange(self._agents.actions, observer.result, observer.sensing)
+        exchange = Exchange(self._agents.actions, observer.result, observer.sensing, episodes)
         step = unchecked(step_reactive_worlds if self._policies.follow_paths else step_worlds)
 
         def run(own: int, team: Team) -> None:
-            step(own, team, phases, settings, arrays, exchange, *memory[own])
+            step(own, team, phases, self._settings, arrays, exchange, *self._memory[own])
 
         lost = self._threads.share(run, len(self.batch))
         if phases & OBSERVE:
@@ -348,10 +347,8 @@ class Simulation:
         if (self.observer.sensing.kind == PIECES_NEAR).any():
             self.batch.show_pieces()
         self._allocate_memory()
-        session, agents = self._session, self._agents.arrays(self.previous, self.state)
-        vehicles, new_vehicle = _NO_VEHICLE
-        if isinstance(session, KinematicSession):
-            vehicles, new_vehicle = session.vehicles, session.new_vehicle
+        kinematic, agents = self._kinematic, self._agents.arrays(self.previous, self.state)
+        vehicles, new_vehicle = (kinematic.vehicles, kinematic.new_vehicle) if kinematic else _NO_VEHICLE
         moments, traffic = (self.previous.moment, self.state.moment), self._policies.traffic(self.driver)
         return StepArrays(
             self._begins, self.batch.recorded, self.batch.lines, *moments, traffic, agents, vehicles, new_vehicle,
@@ -385,15 +382,15 @@ class Simulation:
         more = self.batch.max_objects - self.driver.shape[1]
         has_other_places = self._agents.make_room(self.batch)
         self._arrays.clear()
-        num_places, num_seats = self._agents.row_at.shape[1], self.observer.num_seats
-        num_observed = num_places if num_seats is None else num_seats
+        num_seats = self.observer.num_seats
+        num_observed = self._agents.row_at.shape[1] if num_seats is None else num_seats
         self._settings = self._settings._replace(num_observed=num_observed)
         if has_other_places or more > 0:
             self.observer.resize(self._agents.num_places, len(self.batch), self.batch.max_objects)
         if more <= 0:
             return
-        if isinstance(self._session, KinematicSession):
-            self._session.make_room(self.batch.max_objects)
+        if self._kinematic:
+            self._kinematic.make_room(self.batch.max_objects)
         self.state = self.state.resized(self.batch.max_objects)
         self.previous = self.previous.resized(self.batch.max_objects).sharing(self.state)
         self.driver = np.pad(self.driver, ((0, 0), (0, more)), constant_values=UNDRIVEN)

@@ -24,6 +24,7 @@ from scenarionet_sim.policies.motion_kernels import FOLLOW_PATH, move_objects
 from scenarionet_sim.policies.strip_kernels import SightMemory
 from scenarionet_sim.sensors.observation_kernels import Scratch, observe
 from scenarionet_sim.simulation.agent_kernels import DrivenArrays, admit_agents, is_agent_of, list_agents
+from scenarionet_sim.simulation.recording import record_moment
 from scenarionet_sim.simulation.seats import seat_agents, settle
 from scenarionet_sim.simulation.step_arrays import Exchange, StepArrays, StepSettings
 from scenarionet_sim.task.scoring_kernels import clear_score, excuse, score
@@ -31,11 +32,12 @@ from scenarionet_sim.threads.sharing import LEADER, Team, begin, end, keep, kept
 from scenarionet_sim.worlds.episode_kernels import AT_FIRST, BEGUN, GOES_ON, begin_world
 from scenarionet_sim.worlds.path_kernels import PathRows, locate
 
-MOVE, DRIVE, LOCATE, SCORE, OBSERVE, SETTLE, GO_ON, ONLY_BEGUN = (1 << bit for bit in range(8))
+MOVE, DRIVE, LOCATE, SCORE, OBSERVE, SETTLE, GO_ON, ONLY_BEGUN, RECORD = (1 << bit for bit in range(9))
 """Phases of a step, in order: traffic moves; agents drive by their actions; those that have appeared get places, and
 all are located and their contacts found; scored; observed; those that ended leave; episodes that have
 begun go on. Episodes begin before.
-``ONLY_BEGUN``: in worlds that have just begun an episode alone."""
+``ONLY_BEGUN``: in worlds that have just begun an episode alone.
+``RECORD``: step after step of each world, until its recorded episode is over or has no room for another moment."""
 
 
 @kernel(nogil=True, allocates=False)
@@ -95,12 +97,33 @@ def _step(
         given = kept(team, (phases, settings, arrays, exchange))
         lost, w = -1, take(team.ranges, own)
         while w >= 0:
-            _begin_or_move(w, given[0], given[1], given[2])
-            if memory is not None:
-                _drive_by_idm(w, given[0], given[1].dt, given[2], memory)
-            lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
+            goes_on = True
+            while goes_on:
+                _begin_or_move(w, given[0], given[1], given[2])
+                if memory is not None:
+                    _drive_by_idm(w, given[0], given[1].dt, given[2], memory)
+                lost = larger(lost, _finish(w, given[0], given[1], given[2], given[3], scratch))
+                goes_on = given[0] & RECORD != 0 and _record(w, given[2], given[3])
             w = take(team.ranges, own)
         turn = end(team, own, turn, lost)
+
+
+@device_function
+def _record(w: int, arrays: StepArrays, exchange: Exchange) -> bool:
+    """Record a world, unless its episode is over; return whether another step follows, from the state after this."""
+    now, then, agents, episodes = arrays.now, arrays.then, arrays.agents, exchange.episodes
+    if episodes.is_over[w]:
+        return False
+    record_moment(w, arrays.recorded.place, then, agents.route, agents.contacts, exchange.result, episodes)
+    if episodes.is_over[w] or episodes.last[w] + 1 == episodes.arc.shape[1]:
+        return False
+    now.timestep[w] = then.timestep[w]
+    for n in range(arrays.recorded.place[w, NUM_OBJECTS]):
+        now.present[w, n] = then.present[w, n]
+        now.route[w, n, 0], now.route[w, n, 1] = then.route[w, n, 0], then.route[w, n, 1]
+        for column in range(now.motion.shape[2]):
+            now.motion[w, n, column] = then.motion[w, n, column]
+    return True
 
 
 @device_function(forceinline=True)

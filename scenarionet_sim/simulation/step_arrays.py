@@ -9,6 +9,7 @@ from scenarionet_sim.arrays.structures import Lines, Recorded, StateArrays
 from scenarionet_sim.policies.traffic import Traffic
 from scenarionet_sim.sensors.observation_kernels import Sensing
 from scenarionet_sim.simulation.agent_kernels import DrivenArrays
+from scenarionet_sim.simulation.recording import EpisodeArrays
 from scenarionet_sim.simulation.seats import Seats
 from scenarionet_sim.task.scoring_kernels import StepResult
 
@@ -70,8 +71,10 @@ class Exchange(NamedTuple):
         actions: (C, 2) steering and throttle of the agents by place.
         result: Scores.
         sensing: Sensors, and their observations.
+        episodes: Recorded episodes, see ``RECORD``.
     """
 
     actions: Float64
     result: StepResult
     sensing: Sensing
+    episodes: EpisodeArrays

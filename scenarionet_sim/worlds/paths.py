@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Float32, Float64, Int32, IntP
-from scenarionet_sim.arrays.log import ARC, thin
+from scenarionet_sim.arrays.log import ARC, thin, trace
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.path_kernels import find_stops
 
@@ -56,20 +56,17 @@ class Paths:
         """Return the paths of a log (T, N, 8)."""
         is_kept = np.empty((log.shape[1], log.shape[0]), np.bool_)
         thin(log, SPACING, is_kept)
-        track, step = np.nonzero(is_kept)
-        moved, starts = np.diff(log[step, track, :2].astype(np.float64), axis=0), track[:-2]
-        turns_back = (moved[1:] * moved[:-1]).sum(axis=1) < 0.0
-        for n in np.unique(starts[turns_back & (starts == track[2:])]).tolist():
-            steps = np.flatnonzero(is_kept[n])
-            is_kept[n] = False
-            is_kept[n, steps[without_cusps(log[steps, n, :2].astype(np.float64))]] = True
-        track, step = np.nonzero(is_kept)
-        states = log[step, track]
-        offsets = np.concatenate([[0], np.cumsum(is_kept.sum(axis=1))]).astype(np.int32)
-        hops = np.append(0.0, np.hypot(*np.diff(states[:, :2].astype(np.float64), axis=0).T))
-        total = np.cumsum(hops)
-        arc = total - np.repeat(total[np.minimum(offsets[:-1], max(len(total) - 1, 0))], np.diff(offsets))
-        return cls(np.column_stack([states[:, :4], arc[: len(states)].astype(np.float32)]), offsets)
+        path = np.empty((int(is_kept.sum()), 5), np.float32)
+        offsets, turns_back = np.empty(len(is_kept) + 1, np.int32), np.empty(len(is_kept), np.bool_)
+        trace(log, is_kept, path, offsets, turns_back)
+        if turns_back.any():
+            for n in np.flatnonzero(turns_back).tolist():
+                steps = np.flatnonzero(is_kept[n])
+                is_kept[n] = False
+                is_kept[n, steps[without_cusps(log[steps, n, :2].astype(np.float64))]] = True
+            path = path[: int(is_kept.sum())].copy()
+            trace(log, is_kept, path, offsets, turns_back)
+        return cls(path, offsets)
 
 
 def without_cusps(points: Float64) -> IntP:
@@ -121,11 +118,15 @@ class Stops:
             stop: (L, 2) stop point of each light [m], NaN if unknown.
             roads: The map.
         """
-        found = np.full((len(paths.path_offsets) - 1, len(lane)), np.nan, np.float32)
-        if len(lane):  # do not compile the kernel for maps without lights
-            lane_path = np.zeros((len(roads.lanes.values), 5), np.float32)
-            lane_path[:, :2] = roads.lanes.values
-            find_stops(paths.path, paths.path_offsets, lane, stop, lane_path, roads.lanes.offsets, found)
+        count = len(paths.path_offsets) - 1
+        if not len(lane):
+            return cls(np.zeros(0, np.float32), np.zeros(0, np.int32), np.zeros(count + 1, np.int32))
+        found, lane_path = (
+            np.full((count, len(lane)), np.nan, np.float32),
+            np.zeros((len(roads.lanes.values), 5), np.float32),
+        )
+        lane_path[:, :2] = roads.lanes.values
+        find_stops(paths.path, paths.path_offsets, lane, stop, lane_path, roads.lanes.offsets, found)
         order = np.argsort(found, axis=1, kind="stable")
         arcs = np.take_along_axis(found, order, axis=1)
         is_stop = ~np.isnan(arcs)

@@ -225,7 +225,11 @@ def _slot_change(lake: Path) -> float:
     return (
         1e6
         / _WORLDS
-        * _seconds_a_step(lambda: simulation.reset_slots(slots, np.roll(worlds, next(turn)).tolist()), lambda: None, 10)
+        * _seconds_a_step(
+            lambda: (simulation.begin(slots, np.roll(worlds, next(turn)).tolist()), simulation.observe_begun()),
+            lambda: None,
+            10,
+        )
     )
 
 

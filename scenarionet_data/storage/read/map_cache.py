@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -26,7 +26,7 @@ from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
-_MAX_MAPS = 4
+_MAX_MAPS, _MAX_CROPS = 4, 4
 _NUMBERS = ("feature_type", "speed_limit", "is_intersection")
 """Fields of map features with one number each."""
 
@@ -44,6 +44,7 @@ class SharedMap:
     features: MapFeatures
     origins: Float64
     bounds: Float64
+    _crops: dict[tuple[bytes, bytes], MapFeatures] = field(default_factory=dict, init=False, repr=False)
 
     def crop(self, window: tuple[float, float, float, float], origin: Float64) -> MapFeatures:
         """Features that intersect a window, uncut, in the frame of a scenario.
@@ -55,6 +56,10 @@ class SharedMap:
         corner = np.array([origin[0], origin[1], origin[0], origin[1]])
         min_x, min_y, max_x, max_y = np.asarray(window) + corner
         rows = np.flatnonzero(meets(self.bounds, (min_x, min_y, max_x, max_y)))
+        key = rows.tobytes(), origin.tobytes()
+        known = self._crops.get(key)
+        if known is not None:
+            return known
         shift = self.origins[rows] - origin
         values: dict[str, Any] = {name: getattr(self.features, name)[rows] for name in _NUMBERS}
         values["width"] = self.features.width.take(rows)
@@ -64,7 +69,9 @@ class SharedMap:
             moved = np.empty((offsets[-1], 3), np.float32)
             move_points(points.offsets, points.values, rows, shift, offsets, moved)
             values[name] = Ragged(offsets, moved)
-        return MapFeatures.read(values, _Chosen(self.features, rows))
+        if len(self._crops) == _MAX_CROPS:
+            self._crops.clear()
+        return self._crops.setdefault(key, MapFeatures.read(values, _Chosen(self.features, rows)))
 
 
 class _Chosen:

@@ -91,7 +91,7 @@ class TestRoadSegments(SensorConformance):
         with_map, without = self.observed(drive)
         assert with_map.any()
         assert not without.any()
-        drive.reset_slots([1], [World.from_scenario(make_drive("c"))])
+        drive.reset(1, World.from_scenario(make_drive("c")))
         np.testing.assert_array_equal(self.observed(drive), [with_map, with_map])
 
 
