@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from scenarionet_data.scenario.vocabulary import LightState as LightState
     from scenarionet_data.scenario.vocabulary import MapFeatureType as MapFeatureType
     from scenarionet_data.scenario.vocabulary import ObjectType as ObjectType
-    from scenarionet_data.variations.writing import VariationSpace as VariationSpace
+    from scenarionet_data.variations.drawing import VariationSpace as VariationSpace
     from scenarionet_data.variations.writing import vary as vary
     from scenarionet_data.version import __version__ as __version__
 

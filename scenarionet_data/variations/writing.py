@@ -17,7 +17,7 @@ from scenarionet_data.conversion.committer import Committer, ConversionReport
 from scenarionet_data.conversion.jobs import ShardJob, convert_shard, lost_shard
 from scenarionet_data.conversion.plan import make_plan
 from scenarionet_data.converters.base import Converter
-from scenarionet_data.errors import BadParameter, InvalidScenario
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor, executor_for
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.ingest.options import Options
@@ -25,46 +25,20 @@ from scenarionet_data.ingest.shard import RawItem, Shard, bucket
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import ScenarioDescription, is_scenario_id, make_scenario_id
-from scenarionet_data.scenario.settings import check_is, check_settings
+from scenarionet_data.scenario.settings import check_is
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
-from scenarionet_data.variations.changes import change, find_track
-from scenarionet_data.variations.limits import ACCELERATION, JERK, check_limits
+from scenarionet_data.variations.changes import find_track
+from scenarionet_data.variations.drawing import VariationSpace, varied
+from scenarionet_data.variations.limits import ACCELERATION, JERK
 from scenarionet_data.variations.moment_windows import ALL, MOMENTS, MomentWindow, cut_out, read_windows
-from scenarionet_data.variations.parameters import LIGHTS, ROAD, Method, draw, parse_parameters
+from scenarionet_data.variations.parameters import LIGHTS, ROAD, draw, parse_parameters
 
 DATASET = "variation"
 """The dataset of all variations in a lake; its versions are their names."""
 
 _MOMENT = "moment"  # in the fingerprint of an item, and in the extras of its scenario
-
-
-@dataclass(frozen=True)
-class VariationSpace:
-    """What is varied, how often, and within which limits.
-
-    Attributes:
-        parameters: Distributions by name; see :func:`~scenarionet_data.variations.parameters.parse_parameters`.
-        number: Variations of each scenario.
-        seed, method: See :func:`~scenarionet_data.variations.parameters.draw`.
-        acceleration, jerk: Limits of changed road users [m/s^2], [m/s^3].
-        margin: Of moments, time that is kept before and after [s]; all by default.
-    """
-
-    parameters: Mapping[str, Any]
-    number: int = 1000
-    seed: int = 0
-    method: Method = "random"
-    acceleration: float = ACCELERATION
-    jerk: float = JERK
-    margin: float = ALL
-
-    def __post_init__(self) -> None:
-        check_settings(self)
-        if not self.margin >= 0:
-            raise BadParameter(f"margin={self.margin}: wanted seconds, 0 or more")
-        parse_parameters(self.parameters)
 
 
 @dataclass(frozen=True)
@@ -134,7 +108,7 @@ class Variations(OfParents):
             moments[_MOMENT] = values.pop(_MOMENT)
             moment = MomentWindow(**moments[_MOMENT])
             parent, roles = cut_out(parent, moment, options.margin), moment.roles
-        changed = _varied(parent, values, roles, options)
+        changed = varied(parent, values, roles, options)
         return dataclasses.replace(
             changed.with_own_map(),
             id=make_scenario_id(DATASET, shard.version, parent.id, item.name.rpartition("@")[2]),
@@ -143,39 +117,6 @@ class Variations(OfParents):
             split=shard.split,
             extras={**changed.extras, **moments},
         )
-
-
-def variations_of(
-    parent: ScenarioDescription, space: VariationSpace
-) -> Iterator[ScenarioDescription | InvalidScenario]:
-    """Yield the variations of a scenario, or why one cannot be, without a lake: to simulate them as they are made.
-
-    They have the values, and so the content, of those that :func:`vary` stores, and ids ``PARENT@NUMBER``.
-
-    Args:
-        parent: The scenario.
-        space: What is varied; ``margin`` is of moments and does nothing.
-    """
-    parameters = parse_parameters(space.parameters)
-    names = [each.name for each in parameters]
-    for number, row in enumerate(draw(parameters, space.number, space.seed, space.method, parent.id).tolist()):
-        try:
-            changed = _varied(parent, dict(zip(names, row, strict=True)), {}, space)
-            yield dataclasses.replace(changed, id=f"{parent.id}@{number:06d}")
-        except InvalidScenario as error:
-            yield error
-
-
-def _varied(
-    parent: ScenarioDescription,
-    values: Mapping[str, float],
-    roles: Mapping[str, str],
-    limits: VariationSpace | VariationOptions,
-) -> ScenarioDescription:
-    """Return a scenario with other values, if it is plausible."""
-    changed, origins = change(parent, values, roles)
-    check_limits(parent, changed, origins, limits.acceleration, limits.jerk)
-    return dataclasses.replace(changed, extras={**changed.extras, "parent": parent.id, "parameters": dict(values)})
 
 
 def vary(

@@ -15,10 +15,11 @@ from typing import Literal, get_args
 import numpy as np
 import pyarrow as pa
 
-from scenarionet_data import Database, Lake, ScenarioLoader
-from scenarionet_data.arrays.dtypes import is_count
+from scenarionet_data import Database, Lake, ScenarioDescription, ScenarioLoader, VariationSpace
+from scenarionet_data.arrays.dtypes import IntP, is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.query.statements import check_expression
+from scenarionet_data.variations.drawing import variation_of
 from scenarionet_sim.scenarios.sampling import Curriculum, CurriculumSampler, Sampler, Sequential, Shuffled, Weighted
 
 Order = Literal["sequential", "random", "weighted"]
@@ -37,6 +38,8 @@ class Scenarios:
             ``weighted`` for independent draws.
         weight: SQL expression over ``metadata`` for ``weighted``; empty for the weights of the database.
         curriculum: Play from easy to hard instead of by ``order``.
+        variations: Play variations of the scenarios instead, ``variations.number`` of each, which are drawn and made
+            when they are loaded; in order of the scenarios, the first of each, then the second ones.
         worker, num_workers: Play only this worker's share; with a curriculum, its share of every level.
         snapshot: Snapshot of the lake; by default that of ``lake`` or of an unsaved ``Database``, else the newest.
 
@@ -51,6 +54,7 @@ class Scenarios:
     order: Order = "sequential"
     weight: str = ""
     curriculum: Curriculum | None = None
+    variations: VariationSpace | None = None
     worker: int = 0
     num_workers: int = 1
     snapshot: int | None = None
@@ -76,6 +80,8 @@ class Scenarios:
                 raise BadParameter(f"{name}={getattr(self, name)!r}; expected SQL as text")
         if not isinstance(self.curriculum, Curriculum | None):
             raise BadParameter(f"curriculum={self.curriculum!r}; expected, for example, Curriculum(levels=8)")
+        if not isinstance(self.variations, VariationSpace | None):
+            raise BadParameter(f"variations={self.variations!r}; expected VariationSpace({{'ego.speed': (0.8, 1.2)}})")
         for name, least in (("worker", None), ("num_workers", 1), ("snapshot", None)):
             value = getattr(self, name)
             if not is_count(value, least) and (name, value) != ("snapshot", None):
@@ -83,7 +89,7 @@ class Scenarios:
         if not 0 <= self.worker < self.num_workers:
             raise BadParameter(f"worker={self.worker} of num_workers={self.num_workers}; workers are numbered from 0")
 
-    def open(self) -> tuple[ScenarioLoader, Sampler]:
+    def open(self) -> tuple[ScenarioLoader | VariedScenarios, Sampler]:
         """Resolve the selection.
 
         Returns:
@@ -104,11 +110,15 @@ class Scenarios:
             lake, members = lake.find(self.database)
             ids = members.ids
             selected = pa.table({"scenario_id": ids})
-        share = selected.take(np.arange(self.worker, len(selected), self.num_workers))
+        count, of_each = len(selected), 1 if self.variations is None else self.variations.number
+        played = np.arange(self.worker, count * of_each, self.num_workers)
+        rows = played // of_each if self.curriculum is not None else played % max(count, 1)
+        share = selected.take(rows)
         if not len(share):
             source = f"database {self.database}" if isinstance(self.database, str) else str(self.lake)
-            why = f"{len(selected)} scenarios are too few for worker {self.worker}; use at most {len(selected)} workers"
-            if not len(selected):
+            total = count * of_each
+            why = f"{total} scenarios are too few for worker {self.worker}; use at most {total} workers"
+            if not count:
                 why = f"none of {len(ids)} in {source} satisfies {self.where!r}" if len(ids) else f"{source} is empty"
             raise BadParameter(f"no scenario to play: {why}")
         sampler: Sampler
@@ -118,7 +128,12 @@ class Scenarios:
             sampler = Weighted(share["weight"].fill_null(np.nan).to_numpy())
         else:
             sampler = Shuffled(len(share)) if self.order == "random" else Sequential(len(share))
-        return ScenarioLoader(lake, share["scenario_id"].to_pylist()), sampler
+        if self.variations is None:
+            return ScenarioLoader(lake, share["scenario_id"].to_pylist()), sampler
+        numbers = played % of_each if self.curriculum is not None else played // max(count, 1)
+        return VariedScenarios(
+            ScenarioLoader(lake, selected["scenario_id"].to_pylist()), rows, numbers, self.variations
+        ), sampler
 
     def _select(self, lake: Lake, ids: pa.ChunkedArray) -> pa.Table:
         """Columns scenario_id and weight of the ids that satisfy ``where``, in playing order."""
@@ -140,6 +155,33 @@ class Scenarios:
             WHERE selected.is_selected ORDER BY selected.difficulty NULLS FIRST, listed.rank""",
             tables={"listed": listed},
         )
+
+
+class VariedScenarios:
+    """Variations of scenarios, which are made when they are asked for.
+
+    Args:
+        parents: The scenarios.
+        rows: (V,) scenario of each variation.
+        numbers: (V,) number among the variations of its scenario.
+        space: What is varied.
+
+    Attributes:
+        scenario_ids: ``PARENT@NUMBER`` of each variation.
+    """
+
+    def __init__(self, parents: ScenarioLoader, rows: IntP, numbers: IntP, space: VariationSpace) -> None:
+        self._parents, self._rows, self._numbers, self._space = parents, rows, numbers, space
+        ids = parents.scenario_ids
+        self.scenario_ids = [f"{ids[row]}@{number:06d}" for row, number in zip(rows, numbers, strict=True)]
+
+    def __getitem__(self, index: int) -> ScenarioDescription:
+        """Make a variation.
+
+        Raises:
+            InvalidScenario: It and all that were drawn in its place cannot be.
+        """
+        return variation_of(self._parents[int(self._rows[index])], self._space, int(self._numbers[index]))
 
 
 def resolved(

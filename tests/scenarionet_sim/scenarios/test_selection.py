@@ -9,18 +9,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scenarionet_data import VariationSpace
 from scenarionet_data.errors import (
     BadParameter,
     DatabaseNotFound,
+    InvalidScenario,
     LakeError,
     NoSuchSnapshot,
     QueryError,
     ScenarioNotFound,
     UnsafeSql,
 )
+from scenarionet_data.variations import variations_of
+from scenarionet_sim import ScenarioNetEnv
 from scenarionet_sim.scenarios.sampling import Curriculum, CurriculumSampler, Sequential
 from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.scenarios.stream import ScenarioStream
+from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
@@ -243,3 +248,31 @@ def test_streams_of_scenarios(lake):
     assert [loader.scenario_ids[index] for index, _ in drawn] == [name for _, name in drawn]
     assert len(np.unique([index for index, _ in drawn])) == len(loader)
     stream.close()
+
+
+def test_variations_are_drawn_as_they_are_played(tmp_path):
+    """Each episode plays another one; what cannot be is replaced, and the same seed gives the same ones."""
+    drives = [replace(make_drive(name, others=(Other(20.0, vx=8.0),)), current_timestep=10) for name in ("a", "b")]
+    lake = write_lake(tmp_path / "lake", drives)
+    space = VariationSpace({"t1.gap": "-20:10", "ego.speed": "0.9:1.1"}, number=40, seed=3)
+    selection = scenarios(lake, variations=space)
+    first, second = drives[0].id, drives[1].id
+    assert series(selection, 4) == [f"{first}@000000", f"{second}@000000", f"{first}@000001", f"{second}@000001"]
+    made, _ = pickle.loads(pickle.dumps(selection)).open()
+    stored = list(variations_of(drives[0], space))
+    impossible = [k for k, each in enumerate(stored) if isinstance(each, InvalidScenario)]
+    assert impossible
+    for number, each in enumerate(stored):
+        variation = made[2 * number]
+        assert variation.id == f"{first}@{number:06d}" and variation.extras["parent"] == first
+        if number not in impossible:
+            assert variation.extras == each.extras
+    assert len({made[2 * number].extras["parameters"]["t1.gap"] for number in range(40)}) == 40
+    shares = [scenarios(lake, variations=space, worker=worker, num_workers=2).open()[0] for worker in range(2)]
+    assert sorted(shares[0].scenario_ids + shares[1].scenario_ids) == sorted(made.scenario_ids)
+    environment = ScenarioNetEnv(scenarios=replace(selection, order="random"))
+    played, again = ([environment.reset(seed=seed)[1]["scenario_id"] for seed in (5, None, None)] for _ in range(2))
+    environment.close()
+    assert played == again and len(set(played)) == 3
+    with pytest.raises(InvalidScenario, match="contact"):
+        scenarios(lake, variations=VariationSpace({"t1.gap": -20}, number=2)).open()[0][0]
