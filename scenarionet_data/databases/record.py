@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
 import pyarrow as pa
 
+from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import BadParameter, DatabaseExists, DatabaseNotFound
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import damaged, writing
@@ -18,6 +19,8 @@ from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.write.relocation import copy_sealed
 
 _FOLDER = "databases"
+_READ_AGAIN = ("members", "rows", "_loader", "_positions")
+"""Attributes that are not sent to other processes."""
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
 
 
@@ -122,20 +125,20 @@ class DatabaseRecord:
         version: From 1, incremented on replacement; None for an unsaved selection.
         lineage: How it was made.
         files: Files of its lake.
-        selected: Members of an unsaved selection, rows of ``schemas/members.toml``.
+        selected: Members of an unsaved selection, as rows of ``schemas/members.toml`` or of metadata files.
     """
 
     name: str | None
     version: int | None
     lineage: Lineage
     files: LakeFiles = field(repr=False, compare=False)
-    selected: pa.Table | None = field(default=None, repr=False, compare=False)
+    selected: pa.Table | RowSets | None = field(default=None, repr=False, compare=False)
 
     def __len__(self) -> int:
         return self.lineage.count
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "members"}  # read again where needed
+        return {name: value for name, value in self.__dict__.items() if name not in _READ_AGAIN}
 
     @cached_property
     def members(self) -> pa.Table:
@@ -145,9 +148,20 @@ class DatabaseRecord:
             LakeError: The file is missing or damaged.
             SchemaMismatch: It lacks a column.
         """
-        return (
-            self.selected if self.selected is not None else tables.load("members").conform(self.files.read(self.file))
-        )
+        if self.rows is not None:
+            return self.rows.members(self.files)
+        if self.selected is not None:
+            return self.selected
+        return tables.load("members").conform(self.files.read(self.file))
+
+    @cached_property
+    def rows(self) -> RowSets | None:
+        """Members as rows of metadata files; None if their ids are stored."""
+        if self.selected is not None:
+            return None if isinstance(self.selected, pa.Table) else self.selected
+        if self.files.footer(self.file).metadata[b"scenarionet.schema"] == tables.load("members").tag.encode():
+            return None
+        return RowSets.of_table(self.files.read(self.file))
 
     @property
     def is_saved(self) -> bool:
@@ -239,12 +253,22 @@ def read_version(files: LakeFiles, name: str, version: int) -> DatabaseRecord:
     """
     file = path(name, version)
     footer = files.footer(file).metadata
-    tables.load("members").check_version(footer, file)
+    check_version(footer, file)
     try:
         lineage = Lineage.from_dict(json.loads(footer[b"scenarionet.lineage"]))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise damaged(files.url(file), "its footer holds no lineage of a database") from error
     return DatabaseRecord(name, version, lineage, files)
+
+
+def check_version(footer: Mapping[bytes, bytes], file: str) -> None:
+    """Raise unless members are stored in a way that can be read.
+
+    Raises:
+        SchemaMismatch: The message names the file, both versions and the remedy.
+    """
+    is_bits = footer.get(b"scenarionet.schema", b"").startswith(b"member_bits/")
+    tables.load("member_bits" if is_bits else "members").check_version(footer, file)
 
 
 def resolve(files: LakeFiles, database: DatabaseRecord | str) -> DatabaseRecord:
@@ -284,7 +308,7 @@ def check_free(files: LakeFiles, name: str, *, replace: bool) -> None:
         DatabaseExists: The database exists and ``replace`` is False.
     """
     check_name(name)
-    if not replace and versions(files, name):
+    if not replace and files.numbers(f"{_FOLDER}/{name}"):
         raise DatabaseExists(
             f"database {name!r} exists; choose another name, or replace=True for a new version of it",
             cli_remedy="--replace",

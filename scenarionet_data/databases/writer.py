@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from scenarionet_data.databases import record as records
 from scenarionet_data.databases.record import DatabaseRecord, Lineage
+from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.errors import writing
@@ -43,8 +44,15 @@ class DatabaseWriter:
     _waiting: list[pa.RecordBatch] = field(default_factory=list)
     _num_waiting: int = 0
 
-    def add(self, rows: pa.RecordBatch) -> None:
-        """Append members: columns scenario_id, weight and content_hash, in order."""
+    def add(self, rows: pa.RecordBatch | RowSets) -> None:
+        """Append members: columns scenario_id, weight and content_hash, in order; or take all of them as rows."""
+        if isinstance(rows, RowSets):
+            self.count = len(rows)
+            with writing(self.path):
+                self.table.close()
+                self.table = tables.load("member_bits").writer(self.path, {})
+                self.table.write_table(rows.to_table())
+            return
         self._waiting.append(rows.select(["scenario_id", "weight", "content_hash"]))
         self._num_waiting += rows.num_rows
         self.count += rows.num_rows
@@ -119,10 +127,12 @@ def database_writers(files: LakeFiles, names: Iterable[str]) -> Iterator[dict[st
             writer.path.unlink(missing_ok=True)
 
 
-def save(files: LakeFiles, name: str, members: pa.Table, lineage: Lineage, *, replace: bool) -> DatabaseRecord:
+def save(
+    files: LakeFiles, name: str, members: pa.Table | RowSets, lineage: Lineage, *, replace: bool
+) -> DatabaseRecord:
     """Publish members that are in memory; see :meth:`DatabaseWriter.publish`."""
     with database_writers(files, [name]) as writers:
-        for batch in members.to_batches():
+        for batch in members.to_batches() if isinstance(members, pa.Table) else [members]:
             writers[name].add(batch)
         writers[name].finish(lineage)
         return writers[name].publish(name, replace=replace)

@@ -60,11 +60,6 @@ class Database(DatabaseRecord, HasCard, Filtering["Database"], Splitting["Databa
     def __repr__(self) -> str:
         return f"Database({self.reference!r}, {len(self):,} scenarios, lake={str(self.view.root)!r})"
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {
-            name: value for name, value in self.__dict__.items() if name not in ("members", "_loader", "_positions")
-        }
-
     # --- members --------------------------------------------------------------------------------------
 
     def __iter__(self) -> Iterator[str]:
@@ -144,7 +139,7 @@ class Database(DatabaseRecord, HasCard, Filtering["Database"], Splitting["Databa
         records.check_free(self.files, name, replace=replace)
         if not (len(self) or allow_empty):
             raise empty_result(name, len(self.view))
-        saved = writer.save(self.files, name, self.members, self.lineage, replace=replace)
+        saved = writer.save(self.files, name, self.rows or self.members, self.lineage, replace=replace)
         return Database.of(saved, self.view)
 
     def _query(self, database: DatabaseRecord | str | None = None) -> DatabaseQuery:

@@ -13,12 +13,13 @@ import pyarrow as pa
 
 from scenarionet_data.databases import pack_origins
 from scenarionet_data.databases import record as records
-from scenarionet_data.databases.record import Lineage
+from scenarionet_data.databases.record import DatabaseRecord, Lineage
 from scenarionet_data.errors import LakeError
 from scenarionet_data.maintenance.findings import Findings
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.integrity.file_checks import Damage, Written, check_file
+from scenarionet_data.storage.read.metadata_rows import first_rows
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
 _MEMBER = ["scenario_id", "content_hash"]
@@ -68,13 +69,18 @@ def read_all(
         with found.of(file):
             if is_deep:
                 files.verify(file)
-            members = files.read(file, _MEMBER)
-            footer = members.schema.metadata
-            tables.load("members").check_version(footer, file)
-            lineage = Lineage.from_dict(json.loads(footer[b"scenarionet.lineage"]))
-            stored[file] = StoredDatabase(file, lineage, members.num_rows)
+            database = _record(files, file)
+            rows = database.rows
+            if rows is not None and {*rows.metadata} <= {*newest.names}:
+                if first_rows(files, rows.metadata).tolist() != rows.starts.tolist():
+                    raise LakeError("the metadata files that its members are rows of have other numbers of rows")
+                count = len(rows)
+            else:
+                members = database.members.select(_MEMBER)
+                count = members.num_rows
+                batch.add(file, members)
+            stored[file] = StoredDatabase(file, database.lineage, count)
             found.saw(file, is_older=not files.end(file).digest)
-            batch.add(file, members)
     for file, count in batch.lost().items():
         stored[file].num_changed = count
     return list(stored.values())
@@ -103,7 +109,7 @@ def check(
             continue
         batch = _Batch(_Scenarios(files, readable, number, found))
         for each in group:
-            batch.add(each.file, files.read(each.file, _MEMBER))
+            batch.add(each.file, _record(files, each.file).members.select(_MEMBER))
         lost = batch.lost()
         found.damages += (
             Damage(
@@ -123,8 +129,8 @@ class _Scenarios:
 
     def __init__(self, files: LakeFiles, readable: Mapping[int, Snapshot], number: int, found: Findings) -> None:
         self._files = files
-        self._names = readable[number].metadata if number in readable else ()
-        self._is_damaged = not found.broken.isdisjoint(self._names)
+        self.names = readable[number].metadata if number in readable else ()
+        self._is_damaged = not found.broken.isdisjoint(self.names)
 
     @cached_property
     def rows(self) -> pa.Table | None:
@@ -132,7 +138,7 @@ class _Scenarios:
         if self._is_damaged:
             return None
         empty = tables.load("metadata").schema.empty_table().select(_MEMBER)
-        return pa.concat_tables([empty, *self._files.read_all(self._names, _MEMBER)])
+        return pa.concat_tables([empty, *self._files.read_all(self.names, _MEMBER)])
 
 
 class _Batch:
@@ -179,6 +185,12 @@ def _contradictions(files: LakeFiles, stored: StoredDatabase) -> Iterator[str]:
         layer, _, version = reference.partition("@")
         if not files.has(f"layers/{layer}/{version}.parquet"):
             yield f"it was made with the column {reference}, which is gone"
+
+
+def _record(files: LakeFiles, file: str) -> DatabaseRecord:
+    """Read the record of a database from its file."""
+    _, name, version = file.removesuffix(".parquet").split("/")
+    return records.read_version(files, name, int(version))
 
 
 def _versions(files: LakeFiles, folder: str, found: Findings) -> Iterator[str]:

@@ -22,7 +22,7 @@ from scenarionet_data.maintenance.vacuuming import list_files
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import IDENTITY, LakeFiles
 from scenarionet_data.storage.files.places import LakeFilesLike, open_files
-from scenarionet_data.storage.integrity.file_checks import Damage, Written
+from scenarionet_data.storage.integrity.file_checks import Damage, Written, check_file
 from scenarionet_data.storage.integrity.snapshot_checks import Verifier, listed
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files
@@ -133,6 +133,10 @@ def fsck(
     together = _together(lists, lists)
     written = listed(together) | dict.fromkeys(pc.unique(together["metadata_file"]).drop_null().to_pylist(), Written())
     merged = dict.fromkeys((name for snapshot in readable.values() for name in snapshot.metadata), Written())
+    orders = {snapshots.order_file(snapshot.metadata) for snapshot in readable.values()}
+    for name in filter(files.has, sorted(orders)):
+        with found.of(name):
+            check_file(files, name, Written(), table="id_order", is_deep=is_deep)
     verifier = Verifier(files, is_deep=is_deep, workers=workers or os.cpu_count() or 1)
     found.damages += verifier.files(merged | written, on_progress and (lambda done, total: on_progress(done, total, 0)))
     found.older.update(name for name, intact in verifier.intact.items() if intact.is_older)
@@ -147,7 +151,7 @@ def fsck(
     newest = [name for name in (readable[max(readable)].manifests if readable else ()) if name in lists]
     inputs = Inputs(manifests.read(files, name) for name in (newest if found.damages else ()))
     problems = dict.fromkeys(Problem(each.file, _reason(each), remedy(each.file, inputs)) for each in found.damages)
-    named = set(merged).union(written, lists) if len(lists) == len(manifest_names) else None
+    named = orders.union(merged, written, lists) if len(lists) == len(manifest_names) else None
     # Data files of the newest snapshot are read in parts.
     current = {name for name in listed(_together(lists, newest)) if name.split("/")[0] in tables.LOADED}
     older = (name for name in found.older if name in current or not written.get(name, Written()).checksum)
@@ -169,6 +173,9 @@ def repair(lake: LakeFilesLike, found: Fsck) -> list[str]:
     files = open_files(lake)
     broken = {problem.file for problem in found.problems}
     metadata_files.merge_again(files, broken)
+    for name in filter(files.has, broken):
+        if name.startswith(f"{snapshots.FOLDER}/order-"):
+            files.remove(name)
     current = manifests.shards(files, snapshots.newest(files))
     hit = [record for record in current if broken.intersection((*record.files, record.metadata_file))]
     commits.commit(files, [], "repair", frozenset(record.key for record in hit))

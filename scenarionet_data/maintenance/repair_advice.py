@@ -18,6 +18,7 @@ _OF_FOLDER = {
     "lake.json": "restore it from a copy of the lake; without it nothing else can be verified",
 }
 _MERGED = "`scenarionet maintain fsck LAKE --repair` merges it again"
+_ORDER = "`scenarionet maintain fsck LAKE --repair` computes it again"
 _SNAPSHOT = (
     "restore it from a copy of the lake, or remove it: the previous snapshot has everything except what was added by it"
 )
@@ -53,7 +54,8 @@ def remedy(file: str, newest: Inputs) -> str:
     """Return how to repair a damaged file, depending on the newest snapshot."""
     folder, _, rest = file.partition("/")
     if folder == "snapshots":
-        return _MANIFEST if rest.startswith("manifest-") else _SNAPSHOT
+        kind = rest.partition("-")[0]
+        return {"manifest": _MANIFEST, "order": _ORDER}.get(kind, _SNAPSHOT)
     if "/merged-" in file and folder == "metadata":
         return _MERGED
     listed = newest.of(file)

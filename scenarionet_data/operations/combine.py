@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from functools import reduce
+
 from scenarionet_data.databases import record as records
 from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import BadParameter, DatabaseInUse
 from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, several
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.scenario.settings import check_is
+
+_ROWS: Mapping[str, Callable[[RowSets, RowSets], RowSets]] = {
+    "merge": RowSets.then,
+    "intersect": lambda first, other: first.where(other.union),
+    "subtract": lambda first, other: first.where(~other.union),
+}
+"""What ``sql/operations`` does, by rows; a copy is that of one database."""
 
 
 class Combining(LakeView, Pool[AnyDatabase]):
@@ -87,7 +98,7 @@ class Combining(LakeView, Pool[AnyDatabase]):
         if version is None:
             raise BadParameter(f"wanted an old version, for example {name}@1; `scenarionet db lineage` lists them")
         old = self.record(f"{name}@{version}")
-        return self._handle(writer.save(self.files, name, old.members, old.lineage, replace=True))
+        return self._handle(writer.save(self.files, name, old.rows or old.members, old.lineage, replace=True))
 
     def _combine(
         self, operation: str, databases: tuple[DatabaseRecord | str, ...], name: str, replace: bool, allow_empty: bool
@@ -95,7 +106,11 @@ class Combining(LakeView, Pool[AnyDatabase]):
         # Members of all databases are merged; of the others, the first has the members of the result.
         query = DatabaseQuery.over(self, *databases, num_pinned=len(databases) if operation == "merge" else 1)
         sql = query.query(f"operations/{operation}", {"last": str(len(databases) - 1)})
-        return self._handle(query.make(operation, name, sql, {}, replace=replace, allow_empty=allow_empty))
+        if not query.rows:
+            return self._handle(query.make(operation, name, sql, {}, replace=replace, allow_empty=allow_empty))
+        found = [reduce(_ROWS.get(operation, RowSets.then), query.rows)]
+        lineage = query.lineage(operation, sql, {})
+        return self._handle(query.save(lineage, name, found, replace=replace, allow_empty=allow_empty))
 
 
 def _check_unused(view: LakeView, name: str, version: int | None, remedy: str, cli_remedy: str) -> None:

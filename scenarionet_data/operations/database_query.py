@@ -5,20 +5,22 @@ from __future__ import annotations
 import json
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Iterable, Mapping
-from contextlib import closing
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from scenarionet_data import version
-from scenarionet_data.arrays.dtypes import is_count
+from scenarionet_data.arrays.dtypes import UInt8, is_count
 from scenarionet_data.databases import record as records
 from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord, Lineage
+from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import BadParameter, EmptyResult
 from scenarionet_data.query.engine import Rows
 from scenarionet_data.query.lake_view import LakeLike, LakeView
@@ -34,6 +36,11 @@ _MEMBERS = (
 )
 _WHOLE_LAKE_KEYS = "(SELECT scenario_id, 1.0::DOUBLE AS weight, content_hash, scenario_id AS place FROM metadata)"
 _MEMBER_KEYS = "(SELECT scenario_id, weight, content_hash, position AS place FROM members)"
+
+_CHOSEN, _IN_ORDER = "SELECT scenario_id, weight, content_hash", "\nORDER BY place"
+"""What queries of members in the order of the pool begin and end with."""
+_NUMBERED = "(SELECT metadata.* EXCLUDE (lake_row), 1.0::DOUBLE AS weight, {} AS place FROM metadata {})"
+"""The pool of members that are rows: no id is read to find them."""
 
 _UNIFORM = "('0x' || substr(md5(concat($seed, ':', {name})), 1, 13))::BIGINT / 4503599627370496.0"
 """A number in [0, 1) from a name and the seed: the same on every machine and every version of DuckDB."""
@@ -98,10 +105,62 @@ class DatabaseQuery:
         all_tables = {**selected, **(tables or {})}
         return self.view.engine.arrow(sql, parameters, user_columns=self.user_columns(query), tables=all_tables)
 
-    def batches(self, query: str, parameters: Mapping[str, Any]) -> Generator[pa.RecordBatch, None, None]:
-        """Yield the rows of a query like :meth:`run`, in batches."""
+    def batches(
+        self, query: str, parameters: Mapping[str, Any], *, by_rows: bool = False
+    ) -> Generator[Any, None, None]:
+        """Yield the rows of a query like :meth:`run`, in batches.
+
+        Args:
+            query: The query.
+            parameters: Its parameters.
+            by_rows: Yield its members at once, by their rows in metadata files, if :meth:`parts` finds them.
+        """
+        found = self.parts(query, parameters) if by_rows and self.view.rows is not None else None
+        if found is not None:
+            yield self.rows[0].where(found > 0)
+            return
         sql, selected = self._with_members(query) if self.parents else (query, {})
-        return self.view.engine.batches(sql, parameters, user_columns=self.user_columns(query), tables=selected)
+        yield from self.view.engine.batches(sql, parameters, user_columns=self.user_columns(query), tables=selected)
+
+    @cached_property
+    def rows(self) -> tuple[RowSets, ...]:
+        """Members of each parent, or of the whole lake, by their rows in this snapshot; empty if they have none."""
+        whole = self.view.rows
+        if whole is None or not self.parents:
+            return () if whole is None else (whole,)
+        own = [None if parent.rows is None else parent.rows.among(whole) for parent in self.parents]
+        known = tuple(rows for rows in own if rows is not None)
+        return known if len(known) == len(own) else ()
+
+    def parts(self, query: str, parameters: Mapping[str, Any], names: Sequence[str] = ()) -> UInt8 | None:
+        """Find the rows that a query selects, without reading ids.
+
+        Args:
+            query: Query of members, with ``part`` if it is given ``names``.
+            parameters: Its parameters.
+            names: Of the parts.
+
+        Returns:
+            (rows,) for each row of the snapshot, 0, or the number of its part (1 without names); None if the
+            members have no rows, or the query another order than the pool.
+        """
+        if not (self.rows and query.startswith(_CHOSEN) and query.endswith(_IN_ORDER)):
+            return None
+        rows, tables = self.rows[0], dict[str, Rows]()
+        if not rows.union.all():
+            tables["member_rows"] = rows.places()
+        numbered = f"SELECT place{query[len(_CHOSEN) : -len(_IN_ORDER)]}"
+        for pool in (_MEMBERS, _MEMBER_KEYS) if self.parents else (_WHOLE_LAKE, _WHOLE_LAKE_KEYS):
+            joined = "SEMI JOIN member_rows USING (lake_row)" if tables else ""
+            numbered = numbered.replace(pool, _NUMBERED.format("lake_row", joined))
+        found = np.zeros(len(rows.union), np.uint8)
+        with closing(
+            self.view.engine.batches(numbered, parameters, user_columns=self.user_columns(query), tables=tables)
+        ) as batches:
+            for batch in batches:
+                part = pc.index_in(batch["part"], value_set=pa.array(names)).to_numpy() + 1 if names else 1
+                found[rows.rows(batch["place"])] = part
+        return found
 
     def user_columns(self, query: str) -> list[str]:
         """Return the user columns that the query names, sorted; unused ones are not joined."""
@@ -120,16 +179,20 @@ class DatabaseQuery:
         tables: dict[str, Rows] = {}
         sources = []
         for number, parent in enumerate(self.parents):
-            source, selected = relation(parent, f"selected_{number}")
+            source, selected = relation(parent, self.view.rows, f"selected_{number}")
             sources.append(f"SELECT {number} AS parent, * FROM {source}")
             tables |= selected
         members = " UNION ALL ".join(sources)
+        if len(self.rows) == 1:
+            query = query.replace(_MEMBERS, _NUMBERED.format("position", "JOIN selected_0 USING (lake_row)"))
         return f"WITH members AS NOT MATERIALIZED ({members}) SELECT * FROM (\n{query}\n)", tables
 
-    def selection(self, lineage: Lineage, batches: Iterable[pa.RecordBatch]) -> DatabaseRecord:
+    def selection(self, lineage: Lineage, batches: Iterable[pa.RecordBatch | RowSets]) -> DatabaseRecord:
         """Return members that a query selects as an unsaved selection."""
         schema = tables.load("members").schema
         rows = list(batches)
+        if rows and isinstance(rows[0], RowSets):
+            return DatabaseRecord(None, None, replace(lineage, count=len(rows[0])), self.view.files, rows[0])
         found = pa.Table.from_batches(rows) if rows else schema.empty_table().drop_columns(["position"])
         positions = pa.array(range(found.num_rows), pa.int32())
         members = found.append_column("position", positions).select(schema.names).cast(schema)
@@ -144,24 +207,19 @@ class DatabaseQuery:
         *,
         replace: bool,
         allow_empty: bool,
-        min_count: int = 0,
+        by_rows: bool = False,
     ) -> DatabaseRecord:
         """Run a query that selects scenario_id, weight and content_hash, and save its rows as a database."""
         parameters = as_recorded(parameters)
-        return self.save(
-            self.lineage(operation, query, parameters),
-            name,
-            self.batches(query, parameters),
-            replace=replace,
-            allow_empty=allow_empty,
-            min_count=min_count,
-        )
+        members = self.batches(query, parameters, by_rows=by_rows)
+        lineage = self.lineage(operation, query, parameters)
+        return self.save(lineage, name, members, replace=replace, allow_empty=allow_empty)
 
     def save(
         self,
         lineage: Lineage,
         name: str,
-        members: Generator[pa.RecordBatch, None, None],
+        members: Iterable[pa.RecordBatch | RowSets],
         *,
         replace: bool,
         allow_empty: bool,
@@ -172,7 +230,8 @@ class DatabaseQuery:
         Args:
             lineage: Lineage with the query, see :meth:`lineage`.
             name: Name of the database.
-            members: Batches of scenario_id, weight and content_hash in order; the generator is closed at the end.
+            members: Batches of scenario_id, weight and content_hash in order, or all as rows; a generator is closed
+                at the end.
             replace: Add a version if the database exists.
             allow_empty: Save a database without members, too.
             min_count: Minimum number of members.
@@ -185,8 +244,10 @@ class DatabaseQuery:
         if not isinstance(replace, bool | np.bool_):
             raise BadParameter(f"replace={replace!r}; expected True or False")
         records.check_free(self.view.files, name, replace=replace)
-        with closing(members), writer.database_writers(self.view.files, [name]) as writers:
-            database = writers[name]
+        with ExitStack() as stack:
+            if isinstance(members, Generator):
+                stack.enter_context(closing(members))
+            database = stack.enter_context(writer.database_writers(self.view.files, [name]))[name]
             for rows in members:
                 database.add(rows)
             if database.count < min_count:

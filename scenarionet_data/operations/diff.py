@@ -128,7 +128,7 @@ def _side(view: LakeView, database: DatabaseRecord | str, table: str) -> _Side:
         count = view.engine.arrow(f"SELECT count(*) FROM {rows}")[0][0].as_py()
         return _Side(database, count, rows, {}, snapshot.number)
     found = view.record(database)
-    members, tables = relation(found, table)
+    members, tables = relation(found, view.rows, table)
     return _Side(found.reference, len(found), members, tables, found.lineage.snapshot)
 
 

@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.databases.record import DatabaseRecord, Lineage
+from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import BadParameter, ScenarioNotFound
 from scenarionet_data.operations.database_query import AnyDatabase, DatabaseQuery, Pool, as_recorded
 from scenarionet_data.query.named_sql import EVENTS, FILTERS, Conditions, NamedSql
@@ -103,7 +104,7 @@ def find_scenarios(
     ids: Sequence[str] | None = None,
     parameters: Mapping[str, Any] | None = None,
     ranking: str = IN_ORDER,
-) -> tuple[Lineage, Generator[pa.RecordBatch, None, None]]:
+) -> tuple[Lineage, Generator[pa.RecordBatch | RowSets, None, None]]:
     """Return the lineage of a filter, and its rows in order; see :meth:`Filtering.filter`."""
     check_expression(where)
     if not isinstance(parameters or {}, Mapping):
@@ -122,7 +123,7 @@ def find_scenarios(
     sql = query.query("operations/filter", {"conditions": conditions, "ranking": ranking})
     lineage = query.lineage("filter", sql, as_recorded(bound))
     if not happening:
-        return lineage, query.batches(sql, as_recorded(bound))
+        return lineage, query.batches(sql, as_recorded(bound), by_rows=True)
     # Events are searched only in scenarios that satisfy the other conditions, which are evaluated once: a condition
     # that compares with the whole lake would give another result over fewer scenarios.
     conditions, bound = _combined(where, named, parameters or {})

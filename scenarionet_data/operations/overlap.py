@@ -47,7 +47,7 @@ def overlap(
     rules = [OVERLAPS.load(kind) for kind in (kinds or OVERLAPS.names())]
     records = [view.record(each) for each in several("overlap", databases)]
     for database in records:
-        members, tables = relation(database)
+        members, tables = relation(database, view.rows)
         query = f"SELECT count(*) FROM {members} ANTI JOIN metadata_rows USING (scenario_id)"
         missing = view.engine.arrow(query, tables=tables)[0][0].as_py()
         if missing:

@@ -44,7 +44,7 @@ def rebuild(view: LakeView, database: DatabaseRecord | str) -> RebuildResult:
             cli_remedy=f"scenarionet db rebase --keep-members {view.root} {found.name}",
         ) from error
     again = query.run(lineage.sql, lineage.parameters)
-    members, tables = relation(found)
+    members, tables = relation(found, view.rows)
     rows = different_rows(view, members, "again", {**tables, "again": again})
     comparison = query.query("operations/is_same", {"members": members})
     (is_same,) = view.engine.arrow(comparison, tables={**tables, "again": again})["is_same"].to_pylist()
@@ -100,5 +100,8 @@ def _move(view: LakeView, database: DatabaseRecord, *, keep_members: bool = Fals
         names = [(parent, records.parse_reference(parent)[0]) for parent in lineage.parents]
         parents = [view.record(parent if plain == name else plain) for parent, plain in names]
         query = DatabaseQuery(view, tuple(parents))
-    saved = query.make(lineage.operation, name, lineage.sql, lineage.parameters, replace=True, allow_empty=True)
+    by_rows = lineage.operation != "sample"  # whose levels have another order
+    saved = query.make(
+        lineage.operation, name, lineage.sql, lineage.parameters, replace=True, allow_empty=True, by_rows=by_rows
+    )
     return diff(view, database, saved)

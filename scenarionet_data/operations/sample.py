@@ -8,6 +8,7 @@ from scenarionet_data.operations.database_query import (
     AnyDatabase,
     DatabaseQuery,
     Pool,
+    as_recorded,
     check_column,
     check_whole,
     uniform,
@@ -66,11 +67,11 @@ class Sampling(Pool[AnyDatabase]):
         check_expression(weights)
         query = self._query(database)
         sql = query.query("operations/sample", {"rounds": _rounds(query, weights, stratify, balance, levels)})
-        parameters = {"seed": seed, "n": n, "fraction": fraction} | ({"levels": levels} if levels else {})
+        parameters = as_recorded({"seed": seed, "n": n, "fraction": fraction} | ({"levels": levels} if levels else {}))
         with explaining(weights, query.view.user_columns):
-            made = query.make(
-                "sample", name, sql, parameters, replace=replace, allow_empty=allow_empty, min_count=n or 0
-            )
+            members = query.batches(sql, parameters, by_rows=levels is None)
+            lineage = query.lineage("sample", sql, parameters)
+            made = query.save(lineage, name, members, replace=replace, allow_empty=allow_empty, min_count=n or 0)
         return self._handle(made)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scenarionet_data.arrays.dtypes import UInt8
 from scenarionet_data.databases import record as records
 from scenarionet_data.databases import writer
 from scenarionet_data.databases.record import DatabaseRecord
@@ -137,16 +138,21 @@ class Splitting(Pool[AnyDatabase]):
         for part_name in parts.names.values():
             records.check_free(query.view.files, part_name, replace=replace)
         with writer.database_writers(query.view.files, parts.names) as writers:
-            with closing(query.batches(parts.sql, parts.parameters)) as batches:
-                for rows in batches:
-                    for part, part_writer in writers.items():
-                        part_writer.add(writer.rows_of_part(rows, part))
+            numbers = query.parts(parts.sql, parts.parameters, [*parts.names])
+            if numbers is not None:
+                for number, part_writer in enumerate(writers.values(), 1):
+                    part_writer.add(query.rows[0].where(numbers == number))
+            else:
+                with closing(query.batches(parts.sql, parts.parameters)) as batches:
+                    for rows in batches:
+                        for part, part_writer in writers.items():
+                            part_writer.add(writer.rows_of_part(rows, part))
             _check_counts(query, {part: part_writer.count for part, part_writer in writers.items()}, allow_empty)
             one_part = query.query("operations/part", {"split": parts.sql})
             for part, part_writer in writers.items():
                 part_writer.finish(query.lineage("split", one_part, parts.parameters | {"part": part}))
             if fractions is not None and levels is None and by != "source_log":
-                _check_leaks(query, writers, strict)
+                _check_leaks(query, writers, numbers, strict)
             saved = {part: done.publish(parts.names[part], replace=replace) for part, done in writers.items()}
         return {part: self._handle(record) for part, record in saved.items()}
 
@@ -237,16 +243,22 @@ def _check_counts(query: DatabaseQuery, counts: Mapping[str, int], allow_empty: 
         )
 
 
-def _check_leaks(query: DatabaseQuery, parts: Mapping[str, DatabaseWriter], strict: bool) -> None:
+def _check_leaks(
+    query: DatabaseQuery, parts: Mapping[str, DatabaseWriter], numbers: UInt8 | None, strict: bool
+) -> None:
     """Report source logs with scenarios in several parts: a model would be tested on data it was trained on."""
-    schema = pa.schema({"scenario_id": pa.string(), "part": pa.int32()})
-    batches = (
-        pa.record_batch([ids, pa.repeat(pa.scalar(number, pa.int32()), len(ids))], schema=schema)
-        for number, part in enumerate(parts.values())
-        for ids in part.ids()
-    )
-    drawn = pa.RecordBatchReader.from_batches(schema, batches)
-    found = query.view.engine.arrow(query.query("splits/leaks"), tables={"drawn": drawn})
+    if numbers is not None:
+        source, drawn = "drawn POSITIONAL JOIN metadata_rows", pa.table({"part": numbers})
+    else:
+        schema = pa.schema({"scenario_id": pa.string(), "part": pa.int32()})
+        batches = (
+            pa.record_batch([ids, pa.repeat(pa.scalar(number, pa.int32()), len(ids))], schema=schema)
+            for number, part in enumerate(parts.values(), 1)
+            for ids in part.ids()
+        )
+        source = "drawn JOIN metadata_rows USING (scenario_id)"
+        drawn = pa.RecordBatchReader.from_batches(schema, batches)
+    found = query.view.engine.arrow(query.query("splits/leaks", {"drawn": source}), tables={"drawn": drawn})
     if not found.num_rows:
         return
     scenarios = pc.sum(found["num_scenarios"]).as_py()

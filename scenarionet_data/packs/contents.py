@@ -196,10 +196,16 @@ class PackWriter:
 
     def _write_lists(self, records: list[ShardRecord]) -> None:
         """Write the database, the manifest, and the snapshot, with its number in the lake for the lineage."""
-        temporary = self._target.temporary()
         file = self._database.file
-        copy_sealed(self._view.files, file, temporary, self._target.place_to_write(file))
-        self._publish(temporary, self._database.file)
+        if self._database.rows is None:
+            temporary = self._target.temporary()
+            copy_sealed(self._view.files, file, temporary, self._target.place_to_write(file))
+            self._publish(temporary, file)
+        else:  # of files that the pack does not have
+            members, lineage = self._database.members, self._database.lineage
+            footer = {"scenarionet.lineage": json.dumps(lineage.to_dict())}
+            publish_table(self._target, "members", members, footer, file, row_group_size=_ROWS_PER_GROUP)
+            self.sums[file] = sha256(self._target.path(file))
         following = Snapshot(
             number=self._view.snapshot.number,
             created_at=snapshots.now(),

@@ -14,16 +14,23 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data.arrays.dtypes import is_count
+from scenarionet_data.arrays.dtypes import Int32, is_count
 from scenarionet_data.databases import record as records
 from scenarionet_data.databases import user_columns as user_column_records
 from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFound
 from scenarionet_data.query.members import count_changed, locate
 from scenarionet_data.query.named_sql import ANALYTICS
 from scenarionet_data.query.views import FILE_TABLES, table_files
 from scenarionet_data.storage.files.places import open_files
-from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS, MetadataRows, ScenarioIndex
+from scenarionet_data.storage.read.metadata_rows import (
+    ADDRESS_COLUMNS,
+    MetadataRows,
+    ScenarioIndex,
+    first_rows,
+    order_of_ids,
+)
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
@@ -92,7 +99,7 @@ class LakeView:
         return f"{type(self).__name__}({str(self.root)!r}, snapshot={self.snapshot.number})"
 
     def __getstate__(self) -> dict[str, Any]:
-        own = "engine", "keeping"  # of each process
+        own = "engine", "keeping", "rows"  # of each process
         return {name: value for name, value in self.__dict__.items() if name not in own}
 
     @property
@@ -120,6 +127,14 @@ class LakeView:
         keeping._chosen = self._chosen
         keeping.engine.keep_views()
         return keeping
+
+    @cached_property
+    def rows(self) -> RowSets | None:
+        """All scenarios by their rows in the metadata files; None if they are few, or only some are shown."""
+        count = manifests.column(self.files, self.snapshot, "num_scenarios").to_numpy().sum()
+        if self._chosen is not None or count < snapshots.MANY:
+            return None
+        return RowSets.every(self.files, self.snapshot.metadata)
 
     # --- other views of the same lake -----------------------------------------------------------------
 
@@ -303,25 +318,30 @@ class LakeView:
         """
         if isinstance(scenarios, DatabaseRecord | str):
             return self._find_members(self.record(scenarios))
-        index = ScenarioIndex(self.files, self.snapshot)
         if scenarios is None:
             if self._chosen is None:
-                return self, index.everything()
+                return self, self._at(order_of_ids(self.files, self.snapshot.metadata))
             scenarios = sorted(self._chosen["scenario_id"].to_pylist())
         ids = _as_ids(scenarios)
-        found, is_found = index.find(ids)
+        found, is_found = ScenarioIndex(self.files, self.snapshot).find(ids)
         if self._chosen is not None:
             is_found &= pc.is_in(ids, value_set=self._chosen["scenario_id"]).to_numpy(zero_copy_only=False)
         self._require_all(ids, pa.array(is_found))
         return self, found
 
     def _find_members(self, database: DatabaseRecord) -> tuple[Self, MetadataRows]:
+        rows = self.rows and database.rows and database.rows.among(self.rows)
+        if rows is not None:
+            return self, self._at(rows.ordered(self.files))
         ids, hashes = (database.members[name].combine_chunks() for name in ("scenario_id", "content_hash"))
         found, is_found = ScenarioIndex(self.files, self.snapshot, with_hashes=True).find(ids, hashes.to_numpy())
         if is_found.all() and self._chosen is None:
             return self, found
         view = self.with_members([database])
         return view, view.find(ids.to_pylist())[1]
+
+    def _at(self, rows: Int32) -> MetadataRows:
+        return MetadataRows(self.files, self.snapshot, None, rows, first_rows(self.files, self.snapshot.metadata))
 
     def _require_all(self, ids: pa.Array | pa.ChunkedArray, is_found: pa.Array | pa.ChunkedArray) -> None:
         missing = ids.filter(pc.invert(is_found))
@@ -340,7 +360,7 @@ class LakeView:
             ScenarioNotFound: No such snapshot has them all.
             NoSuchSnapshot: The snapshot that a database was made on has expired.
         """
-        changed = {database.reference: count_changed(self.engine, database) for database in databases}
+        changed = {database.reference: count_changed(self.engine, database, self.rows) for database in databases}
         stale = [database for database in databases if changed[database.reference][0]]
         if not stale:
             return self
@@ -354,7 +374,7 @@ class LakeView:
                 cli_remedy=f"scenarionet db rebase {self.root} {latest.name}",
             ) from error
         for database in databases:
-            count, example = count_changed(older.engine, database)
+            count, example = count_changed(older.engine, database, older.rows)
             if count:
                 raise ScenarioNotFound(
                     f"{self.root}: no snapshot has the members of {' and '.join(d.reference for d in databases)} "

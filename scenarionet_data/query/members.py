@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pyarrow as pa
 
 from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.query.statements import quoted
 from scenarionet_data.schema.tables import DESCRIPTION_COLUMNS
 from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
@@ -15,24 +16,38 @@ if TYPE_CHECKING:
     from scenarionet_data.query.engine import Engine, Rows
 
 
-def relation(database: DatabaseRecord, table: str = "selected") -> tuple[str, dict[str, Rows]]:
+def relation(database: DatabaseRecord, whole: RowSets | None, table: str = "selected") -> tuple[str, dict[str, Rows]]:
     """Return SQL for the rows of a database, and the tables it needs.
 
     Args:
-        database: Saved ones are read from their file; the members of an unsaved selection are a table in memory.
+        database: Saved ones are read from their file; the members of an unsaved selection are a table in memory. Those
+            that are rows are joined with the view metadata.
+        whole: All scenarios of the snapshot that is queried by their rows, if they are many.
         table: Name of that table.
     """
-    if database.selected is None:
+    rows = None if whole is None or database.rows is None else database.rows.among(whole)
+    if rows is not None:
+        columns = "scenario_id, position, 1.0::DOUBLE AS weight, content_hash"
+        return f"(SELECT {columns} FROM metadata JOIN {table} USING (lake_row))", {table: rows.places(database.files)}
+    if database.selected is None and database.rows is None:
         return f"read_parquet({quoted(str(database.files.verified(database.file)))})", {}
-    return table, {table: database.selected}
+    return table, {table: database.members}
 
 
-def count_changed(engine: Engine, database: DatabaseRecord) -> tuple[int, str]:
+def count_changed(engine: Engine, database: DatabaseRecord, whole: RowSets | None = None) -> tuple[int, str]:
     """Return how many members a snapshot lacks or has with other content, and the id of one of them.
 
     Ids are compared by hash together with the content hash (128 bits): text ids of a million members take 70 MB more.
+    Rows of the same files are unchanged.
+
+    Args:
+        engine: The snapshot.
+        database: The members.
+        whole: All scenarios of the snapshot by their rows, if they are many.
     """
-    members, tables = relation(database)
+    if whole is not None and database.rows is not None and database.rows.among(whole) is not None:
+        return 0, ""
+    members, tables = relation(database, None)
     query = (
         "SELECT count(*) AS n, min(scenario_id) AS example "
         f"FROM (SELECT scenario_id, hash(scenario_id) AS id_hash, content_hash FROM {members}) "

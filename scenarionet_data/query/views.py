@@ -57,6 +57,8 @@ _NUMBERED = {
 """Views whose rows are kept with ids of these types (ENUM)."""
 _FUNCTIONS = ("track_motion", "lanes_along")
 """Functions of Arrow arrays that views need; each is in a module of its name, with its types in SQL."""
+_ROW = "lake_row"
+"""Column of the view metadata for queries that name it: number of the file << 32 | row in the file."""
 _KEYS = {"metadata": "scenario_id", "tracks": "scenario_id", "lights": "scenario_id", "maps": "map_id"}
 
 
@@ -114,11 +116,11 @@ class Views:
             sql: The query.
             user_columns: User columns that it uses; found in its text by default.
         """
-        if self.user_columns and "metadata" in words(sql):
+        if "metadata" in words(sql):
             if user_columns is None:
-                is_all = shows_every_column(self.connection, sql)
+                is_all = self.user_columns and shows_every_column(self.connection, sql)
                 user_columns = self.user_columns if is_all else words(sql) & set(self.user_columns)
-            joined = frozenset(user_columns)
+            joined = frozenset(user_columns) | words(sql) & {_ROW}
             if joined != self._joined and "metadata" in self._made:  # a join costs time even if its column is unused
                 self._drop("metadata")
             self._joined = joined
@@ -169,11 +171,13 @@ class Views:
             text = text.replace("{files}", self._relation(table)).replace("{derived}", tables.load(table).derived_sql)
         if name == "metadata":
             joins = []
-            for column in sorted(self._joined):
+            for column in sorted(self._joined - {_ROW}):
                 file = f"layers/{column}/{self.user_columns[column]}.parquet"
                 path = self.files.verified(file)
                 self.scanned[file] = None
                 joins.append(f"LEFT JOIN read_parquet({quoted(str(path))}) AS user_{column} USING (scenario_id)")
+            row = f", files.file_index::BIGINT * 4294967296 + files.file_row_number AS {_ROW}"
+            text = text.replace("{row}", row if _ROW in self._joined else "")
             text = text.replace("{user_columns}", " ".join(joins))
         if self._has_lanes and name in _LANES:
             self._make(_LANES[name][0], defined)

@@ -30,6 +30,8 @@ TABLES = (
     *CONTENT,
     "shards",
     "members",
+    "member_bits",
+    "id_order",
     "results",
     "rollouts",
     "observations",

@@ -1,7 +1,7 @@
 -- One row per scenario: the files' columns, timestamps filled in, the contract's derived columns, and the
--- user columns that the query names.
+-- user columns and the row that the query names.
 CREATE VIEW metadata AS
 SELECT
     * REPLACE (coalesce(timestamps, list_transform(range(num_timesteps), lambda k: k * dt)) AS timestamps)
-    {derived}
+    {derived} {row}
 FROM {files} AS files {user_columns};

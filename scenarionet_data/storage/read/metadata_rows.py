@@ -1,7 +1,7 @@
 """Rows of the metadata table for chosen scenarios, straight from its Parquet files.
 
-Only ids are read beforehand; the other columns of a file are read when the row of one of its scenarios is needed. A
-million scenarios are found in a second, and one in a few milliseconds, of which SQL takes tens.
+At most ids are read beforehand, and none of scenarios whose rows are known; the other columns of a file are read when
+the row of one of its scenarios is needed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data.arrays.dtypes import Bool, Int64
+from scenarionet_data.arrays.dtypes import Bool, Int32, Int64
 from scenarionet_data.errors import LakeError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage.files.lake_files import LakeFiles
@@ -91,8 +91,8 @@ class MetadataRows(Sequence[dict[str, Any]]):
     Args:
         files: The lake's files.
         snapshot: The snapshot.
-        ids: Ids of the scenarios, strings.
-        rows: (n,) int64 row of each scenario in all metadata files of the snapshot, one after the other.
+        ids: Ids of the scenarios, strings; None to read them when they are asked for.
+        rows: (n,) row of each scenario in all metadata files of the snapshot, one after the other.
         starts: (files + 1,) int64 first row of each file, and the number of all rows.
         names: Columns of the rows.
     """
@@ -101,14 +101,14 @@ class MetadataRows(Sequence[dict[str, Any]]):
         self,
         files: LakeFiles,
         snapshot: Snapshot,
-        ids: pa.Array,
-        rows: Int64,
+        ids: pa.Array | None,
+        rows: Int32 | Int64,
         starts: Int64,
         names: Sequence[str] = ALL_COLUMNS,
     ) -> None:
         self._files = files
         self._snapshot = snapshot
-        self.ids = ids
+        self._ids = ids
         self._rows = rows
         self._starts = starts
         self._names = tuple(names)
@@ -116,16 +116,23 @@ class MetadataRows(Sequence[dict[str, Any]]):
         self._tables: dict[int, RowTable] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return MetadataRows, (self._files, self._snapshot, self.ids, self._rows, self._starts, self._names)
+        return MetadataRows, (self._files, self._snapshot, self._ids, self._rows, self._starts, self._names)
 
     def select(self, names: Sequence[str]) -> MetadataRows:
         """The same scenarios with other columns."""
-        return MetadataRows(self._files, self._snapshot, self.ids, self._rows, self._starts, names)
+        return MetadataRows(self._files, self._snapshot, self._ids, self._rows, self._starts, names)
+
+    @property
+    def ids(self) -> pa.Array:
+        """Ids of the scenarios, strings, in order."""
+        if self._ids is None:
+            self._ids = self.columns(["scenario_id"])["scenario_id"].combine_chunks()
+        return self._ids
 
     @property
     def numbers(self) -> Int64:
         """(n,) row of each scenario in all metadata files, in the order on disk."""
-        return self._rows
+        return self._rows.astype(np.int64)
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -147,16 +154,55 @@ class MetadataRows(Sequence[dict[str, Any]]):
     def columns(self, names: Sequence[str]) -> pa.Table:
         """Columns of all scenarios, in order."""
         with snapshots.reading_from(self._files, self._snapshot):
-            parts = self._files.read_all(self._snapshot.metadata, list(names))
-        schema = tables.load("metadata").schema.empty_table().select(list(names)).schema
-        whole = pa.concat_tables([schema.empty_table(), *(part.select(names).cast(schema) for part in parts)])
-        return whole.take(self._rows)
+            return rows_of(self._files, self._snapshot.metadata, names).take(self._rows)
 
     @cached_property
     def scenario_ids(self) -> list[str]:
         """Ids of the scenarios, in order."""
         ids: list[str] = self.ids.to_pylist()
         return ids
+
+
+def first_rows(files: LakeFiles, metadata: Sequence[str]) -> Int64:
+    """(files + 1,) first row of each metadata file, one after the other, and the number of all rows.
+
+    Raises:
+        LakeError: A file is missing or damaged.
+        SchemaMismatch: A file has a schema version that cannot be read.
+    """
+    footers = list(map(files.footer, metadata))
+    for name, footer in zip(metadata, footers, strict=True):
+        tables.load("metadata").check_version(footer.metadata, files.url(name))
+    return np.cumsum([0, *(footer.num_rows for footer in footers)])
+
+
+def rows_of(files: LakeFiles, metadata: Sequence[str], names: Sequence[str]) -> pa.Table:
+    """Columns of metadata files, one file after the other.
+
+    Raises:
+        LakeError: A file is missing or damaged.
+        SchemaMismatch: A file has a schema version that cannot be read.
+    """
+    parts = files.read_all(metadata, list(names))
+    for name, part in zip(metadata, parts, strict=True):
+        tables.load("metadata").check_version(part.schema.metadata, files.url(name))
+    schema = tables.load("metadata").schema.empty_table().select(list(names)).schema
+    return pa.concat_tables([schema.empty_table(), *(part.select(names).cast(schema) for part in parts)])
+
+
+def order_of_ids(files: LakeFiles, metadata: Sequence[str]) -> Int32:
+    """(n,) rows of metadata files, one file after the other, in the order of the scenarios' ids.
+
+    Raises:
+        LakeError: A file is missing or damaged.
+    """
+    stored = snapshots.order_file(metadata)
+    if files.has(stored):
+        order: Int32 = tables.load("id_order").conform(files.read(stored))["row"].to_numpy()
+    else:
+        ids = rows_of(files, metadata, ["scenario_id"])["scenario_id"].combine_chunks()
+        order = pc.sort_indices(ids).to_numpy().astype(np.int32)
+    return order
 
 
 class ScenarioIndex:
@@ -177,19 +223,10 @@ class ScenarioIndex:
         self._snapshot = snapshot
         columns = ["scenario_id", *(["content_hash"] if with_hashes else [])]
         with snapshots.reading_from(files, snapshot):
-            parts = files.read_all(snapshot.metadata, columns)
-        for name, part in zip(snapshot.metadata, parts, strict=True):
-            tables.load("metadata").check_version(part.schema.metadata, files.url(name))
-        self._starts: Int64 = np.cumsum([0, *(part.num_rows for part in parts)])
-        empty = tables.load("metadata").schema.empty_table().select(columns)
-        found = pa.concat_tables([empty, *(part.replace_schema_metadata(None).cast(empty.schema) for part in parts)])
+            found = rows_of(files, snapshot.metadata, columns)
+            self._starts = first_rows(files, snapshot.metadata)
         self._ids: pa.Array = found["scenario_id"].combine_chunks()
         self._hashes = found["content_hash"].to_numpy() if with_hashes else None
-
-    def everything(self) -> MetadataRows:
-        """All scenarios, ordered by id."""
-        order = pc.sort_indices(self._ids)
-        return self._chosen(self._ids.take(order), order.to_numpy().astype(np.int64))
 
     def find(self, ids: pa.Array, hashes: Any = None) -> tuple[MetadataRows, Bool]:
         """Scenarios by id, in the order of the ids.
@@ -210,7 +247,4 @@ class ScenarioIndex:
         is_found: Bool = rows >= 0
         if hashes is not None and self._hashes is not None:
             is_found &= self._hashes[rows] == hashes if len(self._hashes) else False
-        return self._chosen(ids, rows), is_found
-
-    def _chosen(self, ids: pa.Array, rows: Int64) -> MetadataRows:
-        return MetadataRows(self._files, self._snapshot, ids, rows, self._starts)
+        return MetadataRows(self._files, self._snapshot, ids, rows, self._starts), is_found

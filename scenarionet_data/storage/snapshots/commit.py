@@ -15,6 +15,7 @@ import pyarrow.compute as pc
 
 from scenarionet_data.errors import LakeError, SnapshotConflict
 from scenarionet_data.storage.files.lake_files import LakeFiles
+from scenarionet_data.storage.read.metadata_rows import order_of_ids
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition
@@ -22,6 +23,7 @@ from scenarionet_data.storage.snapshots.snapshot import Snapshot
 from scenarionet_data.storage.write import rewriting
 from scenarionet_data.storage.write.layouts import layout_of, unit_of
 from scenarionet_data.storage.write.repeated import leave_out
+from scenarionet_data.storage.write.table_file import publish_table
 
 _ATTEMPTS = 50
 
@@ -149,7 +151,8 @@ def replace_files(files: LakeFiles, rewritten: Sequence[Rewritten], operation: s
         )
         return following, late
 
-    return _publish(files, change)
+    snapshot, late = _publish(files, change)
+    return _with_order(files, snapshot), late
 
 
 def consolidate(files: LakeFiles) -> Snapshot:
@@ -168,7 +171,15 @@ def consolidate(files: LakeFiles) -> Snapshot:
         )
         return following, None
 
-    return _publish(files, change)[0]
+    return _with_order(files, _publish(files, change)[0])
+
+
+def _with_order(files: LakeFiles, snapshot: Snapshot) -> Snapshot:
+    """Publish the order of the ids of a lake with many scenarios; without it, each loader has to sort them."""
+    count = manifests.column(files, snapshot, "num_scenarios").to_numpy().sum()
+    if count >= snapshots.MANY and not files.has(name := snapshots.order_file(snapshot.metadata)):
+        publish_table(files, "id_order", pa.table({"row": order_of_ids(files, snapshot.metadata)}), {}, name)
+    return snapshot
 
 
 def _publish(

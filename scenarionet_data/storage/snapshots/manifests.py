@@ -141,6 +141,7 @@ class NamedFiles:
         for snapshot in needed:
             lists.update(snapshot.manifests)
             named.update(snapshot.metadata)
+            named.add(snapshots.order_file(snapshot.metadata))
         return named.union(lists, *map(self.listed, lists))
 
     def _read(self, manifest: str) -> frozenset[str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -14,6 +15,9 @@ from scenarionet_data.storage.integrity import seals
 from scenarionet_data.storage.integrity.seals import NewerFormat
 
 FOLDER = "snapshots"
+
+MANY = 65_536
+"""Scenarios from which on a lake stores the order of their ids, and its databases as rows instead of ids."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ def read(files: LakeFiles, number: int | None = None) -> Snapshot:
     Raises:
         NoSuchSnapshot: The snapshot does not exist; the message lists those that do.
     """
-    there, wanted = numbers(files), number
+    there, wanted = files.numbers(FOLDER, ".json"), number
     if number is None:
         if not there:
             return EMPTY
@@ -210,6 +214,11 @@ def check_expired(files: LakeFiles, snapshot: Snapshot, error: LakeError) -> Non
 def file_name(number: int, suffix: str = ".json") -> str:
     """File name of a snapshot, or of its mark, which ends in ``.expired``."""
     return f"{FOLDER}/{number:08d}{suffix}"
+
+
+def order_file(metadata: Sequence[str]) -> str:
+    """File with the order of the ids in metadata files; lakes without many scenarios have none."""
+    return f"{FOLDER}/order-{hashlib.blake2b(chr(10).join(metadata).encode(), digest_size=8).hexdigest()}.parquet"
 
 
 def now() -> str:
