@@ -34,7 +34,20 @@ class Twist:
     yaw_rate: float
 
 
-Command = Steer | Twist | Trajectory
+@dataclass(frozen=True)
+class Push:
+    """Front wheels and an acceleration.
+
+    Attributes:
+        steering: Angle of the front wheels, positive to the left [rad].
+        acceleration: Along the heading [m/s²].
+    """
+
+    steering: float
+    acceleration: float
+
+
+Command = Steer | Twist | Push | Trajectory
 """One of these; the times of a trajectory count from the moment that it answers."""
 
 
@@ -62,12 +75,16 @@ def drive(command: Command, view: View, age: float = 0.0) -> Action | Trajectory
         return Trajectory(command.poses[is_left], times[is_left])
     vehicle = Drive()
     steering, limit = 0.0, math.inf
-    if isinstance(command, Steer):
-        steering, limit = command.steering, abs(command.acceleration) or math.inf
-    elif command.speed:
-        steering = math.atan(vehicle.wheelbase * view.ego.length * command.yaw_rate / command.speed)
-    if not (math.isfinite(command.speed) and math.isfinite(steering) and not math.isnan(limit)):
+    if isinstance(command, Push):
+        steering, wanted = command.steering, command.acceleration
+    else:
+        wanted = (command.speed - view.ego.speed) / view.dt
+        if isinstance(command, Steer):
+            steering, limit = command.steering, abs(command.acceleration) or math.inf
+        elif command.speed:
+            steering = math.atan(vehicle.wheelbase * view.ego.length * command.yaw_rate / command.speed)
+    if not (math.isfinite(wanted) and math.isfinite(steering) and not math.isnan(limit)):
         raise BadParameter(f"the stack asks for {command}; expected finite numbers")
-    wanted = min(max((command.speed - view.ego.speed) / view.dt, -limit), limit)
+    wanted = min(max(wanted, -limit), limit)
     throttle = wanted / (vehicle.acceleration if wanted > 0.0 else vehicle.braking)
     return [min(max(steering / vehicle.max_steer, -1.0), 1.0), min(max(throttle, -1.0), 1.0)]

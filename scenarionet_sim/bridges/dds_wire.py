@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cache
 from typing import Any
 
@@ -25,15 +25,23 @@ class DdsWire:
     """A participant with a writer and a reader for each topic, reliable, with a history of 10.
 
     Args:
-        published, subscribed: Types of topics by name.
+        published, subscribed: Types of topics by name; those of a service begin with ``rq/`` and ``rr/``.
         inbox: Gets what the readers read.
         domain: Number of the domain.
+        latched: Topics of which a reader gets the last message that was written before it was there.
 
     Raises:
         MissingDependency: cyclonedds is not installed.
     """
 
-    def __init__(self, published: Mapping[str, str], subscribed: Mapping[str, str], inbox: Inbox, domain: int) -> None:
+    def __init__(
+        self,
+        published: Mapping[str, str],
+        subscribed: Mapping[str, str],
+        inbox: Inbox,
+        domain: int,
+        latched: Collection[str] = (),
+    ) -> None:
         try:
             from cyclonedds.core import Listener, Policy, Qos
             from cyclonedds.domain import DomainParticipant
@@ -46,15 +54,19 @@ class DdsWire:
         if not os.environ.get("CYCLONEDDS_URI"):
             _keep_to_loopback(domain)
         participant = DomainParticipant(domain)
-        qos = Qos(
+        common = Qos(
             Policy.Reliability.Reliable(duration(seconds=1)),
             Policy.History.KeepLast(10),
             Policy.DataRepresentation(use_cdrv0_representation=True),
         )
-        self._writers: dict[str, Any] = {
-            name: DataWriter(participant, Topic(participant, f"rt/{name}", idl_type(kind), qos=qos), qos=qos)
-            for name, kind in published.items()
-        }
+        kept = Qos(Policy.Durability.TransientLocal, base=common)
+
+        def made(end: Any, name: str, kind: str, **settings: Any) -> Any:
+            qos = kept if name in latched else common
+            of_dds = name if name.startswith(("rq/", "rr/")) else f"rt/{name}"
+            return end(participant, Topic(participant, of_dds, idl_type(kind), qos=qos), qos=qos, **settings)
+
+        self._writers: dict[str, Any] = {name: made(DataWriter, name, kind) for name, kind in published.items()}
 
         def listener(name: str) -> Any:
             def read(reader: Any) -> None:
@@ -64,12 +76,7 @@ class DdsWire:
 
             return Listener(on_data_available=read)
 
-        self._readers = [
-            DataReader(
-                participant, Topic(participant, f"rt/{name}", idl_type(kind), qos=qos), qos=qos, listener=listener(name)
-            )
-            for name, kind in subscribed.items()
-        ]
+        self._readers = [made(DataReader, name, kind, listener=listener(name)) for name, kind in subscribed.items()]
         self._participant: Any = participant
 
     def publish(self, topic: str, content: bytes) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from scenarionet_data.arrays.dtypes import Array
@@ -38,12 +38,14 @@ class StackMoment:
         stamp: Its time on the stack's clock [ns].
         is_first: Whether a scenario begins.
         seen: What the sensors see, by name of the sensor.
+        is_ready: Whether the stack drives; before, the clock runs and the scene stands.
     """
 
     view: View
     stamp: int
     is_first: bool
     seen: dict[str, Array] = field(default_factory=dict)
+    is_ready: bool = True
 
 
 class Transport(Protocol):
@@ -54,6 +56,14 @@ class Transport(Protocol):
     """
 
     where: str
+
+    def begin(self, moment: StackMoment, until: float) -> int:
+        """Make the stack ready for a scenario, and return the stamp [ns] of its first moment, now or later.
+
+        Raises:
+            SourceError: It is not ready at ``until`` [s, monotonic].
+        """
+        ...
 
     def send(self, moment: StackMoment) -> None:
         """Send a moment."""
@@ -106,7 +116,11 @@ class Link:
         self.stamp += round(view.dt * NS)
         moment = StackMoment(view, self.stamp, is_first, seen)
         if is_first:
-            self._held, self._began = None, self.stamp
+            self._held = None
+            self.stamp = self._began = self.transport.begin(moment, time.monotonic() + self.limit)
+            if self.stamp > moment.stamp:
+                self._unanswered = None  # it has got ready
+            moment = replace(moment, stamp=self.stamp)
         if self._held is None or not self.is_realtime:
             self._held = self.stamp, self._answer(moment)
             self._due = self._heard = time.monotonic()

@@ -8,5 +8,5 @@ def dds_name(kind: str) -> str:
         >>> dds_name("std_msgs/msg/String")
         'std_msgs::msg::dds_::String_'
     """
-    package, _, name = kind.split("/")
-    return f"{package}::msg::dds_::{name}_"
+    package, group, *_, name = kind.split("/")  # of a service, a_msgs/srv/msg/Name_Request
+    return f"{package}::{group}::dds_::{name}_"

@@ -31,6 +31,11 @@ class Ros2Transport:
         answers = {name: topic.kind for name, topic in ANSWERS.items()}
         self._wire = WIRES[wire](self._topics, answers, self._inbox, domain)
 
+    def begin(self, moment: StackMoment, until: float) -> int:
+        """Begin at once."""
+        del until
+        return moment.stamp
+
     def send(self, moment: StackMoment) -> None:
         """Publish the messages of a moment."""
         for topic, message in moment_messages(self._ros, moment, self._topics):

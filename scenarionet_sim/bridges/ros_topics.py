@@ -256,24 +256,34 @@ def decode(ros: RosMessages, topic: str, content: bytes) -> tuple[int, Command]:
         SourceError: The content is no message of the topic's type.
         BadParameter: A plan is no trajectory.
     """
-    try:
-        message = ros.decode(content, ANSWERS[topic].kind)
-    except Exception as error:  # rosbags raises what its generated code happens to meet
-        raise SourceError(
-            f"{len(content)} bytes on /{topic} are no {ANSWERS[topic].kind} ({error or type(error).__name__}); compare "
-            "the definitions of both sides"
-        ) from error
-    stamp = _nanoseconds(message.header)
+    message = decoded(ros, topic, content, ANSWERS[topic].kind)
+    stamp = nanoseconds(message.header.stamp)
     if topic == "cmd_vel":
         return stamp, Twist(float(message.twist.linear.x), float(message.twist.angular.z))
     if topic == "ackermann_cmd":
         told = message.drive
         return stamp, Steer(float(told.steering_angle), float(told.speed), float(told.acceleration))
-    rows = [(_nanoseconds(each.header), each.pose.position, each.pose.orientation) for each in message.poses]
+    rows = [(nanoseconds(each.header.stamp), each.pose.position, each.pose.orientation) for each in message.poses]
     poses = [(place.x, place.y, 2.0 * math.atan2(turn.z, turn.w)) for _, place, turn in rows]
     times = np.array([(at - stamp) / NS for at, _, _ in rows])
     return stamp, Trajectory(np.array(poses), times)
 
 
-def _nanoseconds(header: Any) -> int:
-    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+def decoded(ros: RosMessages, topic: str, content: bytes, kind: str) -> Any:
+    """Return the message of a type that came on a topic.
+
+    Raises:
+        SourceError: The content is no such message.
+    """
+    try:
+        return ros.decode(content, kind)
+    except Exception as error:  # rosbags raises what its generated code happens to meet
+        raise SourceError(
+            f"{len(content)} bytes on /{topic} are no {kind} ({error or type(error).__name__}); compare the "
+            "definitions of both sides"
+        ) from error
+
+
+def nanoseconds(time: Any) -> int:
+    """Return a time of a message [ns]."""
+    return int(time.sec) * 1_000_000_000 + int(time.nanosec)

@@ -1,4 +1,4 @@
-"""Driving stacks as planners, by name: ``ros2:dds``, ``ros2:zenoh+camera+lidar``, ``ros2:dds+realtime``."""
+"""Driving stacks as planners, by name: ``ros2:zenoh+camera+lidar``, ``ros2:dds+realtime``, ``autoware:dds``."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import cache
 from typing import NamedTuple
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_sim.bridges.autoware_transport import AutowareTransport
 from scenarionet_sim.bridges.link import Link, Transport
 from scenarionet_sim.bridges.ros2_transport import Ros2Transport
 from scenarionet_sim.bridges.ros_topics import OPTIONS
@@ -21,6 +22,7 @@ REALTIME = "realtime"
 TRANSPORTS: dict[str, Callable[[Collection[str]], Transport]] = {
     "ros2:dds": lambda options: Ros2Transport("dds", options),
     "ros2:zenoh": lambda options: Ros2Transport("zenoh", options),
+    "autoware:dds": AutowareTransport,
 }
 """What speaks to each kind of stack."""
 
@@ -41,7 +43,7 @@ class Stack(NamedTuple):
         kind, *options = policy.split("+")
         if kind not in TRANSPORTS:
             raise BadParameter(f"unknown policy {policy!r}; choose from {', '.join(TRANSPORTS)}")
-        known = (*OPTIONS, REALTIME)
+        known = (*(OPTIONS if kind.startswith("ros2:") else ()), REALTIME)
         for option in options:
             if option not in known:
                 raise BadParameter(f"{policy}: {kind} has no option {option!r}; choose from {', '.join(known)}")

@@ -20,6 +20,7 @@ from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.storage.files.cache import folder_of
 from scenarionet_sim.bridges.commonroad.by_name import is_outside
 from scenarionet_sim.bridges.driver.planner import is_driver
+from scenarionet_sim.bridges.stacks import is_stack
 
 PREFIX = "git:"
 _CONTAINERS = ("container:", "docker:", "podman:", "oci:")
@@ -102,7 +103,7 @@ def pinned_code(policy: str) -> str:
 
 def interpreter_of(policy: str, python: str = "") -> str:
     """Return the interpreter of a policy; of ``module:Class`` at least another process of the one that runs now."""
-    is_elsewhere = policy.startswith("ros2:") or is_driver(policy) or is_outside(policy) or is_apart(policy)
+    is_elsewhere = is_stack(policy) or is_driver(policy) or is_outside(policy) or is_apart(policy)
     return python or (sys.executable if ":" in policy and not is_elsewhere else "")
 
 

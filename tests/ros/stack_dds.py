@@ -4,98 +4,15 @@ import math
 import sys
 from dataclasses import dataclass
 
-from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import array, float32, float64, int32, sequence, uint32
+from cyclonedds.idl.types import float32
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
+from idl_messages import QOS, Clock, Header, Odometry, Path, Time
 from pursuit import Pursuit
-
-
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
-    sec: int32
-    nanosec: uint32
-
-
-@dataclass
-class Clock(IdlStruct, typename="rosgraph_msgs::msg::dds_::Clock_"):
-    clock: Time
-
-
-@dataclass
-class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    stamp: Time
-    frame_id: str
-
-
-@dataclass
-class Point(IdlStruct, typename="geometry_msgs::msg::dds_::Point_"):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
-    x: float64
-    y: float64
-    z: float64
-    w: float64
-
-
-@dataclass
-class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
-    position: Point
-    orientation: Quaternion
-
-
-@dataclass
-class PoseWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWithCovariance_"):
-    pose: Pose
-    covariance: array[float64, 36]
-
-
-@dataclass
-class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
-    linear: Vector3
-    angular: Vector3
-
-
-@dataclass
-class TwistWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::TwistWithCovariance_"):
-    twist: Twist
-    covariance: array[float64, 36]
-
-
-@dataclass
-class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
-    header: Header
-    child_frame_id: str
-    pose: PoseWithCovariance
-    twist: TwistWithCovariance
-
-
-@dataclass
-class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
-    header: Header
-    pose: Pose
-
-
-@dataclass
-class Path(IdlStruct, typename="nav_msgs::msg::dds_::Path_"):
-    header: Header
-    poses: sequence[PoseStamped]
 
 
 @dataclass
@@ -115,19 +32,14 @@ class AckermannDriveStamped(IdlStruct, typename="ackermann_msgs::msg::dds_::Acke
 
 fault = sys.argv[1] if len(sys.argv) > 1 else ""
 participant = DomainParticipant(1 if fault == "domain" else 0)
-qos = Qos(
-    Policy.Reliability.Reliable(duration(seconds=1)),
-    Policy.History.KeepLast(10),
-    Policy.DataRepresentation(use_cdrv0_representation=True),
-)
 
 
 def reader(name, kind):
-    return DataReader(participant, Topic(participant, name, kind, qos=qos), qos=qos)
+    return DataReader(participant, Topic(participant, name, kind, qos=QOS), qos=QOS)
 
 
 routes, poses, clocks = reader("rt/route", Path), reader("rt/odom", Odometry), reader("rt/clock", Clock)
-answers = DataWriter(participant, Topic(participant, "rt/ackermann_cmd", AckermannDriveStamped, qos=qos), qos=qos)
+answers = DataWriter(participant, Topic(participant, "rt/ackermann_cmd", AckermannDriveStamped, qos=QOS), qos=QOS)
 route, pose, driver = None, None, Pursuit()
 while True:
     for clock in clocks.take_iter(timeout=duration(seconds=60)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -40,6 +41,7 @@ _LINES = {
     **dict.fromkeys((MapFeatureType.ROAD_EDGE_MEDIAN, MapFeatureType.ROAD_EDGE_SIDEWALK), ("curbstone", "high", "")),
     **dict.fromkeys((MapFeatureType.ROAD_EDGE_BOUNDARY, MapFeatureType.UNKNOWN), ("road_border", "", "")),
 }
+_FIRST_LIGHT = 2**31  # the numbers of all other elements are below
 _LIGHT_HEIGHT = 5.0  # [m] above the road
 _HALF = np.array([0.3, 0.0, 0.0])  # [m] of the line that stands for a light or sign
 
@@ -97,7 +99,11 @@ class _OsmWriter:
                 sides[lanelet.row, is_left] = self.way([ends[0], *inner, ends[1]], tags)
         for row, other in left_of.items():
             sides[row, True] = sides[other, False]
-        stop_nodes = {row: [node_of[Corner(row, side, True)] for side in (True, False)] for row in number_of}
+        stop_nodes = {
+            (row, is_end): [node_of[Corner(row, side, is_end)] for side in (True, False)]
+            for row in number_of
+            for is_end in (False, True)
+        }
         rules = self.rules(stop_nodes)
         for row, number in number_of.items():
             kind = MapFeatureType(features.feature_type[row])
@@ -129,22 +135,27 @@ class _OsmWriter:
         listed = "".join([f'<member type="{kind}" ref="{ref}" role="{role}"/>' for kind, ref, role in members])
         self.relations.append(f'<relation id="{number}">{listed}{_tags(tags)}</relation>')
 
-    def rules(self, stop_nodes: Mapping[int, list[int]]) -> dict[int, list[int]]:
-        """Write traffic lights and stop signs with the end of their lanes as stop lines; return them by lane."""
-        row_of = {self.features.ids[row]: row for row in stop_nodes}
+    def rules(self, stop_nodes: Mapping[tuple[int, bool], list[int]]) -> dict[int, list[int]]:
+        """Write traffic lights and stop signs, and return them by lane.
+
+        Stop lines are the ends of lanes; of a light the end that is nearer to its stop point.
+        """
+        row_of = {self.features.ids[row]: row for row, _ in stop_nodes}
         places = dict(self.points)
-        lines: dict[int, int] = {}
+        middles = {each: np.mean([places[node] for node in nodes], axis=0) for each, nodes in stop_nodes.items()}
+        lines: dict[tuple[int, bool], int] = {}
         found: dict[int, list[int]] = defaultdict(list)
 
-        def add(rows: list[int], place: Float64, subtype: str, tags: Mapping[str, str]) -> None:
-            for row in rows:
-                if row not in lines:
-                    lines[row] = self.way(stop_nodes[row], {"type": "stop_line"})
+        def add(
+            ends: list[tuple[int, bool]], place: Float64, subtype: str, tags: Mapping[str, str], number: int
+        ) -> None:
+            for end in ends:
+                if end not in lines:
+                    lines[end] = self.way(stop_nodes[end], {"type": "stop_line"})
             sign = self.way([self.node(place - _HALF), self.node(place + _HALF)], tags)
-            members = [("way", sign, "refers"), *(("way", lines[row], "ref_line") for row in rows)]
-            number = next(self.free)
+            members = [("way", sign, "refers"), *(("way", lines[end], "ref_line") for end in ends)]
             self.relation(number, members, {"type": "regulatory_element", "subtype": subtype})
-            for row in rows:
+            for row, _ in ends:
                 found[row].append(number)
 
         lights = self.scenario.lights
@@ -153,15 +164,17 @@ class _OsmWriter:
             if row is None:
                 self.losses.leave_out("traffic lights of lanes outside of the map")
                 continue
-            end = np.mean([places[node] for node in stop_nodes[row]], axis=0)
-            place = np.where(np.isfinite(stop), stop, end) + np.array([0.0, 0.0, _LIGHT_HEIGHT])
-            add([row], place, "traffic_light", {"type": "traffic_light", "subtype": "red_yellow_green", "height": "1"})
+            stop = np.where(np.isfinite(stop), stop, middles[row, True])
+            is_end = bool(np.hypot(*(middles[row, True] - stop)[:2]) <= np.hypot(*(middles[row, False] - stop)[:2]))
+            place = stop + np.array([0.0, 0.0, _LIGHT_HEIGHT])
+            tags = {"type": "traffic_light", "subtype": "red_yellow_green", "height": "1"}
+            add([(row, is_end)], place, "traffic_light", tags, light_number(lane))
         self.losses.leave_out("states and ids of traffic lights", len(lights))
         for row, kind in enumerate(self.features.feature_type):
-            lanes = [row_of[each] for each in self.features.controlled_lanes[row] if each in row_of]
+            lanes = [(row_of[each], True) for each in self.features.controlled_lanes[row] if each in row_of]
             if kind == MapFeatureType.STOP_SIGN and len(self.features.polyline[row]) and lanes:
                 place = self.features.polyline[row][0].astype(np.float64)
-                add(lanes, place, "traffic_sign", {"type": "traffic_sign", "subtype": "usR1-1"})
+                add(lanes, place, "traffic_sign", {"type": "traffic_sign", "subtype": "usR1-1"}, next(self.free))
                 self.losses.leave_out("ids of stop signs")
             elif not is_lane(np.array([kind]))[0] and kind != MapFeatureType.CROSSWALK:
                 self.losses.leave_out(f"map features of type {MapFeatureType(kind).name}")
@@ -189,6 +202,11 @@ class _OsmWriter:
                 f'<node id="{number}" lat="{lat:.11f}" lon="{lon:.11f}"><tag k="local_x" v="{x:.4f}"/>'
                 f'<tag k="local_y" v="{y:.4f}"/><tag k="ele" v="{z:.4f}"/></node>'
             )
+
+
+def light_number(lane: str) -> int:
+    """Return the number of the rule that is the traffic light of a lane: that of Autoware's traffic light group."""
+    return _FIRST_LIGHT + zlib.crc32(lane.encode())
 
 
 def degrees_of(plane: Float64) -> Float64:

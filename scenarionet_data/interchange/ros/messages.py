@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,12 @@ _DEFINITIONS_2 = {
 }
 """Of the package vision_msgs 4, which rosbags lacks."""
 
+_SERVICE_HEADER = "uint64 client\nint64 number\n"
+"""What rmw_cyclonedds writes before the fields of a request, and of its reply."""
+
+_NO_FIELDS = "uint8 structure_needs_at_least_one_member\n"
+"""What ROS writes for none."""
+
 
 class RosMessages:
     """Messages of one version.
@@ -61,6 +68,11 @@ class RosMessages:
         self.store: Any = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_JAZZY)
         for name, text in (_DEFINITIONS | (_DEFINITIONS_2 if version == 2 else _DEFINITIONS_1)).items():
             self.store.register(get_types_from_msg(text, name))
+        if version == 2:
+            _, *blocks = (Path(__file__).parent / "autoware.txt").read_text("utf-8").split("\n\n")
+            for name, _, fields in (block.partition("\n") for block in blocks):
+                fields = _SERVICE_HEADER + (fields or _NO_FIELDS) if "/srv/" in name else fields
+                self.store.register(get_types_from_msg(fields, name.replace("/srv/", "/srv/msg/")))
 
     def encode(self, message: Any) -> bytes:
         """Return a message as bytes: of ROS 2 as CDR, little endian, with its four bytes of header."""
@@ -72,15 +84,19 @@ class RosMessages:
         return (self.store.deserialize_ros1 if self.version == 1 else self.store.deserialize_cdr)(content, kind)
 
     def make(self, name: str, /, **fields: Any) -> Any:
-        """Return a message of a type, such as ``geometry_msgs/Point``."""
-        return self.store.types[name.replace("/", "/msg/")](**fields)
+        """Return a message of a type, such as ``geometry_msgs/Point`` or ``a_msgs/srv/Name_Request``."""
+        package, _, kind = name.rpartition("/")
+        return self.store.types[f"{package}/msg/{kind}"](**fields)
+
+    def time(self, stamp: int) -> Any:
+        """Return a time [ns]."""
+        sec, nanosec = divmod(stamp, 1_000_000_000)
+        return self.make("builtin_interfaces/Time", sec=sec, nanosec=nanosec)
 
     def header(self, stamp: int, frame: str) -> Any:
         """Return a header of a time [ns]."""
-        sec, nanosec = divmod(stamp, 1_000_000_000)
-        time = self.make("builtin_interfaces/Time", sec=sec, nanosec=nanosec)
         numbered = {"seq": 0} if self.version == 1 else {}
-        return self.make("std_msgs/Header", stamp=time, frame_id=frame, **numbered)
+        return self.make("std_msgs/Header", stamp=self.time(stamp), frame_id=frame, **numbered)
 
     def vector(self, x: float, y: float, z: float) -> Any:
         """Return a Vector3."""

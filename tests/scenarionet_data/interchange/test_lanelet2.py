@@ -16,10 +16,11 @@ from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.interchange import writer_for
 from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.lanelet2.sides import share_sides
-from scenarionet_data.interchange.lanelet2.writer import ANCHOR, degrees_of
+from scenarionet_data.interchange.lanelet2.writer import ANCHOR, degrees_of, light_number
 from scenarionet_data.interchange.lanelets import make_lanelets
 from scenarionet_data.interchange.numbering import number_ids
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane
+from tests.fixtures.drives import make_drive
 from tests.fixtures.scenarios import small
 from tests.scenarionet_data.interchange.conformance import WriterConformance
 
@@ -83,8 +84,20 @@ def test_lights_and_stop_signs_are_rules_of_their_lanes(lake, tmp_path):
         (lane,) = [each for each in relations.values() for member in each.findall("member")
                    if member.get("ref") == rule.get("id")]  # fmt: skip
         sides = {member.get("role"): ways[member.get("ref")] for member in lane.findall("member")[:2]}
-        ends = [sides[side].findall("nd")[-1].get("ref") for side in ("left", "right")]
-        assert [each.get("ref") for each in members["ref_line"].findall("nd")] == ends
+        ends = [[sides[side].findall("nd")[place].get("ref") for side in ("left", "right")] for place in (0, -1)]
+        assert [each.get("ref") for each in members["ref_line"].findall("nd")] in ends
+
+
+def test_the_stop_line_of_a_light_is_at_the_end_of_its_lane_that_is_nearer(tmp_path):
+    """The light stops vehicles at the beginning of the lane after the middle of the road, where x is 20 m."""
+    (content,) = writer_for("lanelet2").write(make_drive(red=True), "map", Losses()).values()
+    root = Xml.fromstring(content)
+    ways = {each.get("id"): [node.get("ref") for node in each.iter("nd")] for each in root.iter("way")}
+    along = {each.get("id"): float(tag(each, "local_x")) for each in root.iter("node")}
+    (rule,) = (each for each in root.iter("relation") if tag(each, "subtype") == "traffic_light")
+    (line,) = (each.get("ref") for each in rule.iter("member") if each.get("role") == "ref_line")
+    assert [along[node] for node in ways[line]] == [20.0, 20.0]
+    assert int(rule.get("id")) == light_number("right_b") > max(map(int, ways))
 
 
 def test_stop_signs_come_back_with_their_lanes(tmp_path):

@@ -13,7 +13,8 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_data.errors import SourceError
 from scenarionet_sim.bridges import stacks
-from scenarionet_sim.bridges.commands import Steer, Twist
+from scenarionet_sim.bridges.commands import Push, Steer, Twist
+from scenarionet_sim.bridges.commands import drive as drive_by
 from scenarionet_sim.bridges.link import NS, Link
 from scenarionet_sim.evaluation.evaluation import evaluate
 from scenarionet_sim.planners.base import Trajectory
@@ -35,7 +36,7 @@ class InMemory:
 
     def __init__(self, answer):
         self.answer, self.moments, self.answers = answer, queue.Queue(), queue.Queue()
-        self.stamps, self.firsts = [], []
+        self.stamps, self.firsts, self.preparing = [], [], 0
         self.thread = threading.Thread(target=self.work, daemon=True)
         self.thread.start()
 
@@ -45,6 +46,9 @@ class InMemory:
                 if answer is None:
                     return
                 self.answers.put(answer)
+
+    def begin(self, moment, until):
+        return moment.stamp + self.preparing
 
     def send(self, moment):
         self.stamps.append(moment.stamp)
@@ -223,3 +227,25 @@ def _view():
     world = World.from_scenario(SCENARIOS[0])
     simulation = Simulation([world], (Replay(),))
     return View(world, simulation.state, 0, world.ego)
+
+
+def test_a_stack_that_has_got_ready_is_waited_for_again():
+    """The clock runs while it gets ready, and the first moment has the time after that."""
+
+    def slow(stamp, speed, is_first):
+        time.sleep(0.35)
+        yield stamp, Push(0.0, 2.0)
+
+    transport, view = InMemory(slow), _view()
+    link = Link(transport, limit=0.1)
+    with pytest.raises(SourceError, match="did not answer"):
+        link.ask(view, {}, is_first=True)
+    link.limit, transport.preparing = 2.0, NS
+    assert link.ask(view, {}, is_first=True) == [0.0, 0.5]  # longer than what a dead stack gets; 2 of 4 m/s²
+    assert transport.stamps[-1] == link.stamp == round(1.2 * NS)
+    transport.close()
+
+
+@pytest.mark.parametrize(("acceleration", "throttle"), [(2.0, 0.5), (-4.0, -0.5), (99.0, 1.0)])
+def test_an_acceleration_is_a_share_of_what_engine_and_brake_can(acceleration, throttle):
+    assert drive_by(Push(math.radians(20.0), acceleration), _view()) == pytest.approx([0.5, throttle])

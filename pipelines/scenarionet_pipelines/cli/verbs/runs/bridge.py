@@ -10,8 +10,9 @@ from scenarionet_pipelines.messages import one_line
 class BridgeVerb(Progressing):
     """Let a driving stack in another process drive a scenario, a database, or the whole lake.
 
-    STACK is ros2. The stack's run is a run of the lake, as of `scenarionet sim --policy ros2:dds`, which this is a
-    shorter way to say. Start the stack before or after; docs/guides/stacks.md lists what it gets and answers.
+    STACK is ros2 or autoware. The stack's run is a run of the lake, as of `scenarionet sim --policy ros2:dds`, which
+    this is a shorter way to say. Start the stack before or after; docs/guides/stacks.md and docs/guides/autoware.md
+    list what it gets and answers.
 
     Exits with 1 if a scenario could not be driven to its end, and says why.
     """
@@ -20,11 +21,12 @@ class BridgeVerb(Progressing):
         "scenarionet runs bridge ros2 lake busy_val",
         "scenarionet runs bridge ros2 lake nuscenes/v1.0-mini/scene-0061 --realtime --with camera --with lidar",
         "scenarionet runs bridge ros2 lake busy_val --wire zenoh --name stack",
+        "scenarionet runs bridge autoware lake nuscenes/v1.0-mini/scene-0061 --realtime",
     )
     stack: str = argument("STACK")
     lake: str = argument()
     scenario_or_database: str | None = argument("[SCENARIO|DATABASE]")
-    wire: str = option("What carries the messages.", choices=("dds", "zenoh"), default="dds")
+    wire: str = option("What carries the messages; Autoware has dds alone.", choices=("dds", "zenoh"), default="dds")
     realtime: bool = option(
         "Keep to the wall clock, or wait for each answer. [default: lockstep]", "--realtime/--lockstep"
     )
