@@ -18,6 +18,8 @@ _TOLERANCE = 0.05
 """Recorded times may be this many timesteps away from the regular ones (5 ms at 10 Hz) and are kept."""
 EGO_GAP = 0.5
 """Longest time between usable rows of the ego between which it is interpolated [s]."""
+_LONGEST_STEP = 1e4
+"""Longest timestep [s]."""
 _LONGEST_GAP = 1.0
 """Longest time between adjacent recorded times that is bridged [s], at least 1.5 timesteps of the recording."""
 
@@ -92,8 +94,8 @@ def resample(scenario: ScenarioDescription, dt: float | None = None) -> Scenario
     """
     check_scenario(scenario)
     dt = scenario.dt if dt is None else dt
-    if not (is_number(dt) and 0.0 < dt < np.inf):
-        raise BadParameter(f"dt: expected a timestep above 0 s, found {dt!r}")
+    if not (is_number(dt) and 0.0 < dt <= _LONGEST_STEP):
+        raise BadParameter(f"dt: expected a timestep above 0 s and up to {_LONGEST_STEP:g} s, found {dt!r}")
     times = scenario.timestamps
     if np.abs(times - np.arange(len(times)) * dt).max() <= _TOLERANCE * dt:
         return scenario

@@ -151,7 +151,7 @@ class Engine:
             LakeError: A file is missing or cannot be read.
         """
         with self._query(sql, tables or {}):
-            given = parameters or {}
+            given = {} if parameters is None else parameters
             query = only_select(self._connection, sql, given)
             self._views.make(sql, user_columns)
             rows = self._connection.sql(query, params=dict(given)).to_arrow_table()
@@ -167,7 +167,7 @@ class Engine:
     ) -> Generator[pa.RecordBatch, None, None]:
         """Run one SELECT and yield its rows in batches; other queries wait until the generator ends or is closed."""
         with self._query(sql, tables or {}):
-            given = parameters or {}
+            given = {} if parameters is None else parameters
             query = only_select(self._connection, sql, given)
             self._views.make(sql, user_columns)
             rows = self._connection.sql(query, params=dict(given)).to_arrow_reader(_ROWS_PER_BATCH)

@@ -125,7 +125,7 @@ class Targets:
 
     def __post_init__(self) -> None:
         kinds = ("default", "recorded", "ego", "moving", "where")
-        _require(self.which in kinds, "which", " or ".join(kinds), self.which)
+        _require(isinstance(self.which, str) and self.which in kinds, "which", " or ".join(kinds), self.which)
         _require(self.limit is None or is_count(self.limit, 1), "limit", "at least 1 target, or None", self.limit)
         _require(isinstance(self.where, str), "where", "SQL as text", self.where)
         has_condition = bool(self.where.strip())
@@ -187,7 +187,8 @@ class Choices:
     perspective: Literal["agent", "scene"] = "agent"
 
     def __post_init__(self) -> None:
-        _require(self.perspective in ("agent", "scene"), "perspective", "agent or scene", self.perspective)
+        is_known = isinstance(self.perspective, str) and self.perspective in ("agent", "scene")
+        _require(is_known, "perspective", "agent or scene", self.perspective)
 
 
 _Part = TypeVar("_Part", TimeWindow, Agents, Polylines, Targets, Augmentation)

@@ -110,7 +110,7 @@ def as_numbers(actions: npt.ArrayLike) -> Float64:
     """
     try:
         return np.asarray(actions, np.float64, order="C")
-    except (TypeError, ValueError) as error:
+    except (OverflowError, TypeError, ValueError) as error:
         raise BadParameter(f"actions: expected steering and throttle of each agent, found {actions!r}") from error
 
 

@@ -8,7 +8,7 @@ from inspect import Parameter, signature
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
-from scenarionet_data.arrays.dtypes import Bool
+from scenarionet_data.arrays.dtypes import Bool, is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.kinematic import Kinematic
@@ -106,6 +106,8 @@ class EnvConfig:
             raise BadParameter(f"observation={self.observation!r}; expected 'flat' or 'dict'")
         if not isinstance(self.dt, int | float) or not 0.0 < self.dt < 10.0:
             raise BadParameter(f"dt={self.dt!r}; expected a timestep in seconds, for example {STEP}")
+        if not is_count(self.prefetch):
+            raise BadParameter(f"prefetch={self.prefetch!r}; expected a number of scenarios to load ahead, or 0")
         for name, kind, example in _PARTS:
             value = getattr(self, name)
             if isinstance(value, Sensor | Policy):

@@ -80,7 +80,7 @@ class ScenarioNetParallelEnv(ParallelEnv[str, Any, Array]):  # type: ignore[misc
             Observations and infos by agent; empty for a scenario without travelling vehicles.
         """
         self._episodes.restart(seed)
-        if options == {"options": 1}:  # by which PettingZoo tests the interface
+        if isinstance(options, dict) and options == {"options": 1}:  # by which PettingZoo tests the interface
             options = None
         world, timestep = self._episodes.chosen(options)
         core = self._episodes.prepare([world])

@@ -113,7 +113,15 @@ def test_scenarios_in_the_place_of_the_configuration(only):
 
 @pytest.mark.parametrize(
     "options",
-    [{"scenario": "pg/v2/3"}, "pg/v2/3", {"timestep": "a"}, {"timestep": 1.5}, {"timestep": -1}, ["timestep"]],
+    [
+        {"scenario": "pg/v2/3"},
+        "pg/v2/3",
+        {"timestep": "a"},
+        {"timestep": 1.5},
+        {"timestep": -1},
+        ["timestep"],
+        np.array([1, 2]),
+    ],
 )
 def test_reset_options(only, env, options):
     with pytest.raises(BadParameter, match=r"(expected|choose)"):
@@ -130,7 +138,10 @@ def test_seeds(only, env, seed):
         ScenarioNetVectorEnv(num_envs=1, scenarios=only("crowd"), seed=seed).reset()
 
 
-@pytest.mark.parametrize("action", [None, "left", 3, ["a", "b"], [math.nan, 0.0], [math.inf, 0.0], [[0.0, 1.0], 2.0]])
+@pytest.mark.parametrize(
+    "action",
+    [None, "left", 3, ["a", "b"], [math.nan, 0.0], [math.inf, 0.0], [10**400, 0.0], [[0.0, 1.0], 2.0]],
+)
 def test_actions(env, action):
     env.reset(seed=0)
     with pytest.raises(BadParameter, match="action"):
@@ -147,7 +158,10 @@ def test_actions_of_many_agents(only, action):
         env.step(dict.fromkeys(env.agents, action))
 
 
-@pytest.mark.parametrize("counts", [{"num_envs": 0}, {"num_envs": 1.5}, {"threads": -1}, {"threads": "a"}])
+@pytest.mark.parametrize(
+    "counts",
+    [{"num_envs": 0}, {"num_envs": 1.5}, {"threads": -1}, {"threads": "a"}, {"prefetch": None}, {"prefetch": "x"}],
+)
 def test_counts_of_a_batch(only, counts):
     with pytest.raises(BadParameter, match=rf"{next(iter(counts))}=.* expected"):
         ScenarioNetVectorEnv(**{"num_envs": 2, "scenarios": only("crowd"), **counts})
