@@ -40,9 +40,10 @@ from scenarionet_sim.scenarios.selection import resolved
 PART_SIZE = 32
 """Rollouts per part: the most work that a killed worker loses."""
 
-RULE = "to the end of the episode, off the road only where the recording is on it"
-"""Time that metrics cover. Runs from before there was a choice of words say nothing: an ego of IDM that had reached the
-end of its path was scored until then, and the road counted where the recording itself is off it."""
+RULE = "to the end of the episode, off the road only where the recording is on it, progress along its lanes"
+"""What metrics cover. Runs from before there was a choice of words say nothing: an ego of IDM that had reached the end
+of its path was scored until then, and the road counted where the recording itself is off it. Runs that do not say
+"along its lanes" measured progress along the recorded path."""
 
 ScenarioEnd = tuple[str, str | None, str | None]
 """Scenario id, how the episode ended, and the error if it could not be simulated."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -29,6 +30,21 @@ _NEAR_CONNECTOR = 5.0  # [m] from a connector a vehicle is still assigned to it,
 _ROUNDING = 1e-6  # [m]
 
 
+@dataclass(frozen=True)
+class LaneChange:
+    """A lane change: nuPlan's ``ego_lane_change``.
+
+    Attributes:
+        start, end: Moment at which the first corner has left the lane, and at which all are in one again.
+        is_completed: Whether it ends in a lane that is neither the first one nor a follower of it; not in the first
+            one again, off all lanes, or with the drive.
+    """
+
+    start: int
+    end: int
+    is_completed: bool
+
+
 @dataclass(frozen=True, eq=False)
 class DrivenLanes:
     """Lanes of a drive.
@@ -36,18 +52,37 @@ class DrivenLanes:
     Attributes:
         graph: The lanes of the map.
         route: The lanes that the centre is on, for each of T moments; the first one counts.
-        is_in_lane: (T,) whether the corners of the box are in one lane, or in lanes that follow one another.
+        shared: The lanes that all corners of the box are in or, in lanes that follow one another, between, for each
+            moment; none off all lanes, None if the corners are in different lanes.
     """
 
     graph: LaneLinks
     route: Sequence[LaneRows]
-    is_in_lane: Bool
+    shared: Sequence[frozenset[int] | None]
 
     @classmethod
     def of(cls, drive: EgoDrive, roads: Roads) -> DrivenLanes:
         """Find the lanes of a drive."""
         graph = roads.once(LaneLinks)
-        return cls(graph, driven_route(graph, drive), _is_in_lane(graph, _stays(roads, drive.corners)))
+        return cls(graph, driven_route(graph, drive), _shared(graph, _stays(roads, drive.corners)))
+
+    @cached_property
+    def is_in_lane(self) -> Bool:
+        """(T,) whether the corners of the box are in one lane, or in lanes that follow one another."""
+        return np.array([bool(lanes) for lanes in self.shared], np.bool_)
+
+    def lane_changes(self) -> list[LaneChange]:
+        """Lane changes, also those that are not completed."""
+        found: list[LaneChange] = []
+        start, first = 0, frozenset[int]()
+        for step, (before, now) in enumerate(pairwise(self.shared), 1):  # one ends before the next begins
+            if not first and now is None and before:
+                start, first = step, before
+            elif first and now is not None:
+                stayed = first | _joined(self.graph.after, first)
+                found.append(LaneChange(start, step, bool(now) and not now & stayed))
+                first = frozenset()
+        return [*found, LaneChange(start, len(self.shared) - 1, False)] if first else found
 
     def progress(self, position: Float64) -> Float64:
         """Movement (T,) along the lane since the moment before [m]; 0 where the lane is new, or there is none.
@@ -207,24 +242,25 @@ def _without_other_branches(graph: LaneLinks, route: list[LaneRows]) -> list[Lan
     return route
 
 
-def _is_in_lane(graph: LaneLinks, stays: Sequence[_Stay]) -> Bool:
-    """(T,) whether the corners share a lane, or are in lanes that follow one another."""
-    found = np.zeros(stays[-1].end if stays else 0, np.bool_)
+def _shared(graph: LaneLinks, stays: Sequence[_Stay]) -> list[frozenset[int] | None]:
+    """Return ``DrivenLanes.shared`` of the corners."""
+    found: list[frozenset[int] | None] = []
     candidates: LaneRows = ()
     for stay in stays:
         for step in range(stay.first, stay.end):  # candidates are the lanes of the moment before
             before = candidates
-            candidates, found[step] = _lanes_of(graph, before, stay.lanes, is_second=step == 1)
+            candidates, lanes = _lanes_of(graph, before, stay.lanes, is_second=step == 1)
+            found.append(lanes)
             if candidates == before and step > 1:  # as nothing changes until the end of the stay
-                found[step : stay.end] = found[step]
+                found += [lanes] * (stay.end - step - 1)
                 break
     return found
 
 
 def _lanes_of(
     graph: LaneLinks, candidates: LaneRows, corners: tuple[frozenset[int], ...], *, is_second: bool
-) -> tuple[LaneRows, bool]:
-    """Lanes of the corners, and whether these share one, or are in lanes that follow one another."""
+) -> tuple[LaneRows, frozenset[int] | None]:
+    """Lanes of the corners, and those that they share, or are between in lanes that follow one another."""
     lanes: list[LaneRows] = []
     for here in corners:
         of_corner = graph.continued(candidates, here)
@@ -233,27 +269,28 @@ def _lanes_of(
             if is_second:
                 candidates = tuple(dict.fromkeys(candidates + of_corner))
         lanes.append(of_corner)
-    is_in_lane = all(lanes) and (
-        bool(set.intersection(*map(set, lanes))) or _are_connected(graph, *map(frozenset, lanes))
-    )
-    return tuple(dict.fromkeys(lane for each in lanes for lane in each)), is_in_lane
+    shared: frozenset[int] | None = frozenset()
+    if any(lanes):
+        each = [frozenset(of_corner) for of_corner in lanes]
+        shared = (all(lanes) and (frozenset.intersection(*each) or _connecting(graph, *each))) or None
+    return tuple(dict.fromkeys(lane for each in lanes for lane in each)), shared
 
 
-def _are_connected(
+def _connecting(
     graph: LaneLinks,
     front_left: frozenset[int],
     rear_left: frozenset[int],
     rear_right: frozenset[int],
     front_right: frozenset[int],
-) -> bool:
-    """Whether each front corner is in the lane of the opposite rear corner, or in one that follows it."""
+) -> frozenset[int]:
+    """Lanes of the rear corners, or following these, that front corners are in, or in followers, crosswise."""
     from_left = rear_left | _joined(graph.after, rear_left)
     from_right = rear_right | _joined(graph.after, rear_right)
     if not (rear_left & from_right or rear_right & from_left):
-        return False
+        return frozenset()
     to_left = front_left | _joined(graph.before, front_left)
     to_right = front_right | _joined(graph.before, front_right)
-    return bool(to_left & from_right & to_right & from_left)
+    return to_left & from_right & to_right & from_left
 
 
 def _joined(edges: Callable[[int], LaneRows], lanes: frozenset[int]) -> frozenset[int]:

@@ -90,9 +90,9 @@ def driving_direction(progress: Iterable[float], dt: float) -> tuple[float, floa
     return direction_score(distance), -distance
 
 
-def direction_score(distance: float) -> float:
-    """1 below 2 m driven against the traffic within one second, 0.5 below 6 m, else 0."""
-    return 1.0 if distance < 2.0 else 0.5 if distance < 6.0 else 0.0
+def direction_score(distance: float, limit: float = 6.0) -> float:
+    """1 below 2 m driven against the traffic within one second, 0.5 below ``limit`` [m], else 0."""
+    return 1.0 if distance < 2.0 else 0.5 if distance < limit else 0.0
 
 
 def progress_score(ratio: float) -> float:

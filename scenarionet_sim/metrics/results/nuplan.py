@@ -8,43 +8,45 @@ from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.comfort import measure_comfort
 from scenarionet_sim.metrics.drive import DrivenEpisode, EgoDrive, SurroundingBoxes
-from scenarionet_sim.metrics.lanes import DrivenLanes
+from scenarionet_sim.metrics.lanes import DrivenLanes, driven_route
 from scenarionet_sim.metrics.nuplan.collisions import CollisionKind, collision_score, find_collisions
+from scenarionet_sim.metrics.nuplan.progress import ExpertRoute
 from scenarionet_sim.metrics.nuplan.scoring import (
     closed_loop_score,
     direction_score,
     driving_direction,
-    progress_ratio,
     progress_score,
     speed_limit_score,
 )
 from scenarionet_sim.metrics.nuplan.time_to_collision import BOUND, time_to_collision
 from scenarionet_sim.metrics.road import is_off_road
 from scenarionet_sim.roads.roads import Roads
-from scenarionet_sim.rollouts.rollout import Rollout
-from scenarionet_sim.worlds.paths import SPACING
-from scenarionet_sim.worlds.world import World
 
 
 def measure(episode: DrivenEpisode) -> dict[str, Any]:
     """Return nuPlan's metrics; None where the map lacks what one needs, or the drive is too short for its filter."""
     if not episode.is_whole:
         return {}
-    rollout, drive, recorded, world = episode.scored, episode.drive, episode.recorded, episode.world
-    others, roads = SurroundingBoxes.of(rollout, world), world.roads
+    drive, recorded, world = episode.drive, episode.recorded, episode.world
+    others, roads = SurroundingBoxes.of(episode.scored, world), world.roads
     lanes = DrivenLanes.of(drive, roads) if roads.num_lanes else None
     is_in_lane = np.ones(len(drive.time), np.bool_) if lanes is None else lanes.is_in_lane
     collisions = find_collisions(drive, others, is_in_lane)
     knows_lanes, kinds = lanes is not None, Counter(each.kind for each in collisions)
     crossing = roads.is_in(drive.rear_axle, roads.polygon_type == MapFeatureType.INTERSECTION)
     soonest = float(time_to_collision(drive, others, collisions, is_in_lane, crossing).min())
+    if lanes is None:
+        expert = ExpertRoute.of(None, (), recorded.position)
+    else:
+        is_recorded = np.array_equal(drive.position, recorded.position)
+        route = lanes.route if is_recorded else driven_route(lanes.graph, recorded)
+        expert = ExpertRoute.of(lanes.graph, route, recorded.position)
     comfort = measure_comfort(drive.acceleration, drive.heading, drive.dt)
     row = {
-        "progress_ratio": progress_ratio(float(rollout.progress[-1]), _recorded_progress(rollout, recorded, world)),
+        "progress_ratio": expert.ratio(drive.position, recorded.position),
         **{f"{kind}_collisions": kinds[kind] for kind in CollisionKind},
         "at_fault_collisions": sum(each.is_at_fault for each in collisions) if knows_lanes else None,
         "no_ego_at_fault_collisions": collision_score(collisions) if knows_lanes else None,
@@ -69,28 +71,20 @@ def _off_road_time(drive: EgoDrive, recorded: EgoDrive, roads: Roads) -> float |
     return float(off.sum() * drive.dt)
 
 
-def _recorded_progress(rollout: Rollout, recorded: EgoDrive, world: World) -> float:
-    """Distance [m] that the recording drives along the path in the time of the rollout."""
-    paths = world.paths
-    rows = slice(paths.path_offsets[rollout.agent], paths.path_offsets[rollout.agent + 1])
-    points, arc = paths.path_points[rows].astype(np.float64), paths.path_arc[rows]
-
-    def arc_at(position: Float64) -> float:
-        apart = np.hypot(*(points - position).T)
-        return float(arc[np.flatnonzero(apart <= apart.min() + SPACING)[-1]])
-
-    return arc_at(recorded.position[-1]) - arc_at(recorded.position[0])
-
-
 def _along_lanes(drive: EgoDrive, lanes: DrivenLanes | None) -> dict[str, Any]:
-    """Driving against the traffic and above the speed limit."""
+    """Lane changes, driving against the traffic and above the speed limit."""
     if lanes is None:
-        return {"wrong_way_distance": None, "max_overspeed": None, "speed_limit_compliance": None}
+        return dict.fromkeys(
+            ("lane_changes", "failed_lane_changes", "wrong_way_distance", "max_overspeed", "speed_limit_compliance")
+        )
+    changes = lanes.lane_changes()
     _, smallest = driving_direction(lanes.progress(drive.position), drive.dt)
     limit = lanes.speed_limit()
     over = np.where(np.isnan(limit), 0.0, np.maximum(drive.speed - limit, 0.0))
     is_known = not np.isnan(limit).all()
     return {
+        "lane_changes": len(changes),
+        "failed_lane_changes": sum(not each.is_completed for each in changes),
         "wrong_way_distance": -smallest,
         "max_overspeed": float(over.max()) if is_known else None,
         "speed_limit_compliance": speed_limit_score(over, drive.time) if is_known else None,

@@ -11,7 +11,8 @@ import shapely
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
 from scenarionet_sim.metrics.drive import EgoDrive
-from scenarionet_sim.metrics.lanes import DrivenLanes
+from scenarionet_sim.metrics.lanes import DrivenLanes, LaneChange
+from scenarionet_sim.metrics.nuplan.progress import ExpertRoute
 from scenarionet_sim.roads.roads import Roads
 
 LANES = {
@@ -54,6 +55,57 @@ def test_progress_along_the_lane_and_against_it(roads):
     assert DrivenLanes.of(wrong, roads).progress(wrong.position) == pytest.approx([0.0, -1.0, -2.0])
     changed = drive(np.array([48.0, 52.0, 56.0, 60.0]), 0.0)
     assert DrivenLanes.of(changed, roads).progress(changed.position)[1:3] == pytest.approx([0.0, 0.0]), "a new lane"
+
+
+def expert_route(expert: EgoDrive, roads: Roads) -> ExpertRoute:
+    lanes = DrivenLanes.of(expert, roads)
+    return ExpertRoute.of(lanes.graph, lanes.route, expert.position)
+
+
+def test_progress_along_the_lanes_of_the_recording_ends_where_they_are_left(roads):
+    x = np.arange(10.0, 101.0, 5.0)
+    route = expert_route(drive(x, 0.0), roads)
+    assert len(route.lines) == 3
+    for beside in (0.0, 3.0):
+        assert route.progress(drive(x, beside).position) == pytest.approx(90.0)
+    assert route.progress(drive(x[x < 80.0], 0.0).position) == pytest.approx(65.0), "just on the third"
+    assert route.progress(drive(x, np.where(x < 48.0, 0.0, 12.0)).position) == pytest.approx(35.0), "away since x = 50"
+    assert route.progress(drive(x, np.where(abs(x - 60.0) < 12.0, 12.0, 0.0)).position) == pytest.approx(90.0), "back"
+    assert expert_route(drive(x, 30.0), roads).ratio(drive(x, 0.0).position, drive(x, 30.0).position) == 1.0
+    standing = drive(np.full(3, 10.0), 0.0).position
+    assert ExpertRoute.of(None, (), standing).ratio(standing, standing) == 1.0, "without a map"
+
+
+@pytest.fixture(scope="module")
+def two_lanes() -> Roads:
+    """A lane that turns off, and one beside it on the left that begins 20 m later; they are not linked."""
+    builder = MapBuilder()
+    for name, points in (("right", [[0, 0], [45, 0], [60, -20]]), ("left", [[20, 3.5], [110, 3.5]])):
+        builder.add(name, Type.LANE_SURFACE_STREET, polyline=points, width=[[1.75, 1.75]] * len(points))
+    return Roads.from_map(builder.build(np.zeros(3)))
+
+
+def test_progress_goes_on_in_the_lane_that_the_recording_changes_to(two_lanes):
+    x = np.arange(10.0, 101.0, 5.0)
+    changing = drive(x, np.where(x < 42.0, 0.0, 3.5))
+    assert expert_route(changing, two_lanes).progress(changing.position) == pytest.approx(90.0)
+
+
+@pytest.mark.parametrize(
+    ("y", "changes"),
+    [
+        ([0.0, 0.0, 0.0], []),
+        ([0.0, 1.7, 3.5], [LaneChange(1, 2, True)]),
+        ([0.0, 1.7, 1.8, 0.0, 1.7], [LaneChange(1, 3, False), LaneChange(4, 4, False)]),
+        ([0.0, 1.7, 12.0], [LaneChange(1, 2, False)]),
+        ([1.7, 3.5, 3.5], []),
+        ([0.0, 12.0, 12.0], []),
+    ],
+)
+def test_lane_changes(two_lanes, y, changes):
+    """Completed, back, to the end of the drive, off all lanes; not from between lanes, or off the road at once."""
+    x = 30.0 + np.arange(len(y))
+    assert DrivenLanes.of(drive(x, np.array(y)), two_lanes).lane_changes() == changes
 
 
 def test_speed_limit_of_a_connector_is_the_highest_of_the_lanes_it_joins(roads):

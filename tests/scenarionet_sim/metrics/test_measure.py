@@ -160,7 +160,7 @@ def test_metrics_have_an_owner_and_scores_a_direction():
     table = tables.load("results")
     keys = {"run", "scenario_id", "track_id", "error", "rollout", "steps"}
     assert {each.name for each in (*table.columns, *table.derived) if not each.owner} == keys
-    neutral = {"status", "outcome_time", "mean_speed", "is_reactive"}
+    neutral = {"status", "lane_changes", "outcome_time", "mean_speed", "is_reactive"}
     assert {each.name for each in (*table.columns, *table.derived) if each.owner and not each.better} == neutral
     assert {each.better for each in table.columns} == {"", "higher", "lower"}
 
