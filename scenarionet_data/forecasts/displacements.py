@@ -17,6 +17,7 @@ from scenarionet_data.scenario.vocabulary import AREAS_TO_DRIVE_ON, MapFeatureTy
 MISS = 2.0
 """Error beyond which a prediction misses, or in nuScenes from which [m]."""
 ARGOVERSE_MODES = 6
+_PIXELS, _SPLINE_ORDER = 10.0, 3
 
 
 def argoverse(modes: Float64, probabilities: Float64, truth: Float64) -> dict[str, float]:
@@ -57,10 +58,30 @@ def nuscenes(modes: Float64, truth: Float64, count: int) -> dict[str, float]:
     return {f"min_ade_{count}": float(error.mean(axis=1).min()), f"miss_rate_top_{count}": missed}
 
 
-def off_road_rate(modes: Float64, area: shapely.Geometry) -> float:
-    """Share of the modes that leave the drivable area, as nuScenes counts it."""
-    inside = shapely.contains_xy(area, modes[..., 0], modes[..., 1]).all(axis=1)
-    return float(1 - inside.mean())
+def off_road_rate(modes: Float64, area: shapely.Geometry, origin: Float64) -> float:
+    """Share of the modes that leave the drivable area, as nuScenes' OffRoadRate: between the predicted points, too.
+
+    The owner draws the area with pixels of 0.1 m; here only the points are on that grid, the outline is exact.
+
+    Args:
+        modes: (K, F, 2) [m].
+        area: See :func:`drivable_area`.
+        origin: (2,) place of the scenario's frame in that of the source, in which the grid is [m].
+
+    Raises:
+        ImportError: Without scipy, whose splines are the owner's.
+    """
+    from scipy.interpolate import splev, splprep
+
+    left = 0
+    for mode in modes:
+        points = np.array(list(dict.fromkeys(map(tuple, mode.tolist()))))  # different ones, as the spline needs
+        if len(points) > _SPLINE_ORDER:
+            knots, _ = splprep(points.T, k=_SPLINE_ORDER, s=0.1)
+            points = np.column_stack(splev(np.linspace(0.0, 1.0, 200), knots))
+        points = np.trunc((points + origin) * _PIXELS) / _PIXELS - origin
+        left += not shapely.intersects_xy(area, points[:, 0], points[:, 1]).all()
+    return left / len(modes)
 
 
 def drivable_area(features: MapFeatures | None) -> shapely.Geometry | None:

@@ -192,7 +192,10 @@ class _TargetScorer:
                 "num_modes": len(each.modes),
             }
             if area is not None:
-                found["off_road_rate"] = off_road_rate(each.modes, area)
+                try:
+                    found["off_road_rate"] = off_road_rate(each.modes, area, scenario.origin[:2])
+                except ImportError:
+                    self.note("without off_road_rate, which needs scipy (extra vary)", each)
             found |= self._displacements(truth, row, now, each)
             found |= self._waymo(truth, row, now, each, kind)
             self.rows.append({name: None if value != value else value for name, value in found.items()})

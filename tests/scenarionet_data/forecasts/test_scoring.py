@@ -179,7 +179,14 @@ def test_the_floor_is_a_fan_of_six_constant_velocities(lake, path):
 
 def test_modes_that_leave_the_road_are_counted():
     modes = np.array([[[1, 1], [2, 2]], [[1, 1], [9, 9]]], dtype=np.float64)
-    assert off_road_rate(modes, shapely.box(0, 0, 5, 5)) == 0.5
+    assert off_road_rate(modes, shapely.box(0, 0, 5, 5), np.zeros(2)) == 0.5
+    bend = np.array([[[0, 0], [4, 0], [8, 0.2], [10, 2], [10.2, 6], [10.2, 10]]], dtype=np.float64)
+    corner = shapely.LineString(bend[0]).buffer(0.15)
+    assert off_road_rate(bend, corner, np.zeros(2)) == 1.0, "the curve between the points is off the road"
+    assert off_road_rate(bend, corner.buffer(1.0), np.zeros(2)) == 0.0
+    edge, line = shapely.box(-1, -1, 3, 1.23), np.array([[[0, 1.25], [1, 1.25]]])
+    assert off_road_rate(line, edge, np.zeros(2)) == 0.0, "on the owner's grid it is at 1.2 m"
+    assert off_road_rate(line, edge, np.array([0.0, 0.06])) == 1.0, "and here at 1.24 m"
 
 
 def test_a_road_without_outlines_has_no_area():
