@@ -14,6 +14,7 @@ _OF_FOLDER = {
     "layers": "restore it from a copy of the lake, or `scenarionet db tag LAKE --drop {reference} --force` and tag "
     "again",
     "results": "remove the run's folder and simulate again",
+    "checkpoints": "remove it: training goes on from the checkpoint before it",
     "origins.json": "restore it from a copy of the pack",
     "lake.json": "restore it from a copy of the lake; without it nothing else can be verified",
 }
@@ -65,5 +66,7 @@ def remedy(file: str, newest: Inputs) -> str:
             "restore it from a copy of the lake, or `scenarionet maintain fsck LAKE --repair` and convert again "
             f"{', '.join(listed[:_SHOWN])}{more}"
         )
+    if folder == "results" and "/checkpoints/" in rest:
+        folder = "checkpoints"
     name, _, version = rest.removesuffix(".parquet").partition("/")
     return _OF_FOLDER.get(folder, _OLDER).format(reference=f"{name}@{version}")

@@ -133,8 +133,11 @@ def load(files: LakeFiles, run: str, number: int | None = None) -> Checkpoint | 
                 raise ValueError("its tensors differ from those that were written")
             return Checkpoint(number, facts, decode(data)[0])
         data, place = files.content(name), files.place(name)
-        arrays, metadata = decode(data)
-        written = metadata["digest"].encode()
+        try:
+            arrays, metadata = decode(data)
+            written = metadata["digest"].encode()
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise ValueError("it is cut off, or its header differs from the one that was written") from error
         if len(written) != len(_ZEROS) or written != _digest(data.replace(written, _ZEROS, 1), place):
             raise ValueError("its bytes differ from those that were written under this name in this lake")
         return Checkpoint(number, json.loads(metadata["facts"]), arrays)

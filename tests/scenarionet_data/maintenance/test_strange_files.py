@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 
 import numpy as np
 import pytest
@@ -47,9 +48,10 @@ def test_damaged_checkpoints_are_found(lake, damage):
         "header": b"\xff" * 8 + data[8:],
     }
     path.write_bytes(changed[damage])
-    found = problems(lake)
-    assert list(found) == [f"{FOLDER}/{path.name}"]
-    assert "a damaged checkpoint" in found[f"{FOLDER}/{path.name}"]
+    (problem,) = fsck(lake.root, is_deep=True).problems
+    assert problem.file == f"{FOLDER}/{path.name}"
+    assert re.search(r"a damaged checkpoint, it(s bytes differ| is cut off)", problem.reason)
+    assert problem.remedy == "remove it: training goes on from the checkpoint before it"
 
 
 def test_stray_file_and_folder_among_checkpoints(lake):

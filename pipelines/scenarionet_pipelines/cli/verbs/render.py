@@ -64,8 +64,11 @@ class RenderVerb(LakeVerb, Progressing):
     def run(self) -> None:
         from scenarionet_data import ScenarioLoader, resample
         from scenarionet_data.plots import Drawing, Scene
+        from scenarionet_data.plots.files import VIDEOS
 
         path = output_path(self.file, "a picture or video", replace=self.replace)
+        if self.at is not None and path.suffix in VIDEOS:
+            raise BadParameter(f"--at {self.at:g}: {path.name} is a video, which has all times; a picture is a .png")
         opened = self.open()
         scenario = ScenarioLoader(opened, [opened.describe(self.scenario_id)["scenario_id"]])[0]
         if self.view in _IN_SPACE and self.color_by is not None:
