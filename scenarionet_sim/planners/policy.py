@@ -64,8 +64,13 @@ class Planned(Policy):
     @property
     def history(self) -> int:
         """Moments that the simulation keeps: the current one and those that the planner asks for."""
-        moments = self.planner().history
+        moments = self.made().history
         return moments + 1 if moments else 0
+
+    def made(self) -> Planner:
+        """Return another planner; its construction may end the process as little as its answers."""
+        with supervised(f"{getattr(self.planner, '__name__', 'planner')}()", self.step_limit):
+            return self.planner()
 
     def begin(self, batch: WorldBatch, state: State, slot: int) -> None:
         """Forget the planners of a slot, where an episode begins."""
@@ -124,9 +129,10 @@ class _Drives:
                 continue
             seat = self._seats.get((slot, row))
             if seat is None:
-                seat = self._seats[slot, row] = _Seat(self._policy.planner(), self._policy.episode_limit)
+                seat = self._seats[slot, row] = _Seat(self._policy.made(), self._policy.episode_limit)
             view = View(worlds[slot], now, slot, row, seat.planner.frame, seat.speed, seat.arc, skip=1)
-            seat.planner.expect(view)
+            with supervised(f"{type(seat.planner).__name__}.expect", self._policy.step_limit):
+                seat.planner.expect(view)
             asked.append((slot, row, seat, view))
         for slot, row, seat, view in asked:
             started = time.perf_counter()

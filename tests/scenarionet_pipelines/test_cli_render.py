@@ -78,7 +78,11 @@ def test_films_of_all_failures(tmp_path, ok, as_json):
         (("s000001", "-o", "there.png"), 2, "--replace"),
         (("nobody", "-o", "s.png"), 1, "no one scenario 'nobody'"),
         (("s000001", "-o", "s.png", "--at", "99"), 2, "--at 99: wanted 0 to 3 s"),
-        (("s000001", "-o", "s.gif", "--at", "1"), 2, "--at 1: s.gif is a video, which has all times; a picture is a .png"),
+        (
+            ("s000001", "-o", "s.gif", "--at", "1"),
+            2,
+            "--at 1: s.gif is a video, which has all times; a picture is a .png",
+        ),
         (("s000001", "-o", "s.png", "--at", "nan"), 2, "nan is not a finite number"),
         (("s000001", "-o", "s.png", "--speed", "inf"), 2, "inf is not a finite number"),
     ],

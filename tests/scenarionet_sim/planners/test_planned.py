@@ -143,3 +143,25 @@ def test_planners_end_neither_the_process_nor_never(answer, limits, kind, messag
     with pytest.raises(kind, match=message):
         drive(lambda: Ending(answer), make_drive("end"), **limits)
     assert time.perf_counter() - started < 30.0 and os._exit is at_exit
+
+
+class Leaving(Planner):
+    """Leaves when it is made, or before its first answer."""
+
+    def __init__(self, when):
+        if when == "made":
+            sys.exit(3)
+
+    def expect(self, view):
+        os._exit(4)
+
+    def act(self, view):
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize(
+    ("when", "message"), [("made", r"\(\) called exit\(3\)"), ("asked", r"expect called exit\(4\)")]
+)
+def test_planners_end_the_process_neither_when_made_nor_before_they_are_asked(when, message):
+    with pytest.raises(BadParameter, match=message):
+        drive(lambda: Leaving(when), make_drive("end"))
