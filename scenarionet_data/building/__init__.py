@@ -6,7 +6,7 @@ Canonical: float32 offsets from the origin, wrapped headings, zeros where not va
 from __future__ import annotations
 
 from scenarionet_data.building.features import MapBuilder, flat_points, make_features, meets
-from scenarionet_data.building.resampling import EGO_GAP, Resampling, bridge_gaps, resample
+from scenarionet_data.building.resampling import EGO_GAP, Resampling, bridge_gaps, cut_steps, resample
 from scenarionet_data.building.tracks import METRES, StateGrid, make_origin, make_tracks, offsets_from, rounded
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Resampling",
     "StateGrid",
     "bridge_gaps",
+    "cut_steps",
     "flat_points",
     "make_features",
     "make_origin",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64, is_numbe
 from scenarionet_data.arrays.geometry import wrap_angle
 from scenarionet_data.building.tracks import make_tracks
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario.description import ScenarioDescription, check_scenario
+from scenarionet_data.scenario.description import ScenarioDescription, Tracks, check_scenario
 
 _SAME_TIME = 1e-6
 """Times closer than this are the same [s]."""
@@ -161,3 +162,27 @@ def bridge_gaps(
         told = values[known, column].astype(np.float64)
         found[filled, column] = np.interp(times[filled], times[known], np.unwrap(told) if column == angle else told)
     return found, filled
+
+
+def cut_steps(scenario: ScenarioDescription, steps: slice) -> ScenarioDescription:
+    """Return a scenario during some timesteps, without road users that are not there then.
+
+    Args:
+        scenario: The scenario; its ``current_timestep`` has to be one of them.
+        steps: Which timesteps, each of them.
+    """
+    time, first = scenario.timestamps[steps], range(scenario.num_timesteps)[steps].start
+    kept = np.flatnonzero(scenario.tracks.valid[:, steps].any(axis=1))
+    arrays: dict[str, Any] = {name: getattr(scenario.tracks, name)[kept] for name in Tracks.__dataclass_fields__}
+    arrays |= {name: each[:, steps] for name, each in arrays.items() if each.ndim > 1}
+    tracks = Tracks(**arrays)
+    ids = set(tracks.ids)
+    return replace(
+        scenario,
+        timestamps=time - time[0],
+        current_timestep=scenario.current_timestep - first,
+        tracks=tracks,
+        lights=replace(scenario.lights, state=scenario.lights.state[:, steps]),
+        objects_of_interest=tuple(each for each in scenario.objects_of_interest if each in ids),
+        tracks_to_predict=tuple(each for each in scenario.tracks_to_predict if each[0] in ids),
+    )

@@ -6,13 +6,13 @@ import hashlib
 import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from scenarionet_data.building import cut_steps
 from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.query.lake_view import LakeView
-from scenarionet_data.scenario.description import ScenarioDescription, Tracks
+from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.storage.kept_moments import FOLDER
 
 MOMENTS = "moments:"
@@ -147,17 +147,4 @@ def cut_out(scenario: ScenarioDescription, moment: MomentWindow, margin: float) 
     if steps.stop - steps.start < 2:
         reason = f"{moment.definition} lasts for one timestep, {moment.first}; keep time around it with a margin"
         raise InvalidScenario(scenario.id, "moment", reason)
-    kept = np.flatnonzero(scenario.tracks.valid[:, steps].any(axis=1))
-    arrays: dict[str, Any] = {name: getattr(scenario.tracks, name)[kept] for name in Tracks.__dataclass_fields__}
-    arrays |= {name: each[:, steps] for name, each in arrays.items() if each.ndim > 1}
-    tracks = Tracks(**arrays)
-    ids = set(tracks.ids)
-    return replace(
-        scenario,
-        timestamps=time[steps] - time[first],
-        current_timestep=moment.first - first,
-        tracks=tracks,
-        lights=replace(scenario.lights, state=scenario.lights.state[:, steps]),
-        objects_of_interest=tuple(each for each in scenario.objects_of_interest if each in ids),
-        tracks_to_predict=tuple(each for each in scenario.tracks_to_predict if each[0] in ids),
-    )
+    return replace(cut_steps(scenario, steps), current_timestep=moment.first - first)

@@ -12,6 +12,7 @@ from scenarionet_data.lake.lake import Lake
 from scenarionet_sim.metrics.wosac.scoring import (
     CONFIGURATIONS,
     Score,
+    challenge_steps,
     constant_velocity_rollouts,
     is_generation,
     log_rollouts,
@@ -64,6 +65,11 @@ class SubmissionReport:
     def broken(self) -> tuple[tuple[str, str], ...]:
         """Scenario and reason of those that could not be scored."""
         return tuple((each.scenario_id, each.error) for each in self.scenarios if each.error is not None)
+
+    @property
+    def above_floor(self) -> list[float]:
+        """How much higher the realism of each scenario is than that of constant velocity."""
+        return [each.submitted.realism - each.floor.realism for each in self.scenarios if each.submitted and each.floor]
 
     @property
     def note(self) -> str | None:
@@ -139,12 +145,17 @@ def _score(job: _Job) -> tuple[int, ScoredScenario]:
     try:
         lake = Lake(job.lake)
         found = lake.sql(
-            "SELECT scenario_id FROM metadata WHERE dataset = 'waymo' AND source_scenario_id = $id", {"id": source_id}
+            """
+            SELECT scenario_id
+            FROM metadata
+            WHERE CASE dataset WHEN 'waymo' THEN source_scenario_id ELSE scenario_id END = $id
+            """,
+            {"id": source_id},
         ).to_dicts()
         if not found:
-            reason = f"the lake has no Waymo scenario {source_id}; convert the recordings that hold it"
+            reason = f"the lake has no scenario {source_id}; convert the recordings that hold it"
             return job.number, ScoredScenario(source_id, error=reason)
-        scenario = lake.loader([found[0]["scenario_id"]])[0]
+        scenario = challenge_steps(lake.loader([found[0]["scenario_id"]])[0])
         configuration = CONFIGURATIONS[job.configuration]
         submitted = score(scenario, job.rollouts, configuration, official=job.official)
         generated = is_generation(configuration)

@@ -10,12 +10,13 @@ import polars as pl
 from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.lake.lake import Lake
 from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_sim.metrics.wosac.scoring import challenge_id, challenge_steps, object_numbers
 from scenarionet_sim.metrics.wosac.submission import ScenarioRollouts
 
 _SCENARIOS = """
     SELECT DISTINCT scenario_id
-    FROM rollouts JOIN metadata USING (scenario_id)
-    WHERE run = $run AND dataset = 'waymo'
+    FROM rollouts
+    WHERE run = $run
     ORDER BY scenario_id
 """
 _TRAJECTORIES = """
@@ -26,7 +27,7 @@ _TRAJECTORIES = """
 
 
 def rollouts_of_run(lake: Lake, run: str) -> Iterator[ScenarioRollouts]:
-    """Return the rollouts of every Waymo scenario of a run with the episode ``wosac``.
+    """Return the rollouts of every scenario of a run with the episode ``wosac``.
 
     All objects observed at the end of the history are in them. Those that the run does not simulate to the end stay
     where they were last present; heights are those at the end of the history.
@@ -36,19 +37,19 @@ def rollouts_of_run(lake: Lake, run: str) -> Iterator[ScenarioRollouts]:
         run: Name of the run.
 
     Raises:
-        BadParameter: The run has no trajectories of Waymo scenarios.
+        BadParameter: The run has no trajectories.
         InvalidScenario: The run has another episode than the challenge.
     """
     ids = lake.sql(_SCENARIOS, {"run": run})["scenario_id"].to_list()
     if not ids:
         raise BadParameter(
-            f"run {run!r} has no trajectories of Waymo scenarios; simulate some with episode='wosac'",
+            f"run {run!r} has no trajectories; simulate some with episode='wosac'",
             cli_remedy="scenarionet sim LAKE --episode wosac --rollouts 32",
         )
     loader = lake.loader(ids)
     for number, scenario_id in enumerate(ids):
         rows = lake.sql(_TRAJECTORIES, {"run": run, "scenario_id": scenario_id})
-        yield _rollouts(loader[number], rows)
+        yield _rollouts(challenge_steps(loader[number]), rows)
 
 
 def _rollouts(scenario: ScenarioDescription, rows: pl.DataFrame) -> ScenarioRollouts:
@@ -60,7 +61,7 @@ def _rollouts(scenario: ScenarioDescription, rows: pl.DataFrame) -> ScenarioRoll
         reason += "; simulate with the episode wosac"
         raise InvalidScenario(scenario.id, "rollouts", reason)
     observed = np.flatnonzero(tracks.valid[:, now])
-    ids = np.array([int(name) for name in tracks.ids[observed]], np.int64)
+    ids = object_numbers(scenario)[observed]
     observed, ids = observed[np.argsort(ids)], np.sort(ids)
     row_of = {name: row for row, name in enumerate(tracks.ids[observed].tolist())}
     numbers = sorted(rows["rollout"].unique().to_list())
@@ -85,4 +86,4 @@ def _rollouts(scenario: ScenarioDescription, rows: pl.DataFrame) -> ScenarioRoll
         axis=-1,
     )
     heading = states[:, :, 1:, 2].astype(np.float32)
-    return ScenarioRollouts(scenario.source.scenario_id, ids, position.astype(np.float32), heading)
+    return ScenarioRollouts(challenge_id(scenario), ids, position.astype(np.float32), heading)

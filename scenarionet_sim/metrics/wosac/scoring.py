@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float32, Float64, Int64
+from scenarionet_data.building import cut_steps
 from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_data.scenario.vocabulary import ObjectType
@@ -60,6 +61,9 @@ CONFIGURATIONS: Mapping[str, Configuration] = {
     "sim-agents-2024": SIM_AGENTS_2024,
     "scenario-generation-2025": SCENARIO_GENERATION_2025,
 }
+
+DURATION = 8.0
+"""Time that is simulated [s]."""
 
 _GROUPS = {
     "kinematic": ("linear_speed", "linear_acceleration", "angular_speed", "angular_acceleration"),
@@ -119,7 +123,8 @@ def score(
     recorded, simulated = _motions(scenario, rollouts, rows, start)
     chosen = [scenario.ego_id, *(name for name, _ in scenario.tracks_to_predict)]
     ids = scenario.tracks.ids[rows].tolist()
-    evaluated = np.arange(len(rows)) if generated else np.flatnonzero(np.isin(ids, chosen))
+    are_all = generated or not scenario.tracks_to_predict  # other recordings than Waymo's choose none
+    evaluated = np.arange(len(rows)) if are_all else np.flatnonzero(np.isin(ids, chosen))
     around = Surroundings.of(scenario)
     valid = scenario.tracks.valid[rows[evaluated]]
     log = compute_features(recorded, evaluated, around, scenario.dt, official=official).since(start)
@@ -172,6 +177,23 @@ def constant_velocity_rollouts(
     return _repeated(scenario, rows, position, heading, count, has_size=generated)
 
 
+def challenge_id(scenario: ScenarioDescription) -> str:
+    """Id of a scenario in rollouts: Waymo's own, or that of the lake for other recordings."""
+    return scenario.source.scenario_id if scenario.dataset == "waymo" else scenario.id
+
+
+def challenge_steps(scenario: ScenarioDescription) -> ScenarioDescription:
+    """The history of a scenario, and the 8 s after it: all of a Waymo scenario, and what is scored of another."""
+    until = scenario.timestamps[scenario.current_timestep] + DURATION
+    return cut_steps(scenario, slice(0, int(np.searchsorted(scenario.timestamps, until + 1e-3, side="right"))))
+
+
+def object_numbers(scenario: ScenarioDescription) -> Int64:
+    """(N,) numbers of the tracks in rollouts: their ids, or where one is no number, its row below 0."""
+    ids = scenario.tracks.ids.tolist()
+    return np.array([int(name) if name.isdecimal() else -1 - row for row, name in enumerate(ids)], np.int64)
+
+
 def is_generation(configuration: Configuration) -> bool:
     """Whether a configuration scores whole scenarios instead of what follows the history."""
     return configuration["linear_speed"].joins_objects
@@ -192,7 +214,7 @@ def mean_score(scores: Sequence[Score]) -> Score:
 def _simulated_rows(scenario: ScenarioDescription, rollouts: ScenarioRollouts) -> Int64:
     """(N,) rows of the scenario's tracks that the rollouts simulate."""
     tracks = scenario.tracks
-    row_of = {int(name): row for row, name in enumerate(tracks.ids) if name.isdecimal()}
+    row_of = {number: row for row, number in enumerate(object_numbers(scenario).tolist())}
     expected = {name for name, row in row_of.items() if tracks.valid[row, scenario.current_timestep]}
     found = set(rollouts.object_ids.tolist())
     if found != expected:
@@ -274,7 +296,7 @@ def _repeated(
     scenario: ScenarioDescription, rows: Int64, position: Float64, heading: Array, count: int, *, has_size: bool
 ) -> ScenarioRollouts:
     """The same motion in each rollout, ordered by object id."""
-    ids = np.array([int(name) for name in scenario.tracks.ids[rows]], np.int64)
+    ids = object_numbers(scenario)[rows]
     order = np.argsort(ids)
 
     def repeated(values: Array) -> Float32:
@@ -282,7 +304,7 @@ def _repeated(
 
     size = scenario.tracks.size[rows, scenario.current_timestep, None]
     return ScenarioRollouts(
-        scenario.source.scenario_id,
+        challenge_id(scenario),
         ids[order],
         repeated(position),
         repeated(heading),

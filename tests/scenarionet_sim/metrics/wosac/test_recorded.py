@@ -132,7 +132,7 @@ def test_report_of_a_submission(
     report = wosac.score_submission(lake, tmp_path / "two.binproto", on_progress=lambda *steps: seen.append(steps))
     assert seen == [(1, 2, 1), (2, 2, 2)]
     assert [each.scenario_id for each in report.scenarios] == ["0", scenario.id]
-    assert report.broken == (("0", "the lake has no Waymo scenario 0; convert the recordings that hold it"),)
+    assert report.broken == (("0", "the lake has no scenario 0; convert the recordings that hold it"),)
     assert report.submitted == wosac.score(scenario, submission)
     assert report.floor.realism < report.submitted.realism < report.ceiling.realism
 

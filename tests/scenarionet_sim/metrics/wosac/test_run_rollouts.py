@@ -71,5 +71,5 @@ def test_the_recording_as_rollouts_begins_a_step_after_the_present(scenario: Sce
 def test_run_without_the_episode_of_the_challenge_is_refused(lake: Lake):
     with pytest.raises(InvalidScenario, match="expected 80 steps from timestep 10, found 90 from 0; simulate with the"):
         next(rollouts_of_run(lake, "whole"))
-    with pytest.raises(BadParameter, match="run 'none' has no trajectories of Waymo scenarios"):
+    with pytest.raises(BadParameter, match="run 'none' has no trajectories; simulate"):
         next(rollouts_of_run(lake, "none"))

@@ -28,7 +28,8 @@ class ScoreVerb(LakeVerb, Distributed):
 
     Rollouts are scored as the Waymo Open Sim Agents Challenge does. Beside the submission stand the ceiling, the score
     of the recordings themselves, and the floor, the score of constant velocity, on the same scenarios. The lake needs
-    the Waymo scenarios of the submission.
+    the scenarios of the submission. Of other recordings than Waymo's, the history and the 8 s after it are scored, for
+    all objects; these are no scores of the challenge.
     """
 
     examples = (
@@ -125,6 +126,7 @@ class ScoreVerb(LakeVerb, Distributed):
     def score_rollouts(self) -> bool:
         """Score a submission, or the rollouts of a run; return whether every scenario could be scored."""
         from scenarionet_data.execution.executors import executor_for
+        from scenarionet_sim.evaluation.intervals import mean_interval
         from scenarionet_sim.metrics.wosac import rollouts_of_run, score_submission, write_submission
 
         with self.execution() as execution, self.progress("score") as progress, TemporaryDirectory() as folder:
@@ -142,8 +144,11 @@ class ScoreVerb(LakeVerb, Distributed):
         columns = [numbers(each) for each in (report.submitted, report.ceiling, report.floor)]
         rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
         lines = table(rows, ("", "submission", "recording", "constant velocity"))
-        lines.append(f"{count(len(report.scenarios) - len(report.broken), 'scenario')} scored")
-        self.say(asdict(report) | {"note": report.note}, lines)
+        above = mean_interval(report.above_floor)
+        lines.append(
+            f"{count(len(report.above_floor), 'scenario')} scored; realism above constant velocity by {above} (95 %)"
+        )
+        self.say(asdict(report) | {"note": report.note, "above_floor": report.above_floor}, lines)
         self.complain(f"could not be scored: {each}: {one_line(reason)}" for each, reason in report.broken)
         self.complain([] if report.note is None else [f"note: {report.note}"])
         return not report.broken
