@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from scenarionet_data.generation.snapshots import (  # first: says how to install torch
-    HEADING,
     LENGTH,
     TrafficMoments,
-    X,
-    Y,
     is_inside,
 )
 
@@ -21,6 +18,7 @@ from torch import Tensor
 
 from scenarionet_data.arrays.dtypes import Bool, Float32
 from scenarionet_data.arrays.geometry import box_corners
+from scenarionet_data.generation.frames import HEADING, X, Y
 from scenarionet_data.generation.traffic_model import TrafficModel, from_lane
 
 MARGIN = 0.2

@@ -15,15 +15,13 @@ from torch import Tensor
 from scenarionet_data.arrays.dtypes import Array, Float64
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.generation.discrepancy import discrepancy
+from scenarionet_data.generation.frames import HEADING, X, Y
 from scenarionet_data.generation.snapshots import (
-    HEADING,
     LENGTH,
     SPEED,
     WIDTH,
     TrafficConfig,
     TrafficMoments,
-    X,
-    Y,
     is_inside,
     read_moments,
 )

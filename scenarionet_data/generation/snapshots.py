@@ -13,14 +13,15 @@ import torch
 from torch import Tensor
 
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.generation.frames import HEADING, X, Y, relative
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.samples.choices import Agents, Polylines, Targets, TimeWindow
 from scenarionet_data.samples.dataset import Sample, Samples
 from scenarionet_data.samples.selection import SamplesWarning
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType
 
-X, Y, HEADING, SPEED, LENGTH, WIDTH = range(6)
-"""Columns of vehicles; the first three are those of lane vectors, whose fourth is their length."""
+SPEED, LENGTH, WIDTH = range(3, 6)
+"""Columns of vehicles after their pose; lane vectors have a pose and their length."""
 
 LANES = (MapFeatureType.LANE_UNKNOWN, MapFeatureType.LANE_SURFACE_STREET, MapFeatureType.LANE_FREEWAY)
 """Map features on which vehicles are placed."""
@@ -139,14 +140,6 @@ def make_scenes(sample: Sample, config: TrafficConfig) -> TrafficMoments:
 def is_inside(poses: Tensor, config: TrafficConfig) -> Tensor:
     """Whether poses (..., 2 or more) are in the crop."""
     return poses[..., :2].abs().amax(dim=-1) <= config.crop / 2
-
-
-def relative(frames: Tensor, poses: Tensor) -> Tensor:
-    """Return x, y and heading of poses in frames, both (..., 3 or more); the heading in [-pi, pi)."""
-    cos, sin = frames[..., HEADING].cos(), frames[..., HEADING].sin()
-    dx, dy = poses[..., X] - frames[..., X], poses[..., Y] - frames[..., Y]
-    turn = torch.remainder(poses[..., HEADING] - frames[..., HEADING] + torch.pi, 2 * torch.pi) - torch.pi
-    return torch.stack([cos * dx + sin * dy, cos * dy - sin * dx, turn], dim=-1)
 
 
 def _cells(lanes: Tensor, is_open: Tensor, cars: Tensor, car_ok: Tensor) -> Tensor:

@@ -9,16 +9,12 @@ accelerations and curvatures at knots, from which a bicycle model makes paths; v
 from __future__ import annotations
 
 from scenarionet_data.generation.snapshots import (  # first: says how to install torch
-    HEADING,
     LENGTH,
     SPEED,
     WIDTH,
     TrafficConfig,
     TrafficMoments,
-    X,
-    Y,
     is_inside,
-    relative,
 )
 
 # isort: split
@@ -28,7 +24,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-_METRES, _SPEED, _LENGTH, _WIDTH = 20.0, 10.0, 5.0, 2.0  # scales of inputs
+from scenarionet_data.generation.frames import HEADING, X, Y, place, relative, two_layers
+
+_SPEED, _LENGTH, _WIDTH = 10.0, 5.0, 2.0  # scales of inputs
 _MEAN = torch.tensor([0.0, 0.0, 0.0, 4.0, 4.6, 1.9])
 _SPREAD = torch.tensor([1.5, 0.5, 0.2, 4.0, 0.8, 0.2])
 """Of the attributes on a lane vector: along, to the left [m], heading, speed, length and width."""
@@ -48,18 +46,18 @@ class NeighbourEncoder(nn.Module):
 
     def __init__(self, size: int, near_lanes: int, near_cars: int) -> None:
         super().__init__()
-        self.lane, self.car = _two_layers(7, size, size // 2), _two_layers(9, size, size // 2)
+        self.lane, self.car = two_layers(7, size, size // 2), two_layers(9, size, size // 2)
         self.near_lanes, self.near_cars = near_lanes, near_cars
 
     def lanes(self, frames: Tensor, lanes: Tensor, ok: Tensor) -> Tensor:
         """Return (B, Q, size) features of the lane vectors (B, L, 4) near frames (B, Q, 3)."""
         found, is_there = _nearest(frames, lanes, ok, self.near_lanes)
-        return _pooled(self.lane(torch.cat([_place(frames, found), found[..., 3:] / _LENGTH], dim=-1)), is_there)
+        return _pooled(self.lane(torch.cat([place(frames, found), found[..., 3:] / _LENGTH], dim=-1)), is_there)
 
     def cars(self, frames: Tensor, cars: Tensor, ok: Tensor, *, are_own: bool = False) -> Tensor:
         """Return (B, Q, size) features of the vehicles (B, A, 6) near frames, which may be those of the vehicles."""
         found, is_there = _nearest(frames, cars, ok, self.near_cars, are_own=are_own)
-        return _pooled(self.car(torch.cat([_place(frames, found), _build(found)], dim=-1)), is_there)
+        return _pooled(self.car(torch.cat([place(frames, found), _build(found)], dim=-1)), is_there)
 
 
 class Mixture(NamedTuple):
@@ -95,14 +93,14 @@ class TrafficModel(nn.Module):
         super().__init__()
         size, self.config = config.size, config
         self.near_lane = NeighbourEncoder(size, config.near_lanes, config.near_cars)
-        self.local = _two_layers(2 * size + 2, size)
-        self.whole = _two_layers(size, size)
-        self.cell = _two_layers(2 * size, size)
+        self.local = two_layers(2 * size + 2, size)
+        self.whole = two_layers(size, size)
+        self.cell = two_layers(2 * size, size)
         self.logit, self.repulsion = nn.Linear(size, 1), nn.Parameter(torch.tensor(10.0))
         self.attributes = nn.Linear(size, config.components * 13)
         self.near_car = NeighbourEncoder(size, 2 * config.near_lanes, config.near_cars)
         self.motion = nn.Sequential(
-            _two_layers(2 * size + 3, 2 * size), nn.ReLU(), nn.Linear(2 * size, config.modes * (2 * KNOTS + 1))
+            two_layers(2 * size + 3, 2 * size), nn.ReLU(), nn.Linear(2 * size, config.modes * (2 * KNOTS + 1))
         )
         part = torch.linspace(0, KNOTS - 1, config.num_future)
         weights = (1 - (part[:, None] - torch.arange(KNOTS)).abs()).clamp(min=0.0)
@@ -256,11 +254,6 @@ def _occupied(queries: Tensor, cars: Tensor, is_placed: Tensor) -> Tensor:
     return (1.0 - gap).clamp(min=0.0).masked_fill(~is_placed[:, None], 0.0).amax(dim=2)
 
 
-def _two_layers(size: int, out: int, hidden: int | None = None) -> nn.Sequential:
-    hidden = hidden or out
-    return nn.Sequential(nn.Linear(size, hidden), nn.ReLU(), nn.Linear(hidden, out))
-
-
 def _nearest(frames: Tensor, others: Tensor, ok: Tensor, count: int, *, are_own: bool = False) -> tuple[Tensor, Tensor]:
     """(B, Q, count, ...) the others nearest to each frame, and which of them there are; not itself if it is one."""
     with torch.no_grad():
@@ -269,13 +262,6 @@ def _nearest(frames: Tensor, others: Tensor, ok: Tensor, count: int, *, are_own:
             away = away.masked_fill(torch.eye(away.shape[-1], dtype=torch.bool), torch.inf)
         least, which = away.topk(min(count, away.shape[-1]), dim=-1, largest=False)
     return others[torch.arange(len(others))[:, None, None], which], torch.isfinite(least)
-
-
-def _place(frames: Tensor, found: Tensor) -> Tensor:
-    """(B, Q, k, 6) scaled positions, far and near, and directions of what was found (B, Q, k, ...) in frames."""
-    x, y, turn = relative(frames[:, :, None], found).unbind(dim=-1)
-    near = (x / _LENGTH).tanh(), (y / _WIDTH).tanh()
-    return torch.stack([x / _METRES, y / _METRES, *near, turn.cos(), turn.sin()], dim=-1)
 
 
 def _build(cars: Tensor) -> Tensor:

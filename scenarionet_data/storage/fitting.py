@@ -161,6 +161,8 @@ def load_model(
         LakeError: There is no such run, it is not of that kind or of another layout, it has no checkpoint yet, or its
             weights are not finite.
     """
+    if run not in evaluation_runs.names(files):
+        raise LakeError(f"{files.root} has no run {run}; train one: {fit}")
     described = evaluation_runs.describe(files, run)
     found = checkpoints.load(files, run)
     if kind not in described or found is None:

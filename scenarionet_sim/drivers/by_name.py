@@ -15,7 +15,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.errors import BadParameter, needing
 from scenarionet_data.public_names import load_by_name
 from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.backends.base import Backend
@@ -92,7 +92,10 @@ TRAFFIC: dict[str, tuple[Policy, ...]] = {
     "constant-noisy": (NoisyVelocity(),),
 }
 REACTIVE = ("idm", "idm-behind", "idm-sampled", "idm-walking")
-"""Traffic that reacts to the ego."""
+"""Traffic that reacts to the ego; a model of traffic does, too."""
+
+MODEL = "model:"
+"""Beginning of the name of a model of traffic, before that of its training run."""
 
 
 ROUTES: dict[str, LaneRoute | None] = {"log": None, "lanes": LaneRoute()}
@@ -173,7 +176,7 @@ def resolve_drivers(
         policy: A name in DRIVERS or PLANNERS, a stack (``bridges.stacks``) or a driver (``bridges.driver``) in another
             process, ``module:Class``, ``runs/NAME`` of a
             training run, or, in its process, pinned code (see ``drivers.code``) or a planner of CommonRoad.
-        traffic: A name in TRAFFIC.
+        traffic: A name in TRAFFIC, or ``model:RUN`` of a training run of tokens.
         backend: A name in BACKENDS: the vehicle of a planner that returns actions.
         tracker: A name in TRACKERS: what follows the trajectories of a planner.
         route: ``log`` for the recorded path of the ego, ``lanes`` for the way along the lanes to its end.
@@ -181,12 +184,17 @@ def resolve_drivers(
 
     Raises:
         BadParameter: A name is unknown, or the class is no planner, policy or driver.
+        LakeError: A model of traffic cannot be loaded.
     """
-    others, along = _lookup(TRAFFIC, traffic, "traffic"), _lookup(ROUTES, route, "route")
+    along = _lookup(ROUTES, route, "route")
+    others = _of_model(traffic, lake) if is_model(traffic) else _lookup(TRAFFIC, traffic, "traffic")
     vehicle, follows = find_backend(backend), _lookup(TRACKERS, tracker, "tracker")
     if lake is not None and policy.startswith(PREFIX):
         trained = load_driver(open_files(lake), policy)
         return Drivers((*others, External(route=along)), trained, lambda: trained)  # it remembers nothing
+    if is_model(policy):
+        own = () if policy == traffic else (replace(*_of_model(policy, lake), objects=ego),)  # one memory for all
+        return Drivers((*others, *own), None)
     if policy == RANDOM:
         return Drivers((*others, External(route=along)), RandomActions())
     if policy in PLANNERS or is_outside(policy):
@@ -213,6 +221,20 @@ def resolve_drivers(
     raise BadParameter(
         f"{policy} is not a driver: expected a subclass of Planner or Policy, or a class with act(observation)"
     )
+
+
+def is_model(name: str) -> bool:
+    """Return whether it names a model of traffic: ``model:RUN``."""
+    return name.startswith(MODEL)
+
+
+def _of_model(name: str, lake: str | None) -> tuple[Policy, ...]:
+    """The policy of a model of traffic of a lake."""
+    with needing("a model of traffic needs torch", "learn"):
+        from scenarionet_sim.policies.tokens import TokenTraffic, loaded  # lazy: torch
+    run, lake = name.removeprefix(MODEL), lake or "."
+    loaded(lake, run)  # whether there is such a model
+    return (TokenTraffic(run=run, lake=lake),)
 
 
 def find_backend(name: str) -> Backend:

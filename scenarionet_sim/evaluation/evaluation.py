@@ -24,7 +24,7 @@ from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.bridges.commonroad.by_name import environment_of, is_outside, versions_of
-from scenarionet_sim.drivers.by_name import REACTIVE, Drivers, drives_alone, find_backend, resolve_drivers
+from scenarionet_sim.drivers.by_name import REACTIVE, Drivers, drives_alone, find_backend, is_model, resolve_drivers
 from scenarionet_sim.drivers.code import PolicyCode, code_digest, pinned_code, policy_name
 from scenarionet_sim.drivers.own_process import executor_of
 from scenarionet_sim.drivers.requirements import made_interpreter
@@ -58,7 +58,7 @@ class Evaluation:
         database: ``name@version``, scenario ids, or None for the whole lake.
         snapshot: Number of the lake's snapshot.
         policy: Driver of the ego: a name in ``DRIVERS``, ``random``, or ``module:Class``.
-        traffic: Driver of all other objects: a name in ``TRAFFIC``.
+        traffic: Driver of all other objects: a name in ``TRAFFIC``, or ``model:RUN``.
         backend: Vehicle dynamics of an ego driven by actions: ``bullet`` or ``kinematic``.
         seed: Seed of stochastic policies and of the sensors' noise.
         rollouts: Number of rollouts of each scenario.
@@ -372,6 +372,7 @@ def simulate(job: EvaluationJob) -> tuple[list[dict[str, Any]], pa.Table]:
     # Bullet's worlds differ in their last digits by what else is in its memory; a person or a stack drives one world.
     is_single = evaluation.backend == "bullet" or drives_alone(evaluation.policy)
     batch = RolloutBatch(drivers, find_backend(evaluation.backend), 1 if is_single else SLOTS)
+    is_reactive = evaluation.traffic in REACTIVE or is_model(evaluation.traffic)
     results: dict[int, dict[str, Any]] = {}
     trajectories: dict[int, pa.Table] = {}
 
@@ -384,7 +385,7 @@ def simulate(job: EvaluationJob) -> tuple[list[dict[str, Any]], pa.Table]:
             fail(item, rollout)
             continue
         try:
-            row = {"track_id": world.track_ids[rollout.agent], "is_reactive": evaluation.traffic in REACTIVE}
+            row = {"track_id": world.track_ids[rollout.agent], "is_reactive": is_reactive}
             row |= measure(rollout, world)
             if job.has_trajectories:
                 trajectories[item] = rollout_rows(rollout, world, item % evaluation.rollouts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -55,6 +56,11 @@ class Policy:
     def prepare(self, world: World, driven: Bool) -> World:
         """Return the world as this policy needs it; ``driven`` (N,) are the objects it drives."""
         return world if self.route is None else self.route.applied(world, driven)
+
+    @property
+    def together(self) -> Hashable:
+        """What policies have in common whose objects one call of :meth:`advance` moves, in several worlds."""
+        return self
 
     @property
     def history(self) -> int:

@@ -84,8 +84,8 @@ class SlotPolicies:
         """Write the next state of the objects of policies outside of the compiled step; see ``Policy.advance``."""
         for number in np.flatnonzero(self._movement == UNCOMPILED).tolist():
             playing = [policies[number] for policies in self._playing]
-            for policy in dict.fromkeys(playing):
-                rows = np.array([other == policy for other in playing])
+            for together, policy in {each.together: each for each in playing}.items():
+                rows = np.array([other.together == together for other in playing])
                 here = driver if rows.all() else np.where(rows[:, None], driver, np.uint8(UNDRIVEN))
                 policy.advance(batch, now, then, here, number, dt)
 

@@ -18,8 +18,9 @@ from scenarionet_data.arrays.geometry import box_corners  # noqa: E402
 from scenarionet_data.errors import BadParameter, LakeError  # noqa: E402
 from scenarionet_data.forecasts import forecaster  # noqa: E402
 from scenarionet_data.generation.driving import drive, place  # noqa: E402
+from scenarionet_data.generation.frames import HEADING  # noqa: E402
 from scenarionet_data.generation.scores import score_placement  # noqa: E402
-from scenarionet_data.generation.snapshots import HEADING, TrafficConfig, read_moments  # noqa: E402
+from scenarionet_data.generation.snapshots import TrafficConfig, read_moments  # noqa: E402
 from scenarionet_data.generation.traffic_model import TrafficModel, from_lane, placement_loss, to_lane  # noqa: E402
 from scenarionet_data.generation.training import load, make_config, train  # noqa: E402
 from scenarionet_data.generation.writing import GenerationChoice, generate  # noqa: E402

@@ -42,6 +42,7 @@ class SimVerb(LakeVerb, Distributed):
         "scenarionet sim lake busy_val --policy git:v1.0:my_planner:Planner --python requirements.txt",
         "scenarionet sim lake busy_val --policy idm --name idm_twice --json",
         "scenarionet sim lake busy_val --policy idm-sampled --traffic idm-sampled --rollouts 32 --seed 0",
+        "scenarionet sim lake busy_val --policy idm --traffic model:clone",
         "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
     )
     database: str | None = OPTIONAL_DATABASE
@@ -55,7 +56,8 @@ class SimVerb(LakeVerb, Distributed):
     )
     traffic: str = option(
         "Policy of the others: replay, idm, idm-behind (only vehicles behind the ego react), idm-sampled, idm-walking "
-        "(where pedestrians and cyclists react, too), constant or constant-noisy.",
+        "(where pedestrians and cyclists react, too), constant, constant-noisy, or model:RUN of `traffic learn --kind "
+        "tokens`, which can be the --policy as well.",
         default="replay",
         metavar="NAME",
     )

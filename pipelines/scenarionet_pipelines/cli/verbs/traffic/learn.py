@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+import click
+
+from scenarionet_data.errors import needing
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count
 from scenarionet_pipelines.cli.parameters import pairs
@@ -14,8 +19,12 @@ from scenarionet_pipelines.cli.verb import PARAMETERS, DatabaseVerb, Progressing
 class LearnVerb(DatabaseVerb, Progressing):
     """Train a model of traffic: where vehicles stand on lanes, how fast and how large they are, and how they move.
 
-    Settings are those of TrafficConfig in scenarionet_data.generation.snapshots; -p changes one, for example
-    -p epochs=2. Run the same command again to continue after an interruption; the weights at the end are the same.
+    With --kind tokens it is a model of motion alone, for `sim --traffic model:RUN`: every half second, each road user
+    takes one of 2,048 recorded motions. It learns on a GPU if there is one.
+
+    Settings are those of TrafficConfig in scenarionet_data.generation.snapshots, or of TokenConfig in
+    scenarionet_data.generation.token_model; -p changes one, for example -p epochs=2. Run the same command again to
+    continue after an interruption; the weights at the end are the same.
 
     Checkpoints, settings and the curve are kept in the lake under the name of the run: the view `training` has a row
     for each epoch. `scenarionet traffic generate LAKE DATABASE --model RUN --name NAME` makes scenarios with it.
@@ -24,37 +33,50 @@ class LearnVerb(DatabaseVerb, Progressing):
     examples = (
         "scenarionet traffic learn lake recorded_train --test recorded_val --name traffic",
         "scenarionet traffic learn lake recorded_train --name small -p size=32 -p epochs=2 --seed 1",
+        "scenarionet traffic learn lake recorded_train --kind tokens --name clone",
+        "scenarionet traffic learn lake recorded_train --kind tokens --start clone -p choices=32 --name tuned",
     )
+    kind: str = option(
+        "What is learned: where vehicles are placed and how they move, or how road users move by tokens.",
+        choices=("traffic", "tokens"),
+        default="traffic",
+    )
+    start: str | None = option("With --kind tokens: begin with the weights and tokens of this run.", metavar="RUN")
     name: str = option("Name of the run.", metavar="NAME")
     seed: int = option("Seed of weights, order and contexts.", default=0)
     parameters: tuple[str, ...] = PARAMETERS
     tests: tuple[str, ...] = option("Measure on this database after each epoch; repeatable.", "--test", metavar="NAME")
 
     def run(self) -> None:
-        try:
-            from scenarionet_data.generation.training import make_config, train
-        except ModuleNotFoundError as error:
-            from scenarionet_data.errors import MissingDependency
-
-            raise MissingDependency("a model of traffic needs torch", "learn") from error
-        config = make_config(pairs(self.parameters, "-p"))
+        if self.start is not None and self.kind != "tokens":
+            raise click.UsageError("--start belongs to --kind tokens")
+        with needing("a model of traffic needs torch", "learn"):
+            from scenarionet_data.generation import token_recordings, training
+        given = pairs(self.parameters, "-p")
+        train: Callable[..., Any]
+        if self.kind == "tokens":
+            tokens = token_recordings.make_config(given)
+            epochs, train = tokens.epochs, partial(token_recordings.train, config=tokens, start=self.start)
+        else:
+            config = training.make_config(given)
+            epochs, train = config.epochs, partial(training.train, config=config)
         curve: list[dict[str, Any]] = []
         kept = keeping(lambda: f"checkpoints are kept in run {self.name}")
         with self.progress(f"learn {self.name}", "epoch") as progress, kept:
 
             def note(rows: list[dict[str, Any]]) -> None:
                 curve.extend(rows)
-                progress.update(rows[0]["round"], config.epochs, 0)
+                progress.update(rows[0]["round"], epochs, 0)
 
-            train(
-                self.open(), self.database, config, run=self.name, seed=self.seed, tests=self.tests, on_epoch=note,
-            )  # fmt: skip
+            train(self.open(), self.database, run=self.name, seed=self.seed, tests=self.tests, on_epoch=note)
         lines = []
         for row in curve:
             numbers = ", ".join(f"{name} {value:.3f}" for name, value in json.loads(row["learned"]).items())
-            lines.append(f"epoch {row['round']}/{config.epochs}  {row['test'] or 'training'}: {numbers}")
+            lines.append(f"epoch {row['round']}/{epochs}  {row['test'] or 'training'}: {numbers}")
         following = f"scenarionet traffic generate {self.lake} DATABASE --model {self.name} --name NAME"
+        if self.kind == "tokens":
+            following = f"scenarionet sim {self.lake} DATABASE --policy idm --traffic model:{self.name}"
         self.say(
             {"run": self.name, "curve": curve, "next": following},
-            [*lines, f"run {self.name}: {count(config.epochs, 'epoch')}. Make scenarios: {following}"],
+            [*lines, f"run {self.name}: {count(epochs, 'epoch')}. Use it: {following}"],
         )
