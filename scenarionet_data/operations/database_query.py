@@ -24,7 +24,7 @@ from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import BadParameter, EmptyResult
 from scenarionet_data.query.engine import Rows
 from scenarionet_data.query.lake_view import LakeLike, LakeView
-from scenarionet_data.query.members import relation
+from scenarionet_data.query.members import known_rows, relation
 from scenarionet_data.query.statements import words
 from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
@@ -128,7 +128,7 @@ class DatabaseQuery:
         whole = self.view.rows
         if whole is None or not self.parents:
             return () if whole is None else (whole,)
-        own = [None if parent.rows is None else parent.rows.among(whole) for parent in self.parents]
+        own = [known_rows(parent, whole) for parent in self.parents]
         known = tuple(rows for rows in own if rows is not None)
         return known if len(known) == len(own) else ()
 
@@ -136,7 +136,7 @@ class DatabaseQuery:
         """Find the rows that a query selects, without reading ids.
 
         Args:
-            query: Query of members, with ``part`` if it is given ``names``.
+            query: Query of members, with ``part``, a name or its number from 1, if it is given ``names``.
             parameters: Its parameters.
             names: Of the parts.
 
@@ -158,8 +158,10 @@ class DatabaseQuery:
             self.view.engine.batches(numbered, parameters, user_columns=self.user_columns(query), tables=tables)
         ) as batches:
             for batch in batches:
-                part = pc.index_in(batch["part"], value_set=pa.array(names)).to_numpy() + 1 if names else 1
-                found[rows.rows(batch["place"])] = part
+                part = batch["part"] if names else pa.array([1])
+                if pa.types.is_string(part.type):
+                    part = pc.add(pc.index_in(part, value_set=pa.array(names)), 1)
+                found[rows.rows(batch["place"])] = part.to_numpy()
         return found
 
     def user_columns(self, query: str) -> list[str]:

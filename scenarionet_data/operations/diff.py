@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.databases.record import DatabaseRecord
+from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.operations.database_query import DatabaseQuery
 from scenarionet_data.query.engine import Rows
 from scenarionet_data.query.lake_view import LakeView, StaleDatabaseWarning
-from scenarionet_data.query.members import relation
+from scenarionet_data.query.members import known_rows, relation
 from scenarionet_data.query.statements import quoted
 from scenarionet_data.query.views import scan_files
 from scenarionet_data.schema import tables
@@ -87,22 +89,26 @@ class _Side:
     Attributes:
         reference: ``name@version`` or ``@snapshot``.
         count: Number of scenarios.
-        relation: SQL for them.
-        tables: Tables that the SQL needs.
+        select: Returns SQL for them, and tables that it needs.
         snapshot: Snapshot whose metadata describes them.
+        rows: Their rows in the snapshot that is queried, if they are rows.
     """
 
     reference: str
     count: int
-    relation: str
-    tables: Mapping[str, Rows]
+    select: Callable[[], tuple[str, dict[str, Rows]]]
     snapshot: int
+    rows: RowSets | None = None
 
 
 def diff(view: LakeView, before: DatabaseRecord | str, after: DatabaseRecord | str) -> Diff:
     """Compare two sets of scenarios; see :meth:`Lake.diff <scenarionet_data.Lake.diff>`."""
     first, second = _side(view, before, "selected_before"), _side(view, after, "selected_after")
-    rows = different_rows(view, first.relation, second.relation, {**first.tables, **second.tables})
+    if first.rows is not None and second.rows is not None:
+        rows = _different(view, first.rows, second.rows)
+    else:
+        (one, tables), (other, more) = first.select(), second.select()
+        rows = different_rows(view, one, other, {**tables, **more})
     columns = _changed_columns(view, first, second) if first.snapshot != second.snapshot else ()
     return Diff(first.reference, second.reference, (first.count, second.count), rows, columns)
 
@@ -119,6 +125,13 @@ def different_rows(view: LakeView, before: str, after: str, tables: Mapping[str,
     return view.engine.arrow(query, tables=tables)
 
 
+def _different(view: LakeView, before: RowSets, after: RowSets) -> pa.Table:
+    """Return the same for members of unchanged files."""
+    found = replace(before, sets=(before.union ^ after.union,))
+    went = pa.array(before.union[found.ordered(view.files)])
+    return pa.table({"scenario_id": found.members(view.files)["scenario_id"], "what": pc.if_else(went, "went", "came")})
+
+
 def _side(view: LakeView, database: DatabaseRecord | str, table: str) -> _Side:
     if isinstance(database, str) and database.startswith("@"):
         if not database[1:].isdecimal():
@@ -126,10 +139,10 @@ def _side(view: LakeView, database: DatabaseRecord | str, table: str) -> _Side:
         snapshot = snapshots.read(view.files, int(database[1:]))
         rows = _metadata_rows(view, snapshot, snapshot.metadata)
         count = view.engine.arrow(f"SELECT count(*) FROM {rows}")[0][0].as_py()
-        return _Side(database, count, rows, {}, snapshot.number)
+        return _Side(database, count, lambda: (rows, {}), snapshot.number)
     found = view.record(database)
-    members, tables = relation(found, view.rows, table)
-    return _Side(found.reference, len(found), members, tables, found.lineage.snapshot)
+    select = partial(relation, found, view.rows, table)
+    return _Side(found.reference, len(found), select, found.lineage.snapshot, known_rows(found, view.rows))
 
 
 def _changed_columns(view: LakeView, before: _Side, after: _Side) -> tuple[ColumnChange, ...]:
@@ -143,15 +156,16 @@ def _changed_columns(view: LakeView, before: _Side, after: _Side) -> tuple[Colum
     if not all(own):
         return ()
     names = [c.name for c in tables.load("metadata").columns if c.name not in ("scenario_id", *ADDRESS_COLUMNS)]
+    (one, tables_before), (other, tables_after) = before.select(), after.select()
     fields = {
         "columns": ", ".join(map(_comparison, names)),
         "rows_before": _metadata_rows(view, found[0], own[0]),
         "rows_after": _metadata_rows(view, found[1], own[1]),
-        "before": before.relation,
-        "after": after.relation,
+        "before": one,
+        "after": other,
     }
     query = DatabaseQuery(view).query("operations/changed_columns", fields)
-    (row,) = view.engine.arrow(query, tables={**before.tables, **after.tables}).to_pylist()
+    (row,) = view.engine.arrow(query, tables={**tables_before, **tables_after}).to_pylist()
     return tuple(ColumnChange(name, row[name], **row[f"example_{name}"]) for name in names if row[name])
 
 

@@ -20,7 +20,7 @@ from scenarionet_data.databases import user_columns as user_column_records
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFound
-from scenarionet_data.query.members import count_changed, locate
+from scenarionet_data.query.members import count_changed, known_rows, locate
 from scenarionet_data.query.named_sql import ANALYTICS
 from scenarionet_data.query.views import FILE_TABLES, table_files
 from scenarionet_data.storage.files.places import open_files
@@ -330,7 +330,7 @@ class LakeView:
         return self, found
 
     def _find_members(self, database: DatabaseRecord) -> tuple[Self, MetadataRows]:
-        rows = self.rows and database.rows and database.rows.among(self.rows)
+        rows = known_rows(database, self.rows)
         if rows is not None:
             return self, self._at(rows.ordered(self.files))
         ids, hashes = (database.members[name].combine_chunks() for name in ("scenario_id", "content_hash"))

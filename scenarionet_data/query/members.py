@@ -16,6 +16,16 @@ if TYPE_CHECKING:
     from scenarionet_data.query.engine import Engine, Rows
 
 
+def known_rows(database: DatabaseRecord, whole: RowSets | None) -> RowSets | None:
+    """Return the members by their rows in a snapshot; None if they have none there.
+
+    Args:
+        database: The members.
+        whole: All scenarios of the snapshot by their rows, if they are many.
+    """
+    return None if whole is None or database.rows is None else database.rows.among(whole)
+
+
 def relation(database: DatabaseRecord, whole: RowSets | None, table: str = "selected") -> tuple[str, dict[str, Rows]]:
     """Return SQL for the rows of a database, and the tables it needs.
 
@@ -25,7 +35,7 @@ def relation(database: DatabaseRecord, whole: RowSets | None, table: str = "sele
         whole: All scenarios of the snapshot that is queried by their rows, if they are many.
         table: Name of that table.
     """
-    rows = None if whole is None or database.rows is None else database.rows.among(whole)
+    rows = known_rows(database, whole)
     if rows is not None:
         columns = "scenario_id, position, 1.0::DOUBLE AS weight, content_hash"
         return f"(SELECT {columns} FROM metadata JOIN {table} USING (lake_row))", {table: rows.places(database.files)}
@@ -45,7 +55,7 @@ def count_changed(engine: Engine, database: DatabaseRecord, whole: RowSets | Non
         database: The members.
         whole: All scenarios of the snapshot by their rows, if they are many.
     """
-    if whole is not None and database.rows is not None and database.rows.among(whole) is not None:
+    if known_rows(database, whole) is not None:
         return 0, ""
     members, tables = relation(database, None)
     query = (

@@ -1,5 +1,5 @@
 -- Source logs with scenarios in more than one part of a split.
-SELECT dataset, source_log, count(*) AS num_scenarios, count(DISTINCT part) AS num_parts
+SELECT dataset, source_log, count(*) AS num_scenarios
 FROM {drawn}
 WHERE part > 0 AND source_log IS NOT NULL
 GROUP BY dataset, source_log
