@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -29,16 +30,21 @@ from scenarionet_sim.drivers.code import PolicyCode, code_digest, pinned_code, p
 from scenarionet_sim.drivers.own_process import executor_of
 from scenarionet_sim.drivers.requirements import made_interpreter
 from scenarionet_sim.drivers.trained import PREFIX, pinned
-from scenarionet_sim.metrics.measure import measure
+from scenarionet_sim.metrics.drive import DrivenEpisode
+from scenarionet_sim.metrics.measure import measure_all
 from scenarionet_sim.rollouts.batch import SLOTS, RolloutBatch, RolloutJob
 from scenarionet_sim.rollouts.loading import loaded_ahead
 from scenarionet_sim.rollouts.parts import Part, parts_of, run_parts
+from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.rollouts.span import EPISODES
 from scenarionet_sim.rollouts.table import concat_rollouts, rollout_rows
 from scenarionet_sim.scenarios.selection import resolved
 
 PART_SIZE = 32
 """Rollouts per part: the most work that a killed worker loses."""
+
+_SCORED_TOGETHER = 8
+"""Rollouts whose metrics are computed together."""
 
 RULE = "to the end of the episode, off the road only where the recording is on it, progress along its lanes"
 """What metrics cover. Runs from before there was a choice of words say nothing: an ego of IDM that had reached the end
@@ -379,21 +385,21 @@ def simulate(job: EvaluationJob) -> tuple[list[dict[str, Any]], pa.Table]:
     def fail(item: int, error: Exception) -> None:
         results[item] = _key(job, item) | {"error": f"{type(error).__name__}: {error}"}
 
-    for rollout_job, rollout in batch.run(_rollout_jobs(job, fail)):
-        item, world = rollout_job.number, rollout_job.world
-        if isinstance(rollout, Exception):
-            fail(item, rollout)
-            continue
-        try:
-            row = {"track_id": world.track_ids[rollout.agent], "is_reactive": is_reactive}
-            row |= measure(rollout, world)
+    played = batch.run(_rollout_jobs(job, fail))
+    while some := list(islice(played, _SCORED_TOGETHER)):
+        driven = [(each.number, each.world, rollout) for each, rollout in some if isinstance(rollout, Rollout)]
+        rows = measure_all([DrivenEpisode(rollout, world) for _, world, rollout in driven])
+        for each, error in some:
+            if isinstance(error, Exception):
+                fail(each.number, error)
+        for (item, world, rollout), row in zip(driven, rows, strict=True):
+            if isinstance(row, Exception):
+                fail(item, row)
+                continue
+            of_agent = {"track_id": world.track_ids[rollout.agent], "is_reactive": is_reactive}
+            results[item] = _key(job, item) | of_agent | row
             if job.has_trajectories:
                 trajectories[item] = rollout_rows(rollout, world, item % evaluation.rollouts)
-            results[item] = _key(job, item) | row
-        except MemoryError:
-            raise
-        except Exception as error:  # one scenario must not end the run
-            fail(item, error)
     rollouts = concat_rollouts([trajectories[item] for item in sorted(trajectories)])
     return [results[item] for item in sorted(results)], rollouts
 

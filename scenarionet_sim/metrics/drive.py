@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, UInt8
+from scenarionet_data.arrays.dtypes import Bool, Float64, IntP, UInt8
 from scenarionet_data.compiled.decorators import kernel
 from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.metrics.comfort import body_acceleration
@@ -178,14 +178,11 @@ class SurroundingBoxes:
         """Every object of a rollout that is ever present, except the evaluated vehicle."""
         seen = np.flatnonzero(rollout.present.any(axis=0))
         rows = seen[seen != rollout.agent]
-        return cls(
-            position=np.ascontiguousarray(rollout.position[:, rows]),
-            heading=np.ascontiguousarray(rollout.heading[:, rows]),
-            speed=np.hypot(rollout.velocity[:, rows, 0], rollout.velocity[:, rows, 1]),
-            size=world.size[rows, :2].astype(np.float64),
-            object_type=world.object_type[rows],
-            present=np.ascontiguousarray(rollout.present[:, rows]),
-        )
+        shape = len(rollout.position), len(rows)
+        (heading, speed), position, present = np.empty((2, *shape)), np.empty((*shape, 2)), np.empty(shape, np.bool_)
+        states = rollout.position, rollout.heading, rollout.velocity, rollout.present
+        _take_boxes(*states, rows, position, heading, speed, present)
+        return cls(position, heading, speed, world.size[rows, :2].astype(np.float64), world.object_type[rows], present)
 
     @classmethod
     def recorded(cls, world: World, agent: int, start: int, num_steps: int) -> SurroundingBoxes:
@@ -209,3 +206,17 @@ class SurroundingBoxes:
             object_type=world.object_type[rows[1][0]],
             present=world.log_valid[rows],
         )
+
+
+@kernel(allocates=False)
+def _take_boxes(
+    positions: Float64, headings: Float64, velocities: Float64, presences: Bool, rows: IntP, position: Float64,
+    heading: Float64, speed: Float64, present: Bool,
+) -> None:  # fmt: skip
+    """Write the states (T, N) of some objects, with speeds instead of velocities."""
+    for t in range(len(heading)):
+        for n in range(len(rows)):
+            row = rows[n]
+            position[t, n, 0], position[t, n, 1] = positions[t, row, 0], positions[t, row, 1]
+            heading[t, n], present[t, n] = headings[t, row], presences[t, row]
+            speed[t, n] = math.hypot(velocities[t, row, 0], velocities[t, row, 1])

@@ -54,17 +54,21 @@ class DrivenLanes:
         route: The lanes that the centre is on, for each of T moments; the first one counts.
         shared: The lanes that all corners of the box are in or, in lanes that follow one another, between, for each
             moment; none off all lanes, None if the corners are in different lanes.
+        on_lane: (T, 4) whether each corner is on a lane.
     """
 
     graph: LaneLinks
     route: Sequence[LaneRows]
     shared: Sequence[frozenset[int] | None]
+    on_lane: Bool
 
     @classmethod
     def of(cls, drive: EgoDrive, roads: Roads) -> DrivenLanes:
         """Find the lanes of a drive."""
-        graph = roads.once(LaneLinks)
-        return cls(graph, driven_route(graph, drive), _shared(graph, _stays(roads, drive.corners)))
+        graph, stays = roads.once(LaneLinks), _stays(roads, drive.corners)
+        on_lane = np.array([[bool(lanes) for lanes in stay.lanes] for stay in stays]).reshape(-1, 4)
+        moments = [stay.end - stay.first for stay in stays]
+        return cls(graph, driven_route(graph, drive), _shared(graph, stays), np.repeat(on_lane, moments, axis=0))
 
     @cached_property
     def is_in_lane(self) -> Bool:
@@ -91,18 +95,8 @@ class DrivenLanes:
             position: (T, 2) centre of the vehicle [m].
         """
         progress, lane = np.zeros(len(position)), np.array([lanes[0] if lanes else -1 for lanes in self.route], np.intp)
-        steps = np.flatnonzero(lane >= 0)
-        if len(steps) < 2:
-            return progress
-        every, lanes = np.full(len(position), np.nan), self.graph.roads.lanes
-        arc = self.graph.roads.once(arcs_of_points)
-        _find_arcs(np.ascontiguousarray(position), lane, lanes.values, lanes.offsets, arc, every)
-        arcs = every[steps]
-        is_same = lane[steps] == np.append(lane[0], lane[steps[:-1]])
-        moved = arcs[1:] - arcs[:-1]
-        # The arc where the lane is new counts as unknown, and, as the owner has it, an arc of 0.
-        is_known = is_same[1:] & is_same[:-1] & np.isfinite(moved) & (arcs[1:] != 0.0)
-        progress[steps[1:]] = np.where(is_known, moved, 0.0)
+        roads = self.graph.roads
+        _find_progress(position, lane, roads.lanes.values, roads.lanes.offsets, roads.once(arcs_of_points), progress)
         return progress
 
     def speed_limit(self) -> Float64:
@@ -127,20 +121,26 @@ def arcs_of_points(roads: Roads) -> Float64:
 
 
 @kernel(allocates=False)
-def _find_arcs(position: Float64, lane: IntP, points: Float32, offsets: Int32, along: Float64, arcs: Float64) -> None:
-    """Write the arc length (T,) of the nearest point on each moment's lane, if it has one of two points.
+def _find_progress(
+    position: Float64, lane: IntP, points: Float32, offsets: Int32, along: Float64, progress: Float64
+) -> None:
+    """Write the movement (T,) along the lane since the last moment on one, by the nearest points on the lanes.
+
+    The arc where the lane is new counts as unknown, and, as the owner has it, an arc of 0.
 
     Args:
         position: (T, 2) [m].
         lane: (T,) row of the lane, or -1.
         points, offsets: The lanes.
         along: (P,) arc length of the points [m].
-        arcs: Output.
+        progress: Output, zeros before.
     """
     last = 0  # row of the nearest segment of the moment before
+    before, arc_before, was_same = lane[0] if len(lane) else -1, np.nan, False
     for t in range(len(position)):
         if lane[t] < 0:
             continue
+        arc, is_same = np.nan, lane[t] == before
         x, y, nearest = position[t, 0], position[t, 1], np.inf
         first, end = offsets[lane[t]], offsets[lane[t] + 1] - 1
         guess = last if first <= last < end else first
@@ -170,7 +170,10 @@ def _find_arcs(position: Float64, lane: IntP, points: Float32, offsets: Int32, a
             else:
                 apart = abs(((y0 - y) * dx - (x0 - x) * dy) / square) * length
             if apart < nearest:
-                nearest, last, arcs[t] = apart, n, along[n] + share * length
+                nearest, last, arc = apart, n, along[n] + share * length
+        if is_same and was_same and arc != 0.0 and np.isfinite(arc - arc_before):
+            progress[t] = arc - arc_before
+        before, arc_before, was_same = lane[t], arc, is_same
 
 
 def driven_route(graph: LaneLinks, drive: EgoDrive) -> list[LaneRows]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -20,11 +20,31 @@ def measure(rollout: Rollout, world: World) -> dict[str, Any]:
 
     The outcome and the collisions are those of the whole episode, all other metrics cover the time of the recording.
     """
-    episode = DrivenEpisode(rollout, world)
-    row = {name: value for metric in metrics() for name, value in metric(episode).items()}
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in row.items()
-    }
+    (row,) = measure_all([DrivenEpisode(rollout, world)])
+    if isinstance(row, Exception):
+        raise row
+    return row
+
+
+def measure_all(episodes: Sequence[DrivenEpisode]) -> list[dict[str, Any] | Exception]:
+    """Return the metrics of some episodes, or why one has none.
+
+    They are computed metric by metric, whose code then stays in the processor's cache.
+    """
+    rows: list[dict[str, Any] | Exception] = [{} for _ in episodes]
+    for metric in metrics():
+        for number, episode in enumerate(episodes):
+            row = rows[number]
+            if isinstance(row, Exception):
+                continue
+            try:
+                for name, value in metric(episode).items():
+                    row[name] = None if isinstance(value, float) and not math.isfinite(value) else value
+            except MemoryError:
+                raise
+            except Exception as error:  # one scenario must not end the run
+                rows[number] = error
+    return rows
 
 
 @cache

@@ -15,7 +15,7 @@ OFF_ROAD_TOLERANCE = 0.3
 _BEYOND_THE_MAP = 10.0  # [m]
 
 
-def is_off_road(corners: Float64, roads: Roads) -> Bool:
+def is_off_road(corners: Float64, roads: Roads, on_lane: Bool | None = None) -> Bool:
     """Return the moments (T,) with a corner off the road: nuPlan's ``drivable_area_compliance``, negated.
 
     A lane without a following one, or without one before, is taken to go on for some metres: there the map ends.
@@ -23,10 +23,13 @@ def is_off_road(corners: Float64, roads: Roads) -> Bool:
     Args:
         corners: (T, 4, 2) [m].
         roads: The map, with at least one drivable polygon.
+        on_lane: (T, 4) corners that are known to be on a lane.
     """
     points = corners.reshape(-1, 2)
-    is_off = ~roads.is_on_road(points)
+    is_off = np.ones(len(points), np.bool_) if on_lane is None else ~on_lane.reshape(-1)
     rest = np.flatnonzero(is_off)
+    is_off[rest] = ~roads.is_on_road(points[rest])
+    rest = rest[is_off[rest]]
     if len(rest):
         outlines, bounds, asked = roads.polygons, roads.polygon_bounds, points[rest]
         near: Bool = np.zeros(len(rest), np.bool_)

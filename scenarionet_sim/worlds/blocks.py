@@ -41,8 +41,8 @@ class Blocks:
         self._gaps: list[tuple[int, int]] = []  # first row and end of free rows, in order
 
     def put(self, values: Mapping[str, Array]) -> tuple[int, int]:
-        """Store a block, one array per column; return its first row and its end."""
-        count = len(next(iter(values.values())))
+        """Store a block, one array per column; return its first row and its end; zeros follow shorter arrays."""
+        count = max(map(len, values.values()))
         room = next((gap for gap in self._gaps if gap[1] - gap[0] >= count), None)
         if room is None:
             is_tail_free = bool(self._gaps) and self._gaps[-1][1] == self._num_rows
@@ -57,7 +57,9 @@ class Blocks:
         place = self._gaps.index(room)
         self._gaps[place : place + 1] = [(end, room[1])] if room[1] > end else []
         for name, rows in values.items():
-            self.arrays[name][start:end] = rows
+            self.arrays[name][start : start + len(rows)] = rows
+            if len(rows) < count:
+                self.arrays[name][start + len(rows) : end] = 0
         self.num_put += 1
         self.last_put.append((start, end))
         return start, end

@@ -198,8 +198,8 @@ class WorldPool:
             "path": path,
             "stops": stops,
             "objects": self.kinds["objects"].put({
-                "driver": _with_end(driver), "object_type": _with_end(world.object_type), "size": _with_end(world.size),
-                "top_speed": _with_end(world.top_speed), "friction": np.full(count + 1, world.friction),
+                "driver": driver, "object_type": world.object_type, "size": world.size,
+                "top_speed": world.top_speed, "friction": np.full(count, world.friction),
                 "path_offsets": path[0] + world.paths.path_offsets,
                 "stop_offsets": stops[0] + world.stops.stop_offsets,
             }),
@@ -261,8 +261,3 @@ class WorldPool:
 def _log_in(blocks: Blocks, block: tuple[int, int], shape: tuple[int, ...]) -> Float32:
     """Return a copy of the log of a stored world."""
     return blocks.arrays["log"][slice(*block)].reshape(shape).copy()
-
-
-def _with_end(rows: Array) -> Array:
-    """Return rows with one more, of zeros."""
-    return np.concatenate([rows, np.zeros_like(rows, shape=(1, *rows.shape[1:]))])

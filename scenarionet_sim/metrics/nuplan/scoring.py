@@ -7,8 +7,7 @@ and ``planning/metrics/evaluation_metrics/common`` (definitions).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from itertools import accumulate
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -72,7 +71,7 @@ def speed_limit_score(overspeed: Float64, time: Float64) -> float:
     return max(0.0, 1.0 - float(overspeed.sum()) * float(np.diff(time).mean()) / (_MAX_OVERSPEED * duration))
 
 
-def driving_direction(progress: Iterable[float], dt: float) -> tuple[float, float]:
+def driving_direction(progress: Sequence[float] | Float64, dt: float) -> tuple[float, float]:
     """Score of driving against the traffic, and the smallest progress within one second [m].
 
     The score is 1 below 2 m, 0.5 below 6 m, else 0. As in the owner's code, the absolute value of the smallest
@@ -82,10 +81,9 @@ def driving_direction(progress: Iterable[float], dt: float) -> tuple[float, floa
         progress: (T,) movement along the lane since the moment before [m].
         dt: [s].
     """
-    total = np.array([0.0, *accumulate(progress)])
-    window = int(_DIRECTION_WINDOW / dt + 1e-6)
-    ends = np.arange(1, len(total))
-    smallest = float((total[ends] - total[np.maximum(0, ends - 1 - window)]).min())
+    total = np.append(0.0, np.cumsum(progress))
+    lag = int(_DIRECTION_WINDOW / dt + 1e-6) + 1
+    smallest = float(min(total[1 : lag + 1].min(), (total[lag:] - total[: len(total) - lag]).min(initial=np.inf)))
     distance = abs(smallest)
     return direction_score(distance), -distance
 

@@ -54,17 +54,17 @@ def measure(episode: DrivenEpisode) -> dict[str, Any]:
         "is_time_to_collision_in_bound": soonest > BOUND,
         **vars(comfort),
         "is_comfortable": None if math.isnan(comfort.max_jerk) else comfort.is_comfortable,
-        "off_road_time": _off_road_time(drive, recorded, roads),
+        "off_road_time": _off_road_time(drive, recorded, roads, lanes),
         **_along_lanes(drive, lanes),
     }
     return row | {"nuplan_score": _score(row)}
 
 
-def _off_road_time(drive: EgoDrive, recorded: EgoDrive, roads: Roads) -> float | None:
+def _off_road_time(drive: EgoDrive, recorded: EgoDrive, roads: Roads, lanes: DrivenLanes | None) -> float | None:
     """Return the time [s] outside the drivable area; None if the map has none, or the recording itself is outside."""
     if not roads.is_road.any():
         return None
-    off = is_off_road(drive.corners, roads)
+    off = is_off_road(drive.corners, roads, None if lanes is None else lanes.on_lane)
     is_recorded = np.array_equal(drive.corners, recorded.corners)
     if (off if is_recorded else is_off_road(recorded.corners, roads)).any():
         return None

@@ -6,9 +6,12 @@ The inverse bicycle model gives the acceleration and curvature between consecuti
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
+from scenarionet_data.compiled.decorators import kernel
 
 MAX_ACCELERATION, MAX_CURVATURE = 10.4, 0.3
 _TOLERANCE = 1e-3
@@ -25,14 +28,19 @@ def is_infeasible(velocity: Float64, heading: Float64, dt: float) -> Bool:
         heading: (T,) [rad].
         dt: [s].
     """
-    speed = np.hypot(*velocity.T)
-    acceleration = np.diff(speed) / dt
-    is_slow = speed <= _SLOW
-    direction = np.where(is_slow, heading, np.arctan2(velocity[:, 1], velocity[:, 0]))
-    turn = (direction[1:] - heading[:-1] + np.pi) % (2.0 * np.pi) - np.pi
-    way = speed[:-1] * dt + 0.5 * acceleration * dt**2
-    stands = (speed[:-1] < _SLOW) | (speed[1:] < _SLOW)
-    curvature = np.where(stands, 0.0, turn / np.where(stands, np.inf, way))
-    too_hard: Bool = np.abs(acceleration) > MAX_ACCELERATION + _TOLERANCE
-    too_sharp: Bool = np.abs(curvature) > MAX_CURVATURE + _TOLERANCE
-    return too_hard | too_sharp
+    infeasible: Bool = np.zeros(max(len(velocity) - 1, 0), np.bool_)
+    _mark_infeasible(np.ascontiguousarray(velocity), np.ascontiguousarray(heading), dt, infeasible)
+    return infeasible
+
+
+@kernel(allocates=False)
+def _mark_infeasible(velocity: Float64, heading: Float64, dt: float, infeasible: Bool) -> None:
+    for t in range(len(infeasible)):
+        speed, later = math.hypot(velocity[t, 0], velocity[t, 1]), math.hypot(velocity[t + 1, 0], velocity[t + 1, 1])
+        acceleration = (later - speed) / dt
+        infeasible[t] = abs(acceleration) > MAX_ACCELERATION + _TOLERANCE
+        if not infeasible[t] and speed >= _SLOW and later >= _SLOW:
+            direction = heading[t + 1] if later <= _SLOW else math.atan2(velocity[t + 1, 1], velocity[t + 1, 0])
+            turn = (direction - heading[t] + math.pi) % (2.0 * math.pi) - math.pi
+            way = speed * dt + 0.5 * acceleration * dt**2
+            infeasible[t] = abs(turn) > (MAX_CURVATURE + _TOLERANCE) * abs(way)

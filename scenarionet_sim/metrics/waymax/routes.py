@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_sim.metrics.drive import EgoDrive
 from scenarionet_sim.metrics.lane_links import LaneLinks, LaneRows
 from scenarionet_sim.metrics.lanes import driven_route
@@ -107,15 +108,23 @@ def progression(position: Float64, start: Float64, end: Float64, routes: Routes)
         start, end: (2,) first and last recorded positions [m].
         routes: The paths.
     """
-    on = np.flatnonzero(routes.is_on_route)
-    nearest = on[np.hypot(*(routes.position[on] - position).T).argmin()]
-    path = np.flatnonzero(routes.path == routes.path[nearest])
+    arcs = np.empty(3)
+    _find_arcs(np.stack([position, start, end]), routes.position, routes.arc, routes.path, routes.is_on_route, arcs)
+    here, first, last = arcs.tolist()
+    return 1.0 if first == last else (here - first) / (last - first)
 
-    def arc(point: Float64) -> float:
-        return float(routes.arc[path[np.hypot(*(routes.position[path] - point).T).argmin()]])
 
-    first, last = arc(start), arc(end)
-    return 1.0 if first == last else (arc(position) - first) / (last - first)
+@kernel(allocates=False)
+def _find_arcs(places: Float64, points: Float64, arc: Float64, path: Int32, is_on_route: Bool, found: Float64) -> None:
+    """Write the arc length (Q,) of places on the path on the route that is nearest to the first of them."""
+    chosen = -1
+    for q in range(len(places)):
+        nearest = np.inf
+        for p in range(len(points)):
+            apart = np.hypot(points[p, 0] - places[q, 0], points[p, 1] - places[q, 1])
+            if apart < nearest and (is_on_route[p] if q == 0 else path[p] == chosen):
+                nearest, found[q] = apart, arc[p]
+                chosen = path[p] if q == 0 else chosen
 
 
 class _SampledWays:
