@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -173,16 +172,11 @@ def cut_steps(scenario: ScenarioDescription, steps: slice) -> ScenarioDescriptio
     """
     time, first = scenario.timestamps[steps], range(scenario.num_timesteps)[steps].start
     kept = np.flatnonzero(scenario.tracks.valid[:, steps].any(axis=1))
-    arrays: dict[str, Any] = {name: getattr(scenario.tracks, name)[kept] for name in Tracks.__dataclass_fields__}
-    arrays |= {name: each[:, steps] for name, each in arrays.items() if each.ndim > 1}
-    tracks = Tracks(**arrays)
-    ids = set(tracks.ids)
+    arrays = {name: getattr(scenario.tracks, name)[kept] for name in Tracks.__dataclass_fields__}
+    tracks = Tracks(**{name: each[:, steps] if each.ndim > 1 else each for name, each in arrays.items()})
     return replace(
-        scenario,
+        scenario.with_tracks(tracks),
         timestamps=time - time[0],
         current_timestep=scenario.current_timestep - first,
-        tracks=tracks,
         lights=replace(scenario.lights, state=scenario.lights.state[:, steps]),
-        objects_of_interest=tuple(each for each in scenario.objects_of_interest if each in ids),
-        tracks_to_predict=tuple(each for each in scenario.tracks_to_predict if each[0] in ids),
     )

@@ -103,6 +103,16 @@ class ScenarioDescription(ScenarioPart, HasCard):
         """Row of the ego in ``tracks``."""
         return self.tracks.index(self.ego_id)
 
+    def with_tracks(self, tracks: Tracks) -> ScenarioDescription:
+        """Return the scenario with other tracks, without what it says of objects that are not among them."""
+        ids = set(tracks.ids)
+        return replace(
+            self,
+            tracks=tracks,
+            objects_of_interest=tuple(each for each in self.objects_of_interest if each in ids),
+            tracks_to_predict=tuple(each for each in self.tracks_to_predict if each[0] in ids),
+        )
+
     def with_own_map(self) -> ScenarioDescription:
         """Return the scenario with the part of the shared map that it has loaded as a map of its own."""
         if self.map_id is None:

@@ -126,6 +126,10 @@ class Tracks(ScenarioPart):
     def __repr__(self) -> str:
         return f"Tracks({len(self)} objects, {self.valid.shape[1]} timesteps)"
 
+    def take(self, rows: Any) -> Tracks:
+        """Return the objects at ``rows``, in that order."""
+        return Tracks(**{name: getattr(self, name)[rows] for name in self.__dataclass_fields__})
+
     def index(self, track_id: str) -> int:
         """Return the row of a track; raise KeyError if the scenario has no such track."""
         (rows,) = np.nonzero(self.ids == track_id)

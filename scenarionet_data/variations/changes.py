@@ -14,7 +14,7 @@ from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, IntP
 from scenarionet_data.arrays.geometry import estimate_velocity, rotate, wrap_angle
 from scenarionet_data.building.tracks import METRES, RADIANS, rounded
 from scenarionet_data.errors import InvalidScenario
-from scenarionet_data.scenario.description import ScenarioDescription, Tracks, strings
+from scenarionet_data.scenario.description import ScenarioDescription, strings
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.variations.parameters import CHANGES, FRICTION, LIGHTS, ROAD
 
@@ -286,23 +286,14 @@ def _with_tracks(
 ) -> ScenarioDescription:
     """The scenario with the tracks ``rows``, some of them with other motions, of which those ``kept`` remain."""
     old = scenario.tracks
-    arrays = {name: getattr(old, name)[rows] for name in Tracks.__dataclass_fields__}
+    tracks = old.take(rows)
     for row, motion in motions.items():
         where = motion.valid[:, None]
-        arrays["position"][row] = np.where(where, rounded(motion.position, METRES), 0)
-        arrays["velocity"][row] = np.where(where, rounded(motion.velocity, METRES), 0)
-        arrays["heading"][row] = np.where(motion.valid, wrap_angle(rounded(wrap_angle(motion.heading), RADIANS)), 0)
-        arrays["size"][row] = np.where(where, motion.size, 0)
-        arrays["valid"][row] = motion.valid
-        arrays["is_interpolated"][row] &= motion.valid
-    arrays["ids"] = strings(
-        old.ids[parent] if row < len(old) else f"{old.ids[parent]}+copy" for row, parent in enumerate(rows)
-    )
-    tracks = Tracks(**{name: values[kept] for name, values in arrays.items()})
-    ids = set(tracks.ids)
-    return replace(
-        scenario,
-        tracks=tracks,
-        objects_of_interest=tuple(each for each in scenario.objects_of_interest if each in ids),
-        tracks_to_predict=tuple(each for each in scenario.tracks_to_predict if each[0] in ids),
-    )
+        tracks.position[row] = np.where(where, rounded(motion.position, METRES), 0)
+        tracks.velocity[row] = np.where(where, rounded(motion.velocity, METRES), 0)
+        tracks.heading[row] = np.where(motion.valid, wrap_angle(rounded(wrap_angle(motion.heading), RADIANS)), 0)
+        tracks.size[row] = np.where(where, motion.size, 0)
+        tracks.valid[row] = motion.valid
+        tracks.is_interpolated[row] &= motion.valid
+    ids = strings(old.ids[parent] if row < len(old) else f"{old.ids[parent]}+copy" for row, parent in enumerate(rows))
+    return scenario.with_tracks(replace(tracks, ids=ids).take(kept))

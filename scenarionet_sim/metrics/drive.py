@@ -180,8 +180,8 @@ class SurroundingBoxes:
         rows = seen[seen != rollout.agent]
         shape = len(rollout.position), len(rows)
         (heading, speed), position, present = np.empty((2, *shape)), np.empty((*shape, 2)), np.empty(shape, np.bool_)
-        states = rollout.position, rollout.heading, rollout.velocity, rollout.present
-        _take_boxes(*states, rows, position, heading, speed, present)
+        states = rollout.position, rollout.heading, rollout.velocity
+        _take_boxes(states, rollout.present, rows, (position, heading, speed), present)
         return cls(position, heading, speed, world.size[rows, :2].astype(np.float64), world.object_type[rows], present)
 
     @classmethod
@@ -210,10 +210,14 @@ class SurroundingBoxes:
 
 @kernel(allocates=False)
 def _take_boxes(
-    positions: Float64, headings: Float64, velocities: Float64, presences: Bool, rows: IntP, position: Float64,
-    heading: Float64, speed: Float64, present: Bool,
-) -> None:  # fmt: skip
+    states: tuple[Float64, Float64, Float64],
+    presences: Bool,
+    rows: IntP,
+    taken: tuple[Float64, Float64, Float64],
+    present: Bool,
+) -> None:
     """Write the states (T, N) of some objects, with speeds instead of velocities."""
+    (positions, headings, velocities), (position, heading, speed) = states, taken
     for t in range(len(heading)):
         for n in range(len(rows)):
             row = rows[n]

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from scenarionet_data import ScenarioDescription, Tracks
+from scenarionet_data import ScenarioDescription
 from scenarionet_data.arrays.dtypes import IntP
 from scenarionet_data.variations.moment_windows import MomentWindow, cut_out
 from scenarionet_sim.drivers.by_name import find_backend
@@ -174,14 +174,7 @@ def drive_stored(job: ReductionJob) -> tuple[str, DrivenFailure]:
 def _with_rows(scenario: ScenarioDescription, rows: Sequence[int]) -> ScenarioDescription:
     """The scenario with some of its road users."""
     kept: IntP = np.sort(np.array(rows, np.intp))
-    tracks = Tracks(**{name: getattr(scenario.tracks, name)[kept] for name in Tracks.__dataclass_fields__})
-    ids = set(tracks.ids)
-    return replace(
-        scenario,
-        tracks=tracks,
-        objects_of_interest=tuple(each for each in scenario.objects_of_interest if each in ids),
-        tracks_to_predict=tuple(each for each in scenario.tracks_to_predict if each[0] in ids),
-    )
+    return scenario.with_tracks(scenario.tracks.take(kept))
 
 
 def _window(scenario: ScenarioDescription, begin: float, end: float) -> list[ScenarioDescription]:

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from scenarionet_data import Lake, ScenarioDescription, ScenarioLoader, Tracks, resample
-from scenarionet_data.arrays.dtypes import Bool, Float32, IntP
+from scenarionet_data.arrays.dtypes import Bool, Float32
 from scenarionet_sim.render.rollouts import read_rollout
 from scenarionet_sim.worlds.world import STEP
 
@@ -57,7 +57,7 @@ class DrivenScenarios(Sequence[ScenarioDescription]):
             judged = rows.filter(pl.col("is_judged"))
             added = _driven(scenario.tracks, judged)
             row = scenario.tracks.index(judged["track_id"][0])
-            ghost = _rows_of(added, np.array([row]))
+            ghost = added.take([row])
             names = np.array([f"{self.run}:{name}" for name in ghost.ids], object)
             return replace(scenario, tracks=_joined(scenario.tracks, replace(ghost, ids=names)))
         return replace(scenario, tracks=_driven(scenario.tracks, rows))
@@ -101,10 +101,6 @@ def _nearest(values: Float32, valid: Bool) -> Float32:
     before = known[np.maximum(np.searchsorted(known, steps, side="right") - 1, 0)]
     filled: Float32 = values[np.where(np.abs(after - steps) < np.abs(steps - before), after, before)]
     return filled
-
-
-def _rows_of(tracks: Tracks, rows: IntP) -> Tracks:
-    return Tracks(**{name: getattr(tracks, name)[rows] for name in Tracks.__dataclass_fields__})
 
 
 def _joined(tracks: Tracks, others: Tracks) -> Tracks:

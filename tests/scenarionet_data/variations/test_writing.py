@@ -83,13 +83,16 @@ def test_the_example_of_the_guide_runs(lake, monkeypatch):
     monkeypatch.chdir(lake.root.parent)
     lake.filter(name="cut_ins")
     page = (Path(__file__).parents[3] / "docs" / "guides" / "variations.md").read_text("utf-8")
-    example, on_the_fly = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    example, on_the_fly, at_reset = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     example = example.replace("number=1000", "number=4").replace("-3:3", "-1:1")
     names: dict[str, object] = {}
     exec(example, names)
     assert names["report"].converted == 8
     exec(on_the_fly, names)
     assert len(names["simulation"].batch) == len(names["worlds"]) == 8
+    exec(at_reset, names)
+    assert re.fullmatch(rf"{PARENTS[0].id[:-1]}[01]@0\d{{5}}", names["info"]["scenario_id"])
+    names["env"].close()
 
 
 def test_variations_without_a_lake_are_those_that_are_stored(lake):
