@@ -20,6 +20,7 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.operations import moments as composed
+from scenarionet_data.operations.compiled_relations import CompiledRelations
 from scenarionet_data.operations.moments import Moments
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.query.named_sql import EVENTS, RELATIONS
@@ -147,8 +148,9 @@ def keep_moments(
     try:
         for missing, wanted in batches:
             part = view.restrict_to(wanted["scenario_id"].to_pylist()).keeping
+            compiled = CompiledRelations(part)
             for each in missing:
-                waiting[each].append(_find(part, kept[each], definitions[each], wanted))
+                waiting[each].append(_find(compiled, kept[each], definitions[each], wanted))
                 mined[each] += len(wanted)
             part.engine.close()
             done += len(wanted)
@@ -187,7 +189,7 @@ def cut(sizes: Sequence[int] | np.ndarray[Any, Any], most: int | None = None) ->
     yield from (slice(start, stop) for start, stop in pairwise(edges) if stop > start)
 
 
-def _find(view: LakeView, kept: KeptMoments, definition: Defined, wanted: pa.Table) -> pa.Table:
+def _find(part: CompiledRelations, kept: KeptMoments, definition: Defined, wanted: pa.Table) -> pa.Table:
     """Return the rows of ``moments`` of some scenarios; one without a moment has a row of nulls."""
     given = {"name": kept.name, "definition": kept.definition, "parameters": json.dumps(definition.parameters)}
     has = {*definition.moments.roles, *definition.moments.measures}
@@ -199,7 +201,7 @@ def _find(view: LakeView, kept: KeptMoments, definition: Defined, wanted: pa.Tab
         f"FROM wanted LEFT JOIN (\n{definition.moments.sql}\n) USING (scenario_id)"
     )
     schema = tables.load(kept_moments.FOLDER).schema
-    return view.arrow(sql, given, tables={"wanted": wanted}).select(schema.names).cast(schema)
+    return part.arrow(sql, given, tables={"wanted": wanted}).select(schema.names).cast(schema)
 
 
 def find_moments(view: LakeView, found: Moments) -> pl.DataFrame:
@@ -211,11 +213,11 @@ def find_moments(view: LakeView, found: Moments) -> pl.DataFrame:
     scenarios = view.arrow("SELECT scenario_id, num_states FROM metadata_rows ORDER BY scenario_id")
     parts = list(cut(scenarios["num_states"].to_numpy()))
     if len(parts) < 2:
-        return view.keeping.sql(sql)
+        return polars.DataFrame(CompiledRelations(view.keeping).arrow(sql))
     frames = []
     for part in parts:
         ids = scenarios["scenario_id"][part.start : part.stop].to_pylist()
         batch = view.restrict_to(ids).keeping
-        frames.append(batch.sql(sql))
+        frames.append(polars.DataFrame(CompiledRelations(batch).arrow(sql)))
         batch.engine.close()
     return polars.concat(frames)

@@ -7,6 +7,7 @@ makes spans of them, and ``before``, ``after``, ``during`` and ``overlaps`` rela
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Mapping
@@ -21,6 +22,8 @@ from scenarionet_data.query.named_sql import EVENTS, RELATIONS, NamedSql
 from scenarionet_data.query.statements import quoted, words
 from scenarionet_data.scenario.settings import check_is
 
+NAMED = re.compile(r"/\* (\w+) (\{.*?\}) \*/")
+"""The comment before the SQL of a relation: its name and the values of its parameters."""
 _SWAPPED = {_TRACK: _OTHER, _OTHER: _TRACK}
 
 
@@ -164,15 +167,19 @@ class RelationSteps:
 
         A timestep at which an object was not observed ends its run.
         """
-        columns = _columns(self.roles)
-        sql = (
-            "WITH runs AS (\n"
-            f"SELECT *, timestep - row_number() OVER (PARTITION BY {columns} ORDER BY timestep) AS run\n"
-            f"FROM (\n{self.sql}\n)\n)\n"
-            f"SELECT {columns}, min(timestep) AS first_timestep, max(timestep) AS last_timestep\n"
-            f"FROM runs GROUP BY {columns}, run"
-        )
-        return Moments(_timed(sql), self.roles).lasting(seconds)
+        return Moments(_timed(runs_of(self.sql, self.roles)), self.roles).lasting(seconds)
+
+
+def runs_of(steps: str, roles: tuple[str, ...]) -> str:
+    """Return the SELECT of the uninterrupted runs of the steps that another one selects."""
+    columns = _columns(roles)
+    return (
+        "WITH runs AS (\n"
+        f"SELECT *, timestep - row_number() OVER (PARTITION BY {columns} ORDER BY timestep) AS run\n"
+        f"FROM (\n{steps}\n)\n)\n"
+        f"SELECT {columns}, min(timestep) AS first_timestep, max(timestep) AS last_timestep\n"
+        f"FROM runs GROUP BY {columns}, run"
+    )
 
 
 def spans_of(found: RelationSteps | Moments) -> Moments:
@@ -205,8 +212,9 @@ def relation(name: str, parameters: Mapping[str, Any] | None = None) -> Relation
     """
     found = RELATIONS.load(name)
     roles = (_TRACK, _OTHER) if _OTHER in found.text else (_TRACK,)
-    narrows = narrowed_roles(found.text, found.bind(parameters or {}))
-    return RelationSteps(inlined(found, parameters), roles, narrows=narrows)
+    values = found.bind(parameters or {})
+    sql = f"/* {name} {json.dumps(values)} */\n{inlined(found, parameters)}"  # see NAMED
+    return RelationSteps(sql, roles, narrows=narrowed_roles(found.text, values))
 
 
 def event(name: str, parameters: Mapping[str, Any] | None = None) -> Moments:

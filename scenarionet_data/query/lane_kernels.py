@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import cos, inf, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -128,3 +128,97 @@ def choose_lanes(steps: PlacedSteps, lanes: NearLanes, chosen: Array, aside: Arr
                     for near in range(last - first):
                         held[near] -= is_held[near, step - start]
                         is_held[near, step - start] = False
+
+
+class BoxSteps(NamedTuple):
+    """Boxes of N objects at S steps, one object after the other.
+
+    Attributes:
+        offsets: (N + 1,) int64 where each begins.
+        x, y, heading, length, width: (S,) float64 centre, direction and size, 0 for points [m, rad].
+    """
+
+    offsets: Array
+    x: Array
+    y: Array
+    heading: Array
+    length: Array
+    width: Array
+
+
+class Outlines(NamedTuple):
+    """Polygons near each of N objects.
+
+    Attributes:
+        offsets: (N + 1,) int64 where those of each object begin.
+        outline: (L + 1,) int64 where the corners of each begin.
+        xs, ys: (P,) float64 [m].
+    """
+
+    offsets: Array
+    outline: Array
+    xs: Array
+    ys: Array
+
+
+@device_function
+def gap_to_outline(x: float, y: float, xs: Array, ys: Array) -> float:
+    """Distance from a point to the line around a polygon [m]."""
+    least = inf
+    for start in range(len(xs)):
+        end = start + 1 if start + 1 < len(xs) else 0
+        dx, dy, ahead, left = xs[end] - xs[start], ys[end] - ys[start], x - xs[start], y - ys[start]
+        squared = dx * dx + dy * dy
+        share = min(max((ahead * dx + left * dy) / squared, 0.0), 1.0) if squared > 0 else 0.0
+        least = min(least, (ahead - share * dx) ** 2 + (left - share * dy) ** 2)
+    return sqrt(least)
+
+
+@kernel
+def measure_gaps(steps: BoxSteps, outlines: Outlines, reach: float, gaps: Array) -> None:
+    """Measure how far each box is from the nearest outline at each step.
+
+    Args:
+        steps: Boxes of N objects.
+        outlines: The outlines near them.
+        reach: Outlines that are certainly further away [m] are left out.
+        gaps: (S,) float64 filled with distances [m], 0 where they touch; infinite without outlines.
+    """
+    gaps[:] = inf
+    ahead, left = np.empty(len(outlines.xs)), np.empty(len(outlines.xs))
+    for track in range(len(steps.offsets) - 1):
+        for near in range(outlines.offsets[track], outlines.offsets[track + 1]):
+            corners = slice(outlines.outline[near], outlines.outline[near + 1])
+            xs, ys = outlines.xs[corners], outlines.ys[corners]
+            low_x, high_x, low_y, high_y = xs.min(), xs.max(), ys.min(), ys.max()
+            for step in range(steps.offsets[track], steps.offsets[track + 1]):
+                x, y, half_length, half_width = (
+                    steps.x[step],
+                    steps.y[step],
+                    steps.length[step] / 2,
+                    steps.width[step] / 2,
+                )
+                away = max(max(low_x - x, x - high_x), max(low_y - y, y - high_y)) - half_length - half_width
+                if away > reach or away >= gaps[step]:
+                    continue
+                c, s = cos(steps.heading[step]), sin(steps.heading[step])
+                for corner in range(len(xs)):  # in the frame of the box
+                    dx, dy = xs[corner] - x, ys[corner] - y
+                    ahead[corner], left[corner] = dx * c + dy * s, dy * c - dx * s
+                aheads, lefts = ahead[: len(xs)], left[: len(xs)]
+                if _is_inside(0.0, 0.0, aheads, lefts):
+                    gaps[step] = 0.0
+                    continue
+                gap = inf
+                for side_x, side_y in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+                    corner_x, corner_y = side_x * half_length, side_y * half_width
+                    if _is_inside(corner_x, corner_y, aheads, lefts):
+                        gap = 0.0
+                    else:
+                        gap = min(gap, gap_to_outline(corner_x, corner_y, aheads, lefts))
+                    if half_length == 0 and half_width == 0:
+                        break
+                for corner in range(len(xs)):
+                    beyond = max(abs(aheads[corner]) - half_length, 0.0), max(abs(lefts[corner]) - half_width, 0.0)
+                    gap = min(gap, sqrt(beyond[0] ** 2 + beyond[1] ** 2))
+                gaps[step] = min(gaps[step], gap)

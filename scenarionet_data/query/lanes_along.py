@@ -10,8 +10,11 @@ from scenarionet_data.arrays.dtypes import Int64
 from scenarionet_data.query.lane_kernels import NearLanes, PlacedSteps, choose_lanes
 
 _LINES = ", ".join(f"{name} DOUBLE[]" for name in ("xs", "ys", "line_xs", "line_ys"))
+_STEP = ("px", "py", "yaw_rate", "box_px", "box_py", "heading", "length", "width")
+STEPS = f"STRUCT({', '.join(f'{name} DOUBLE' for name in _STEP)})[]"
+"""Type of the steps of an object in SQL, see the view ``walks``."""
 PARAMETERS = (
-    "STRUCT(px DOUBLE, py DOUBLE, yaw_rate DOUBLE)[]",
+    STEPS,
     f"STRUCT(turns INTEGER, is_intersection BOOLEAN, {_LINES})[]",
 )
 RETURNS = "STRUCT(lane INTEGER, aside DOUBLE)[]"
@@ -22,7 +25,7 @@ def lanes_along(steps: pa.ChunkedArray, lanes: pa.ChunkedArray) -> pa.ListArray:
     """Return the lane that each object is on at each step; see the view ``object_lanes``.
 
     Args:
-        steps: For each object a list of positions [m] and yaw rates [rad/s].
+        steps: For each object a list of steps, see the view ``walks``.
         lanes: For each object a list of the lanes near it, by name, with outlines and centrelines [m].
 
     Returns:
@@ -34,15 +37,15 @@ def lanes_along(steps: pa.ChunkedArray, lanes: pa.ChunkedArray) -> pa.ListArray:
     found = np.full(len(walked), -1)
     aside = np.zeros(len(walked))
     choose_lanes(
-        PlacedSteps(_offsets(steps), *(walked.field(name).to_numpy() for name in ("px", "py", "yaw_rate"))),
+        PlacedSteps(offsets(steps), *(walked.field(name).to_numpy() for name in ("px", "py", "yaw_rate"))),
         NearLanes(
-            _offsets(lanes),
+            offsets(lanes),
             near.field("turns").to_numpy().astype(np.int64),
             pc.fill_null(near.field("is_intersection").cast(pa.int64()), -1).to_numpy(),
-            _offsets(outline),
+            offsets(outline),
             outline.flatten().to_numpy(),
             near.field("ys").flatten().to_numpy(),
-            _offsets(line),
+            offsets(line),
             line.flatten().to_numpy(),
             near.field("line_ys").flatten().to_numpy(),
         ),
@@ -52,10 +55,10 @@ def lanes_along(steps: pa.ChunkedArray, lanes: pa.ChunkedArray) -> pa.ListArray:
     is_off = found < 0
     columns = [pa.array(found + 1, pa.int32(), mask=is_off), pa.array(aside, mask=is_off)]
     return pa.ListArray.from_arrays(
-        pa.array(_offsets(steps), pa.int32()), pa.StructArray.from_arrays(columns, ["lane", "aside"])
+        pa.array(offsets(steps), pa.int32()), pa.StructArray.from_arrays(columns, ["lane", "aside"])
     )
 
 
-def _offsets(lists: pa.Array | pa.ChunkedArray) -> Int64:
+def offsets(lists: pa.Array | pa.ChunkedArray) -> Int64:
     """Where each list begins among the elements of all, and where the last ends."""
     return np.append(0, np.cumsum(pc.list_value_length(lists).to_numpy())).astype(np.int64)

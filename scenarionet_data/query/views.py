@@ -55,7 +55,7 @@ _NUMBERED = {
     "tracks": {"scenario_id": "scenario_number", "track_id": "track_number"},
 }
 """Views whose rows are kept with ids of these types (ENUM)."""
-_FUNCTIONS = ("track_motion", "lanes_along")
+_FUNCTIONS = ("track_motion", "lanes_along", "outline_gaps")
 """Functions of Arrow arrays that views need; each is in a module of its name, with its types in SQL."""
 _ROW = "lake_row"
 """Column of the view metadata for queries that name it: number of the file << 32 | row in the file."""

@@ -1,8 +1,19 @@
 -- An object's centre is on a lane that is in an intersection, or within $threshold metres of it.
 -- threshold = 5.0
-SELECT DISTINCT scenario_id, track_id, timestep
-FROM source_places JOIN lane_outlines USING (dataset, version, map_id)
-WHERE
-    is_intersection
-    AND px BETWEEN min_x - $threshold AND max_x + $threshold AND py BETWEEN min_y - $threshold AND max_y + $threshold
-    AND outline_gap(px, py, xs, ys) <= $threshold
+WITH near AS (
+    SELECT scenario_id, track_id, list({'xs': xs, 'ys': ys}) AS outlines
+    FROM walks JOIN lane_outlines USING (dataset, version, map_id)
+    WHERE
+        is_intersection
+        AND min_x <= "right" + $threshold AND max_x >= "left" - $threshold AND min_y <= high + $threshold AND max_y >= low - $threshold
+    GROUP BY scenario_id, track_id
+),
+gaps AS (
+    SELECT
+        scenario_id, track_id, unnest(timesteps) AS timestep,
+        unnest(outline_gaps(steps, outlines, false, $threshold)) AS gap
+    FROM walks JOIN near USING (scenario_id, track_id)
+)
+SELECT scenario_id, track_id, timestep
+FROM gaps
+WHERE gap <= $threshold

@@ -3,6 +3,7 @@
 -- frame of the path. `ahead` [m] is the distance ahead of the ego along the path, `left` [m] the distance to the left
 -- of the path, `turn` [rad] the heading relative to the path, `ego_passes` [s] the time at which the ego's centre is
 -- there, null beyond the recording, and `ego_passing_speed` [m/s] the ego's speed at that time.
+-- kept: relations and events read it again and again
 CREATE VIEW ego_corridor AS
 WITH paths AS MATERIALIZED (
     -- Integer keys instead of scenario ids, because millions of states are joined by them.

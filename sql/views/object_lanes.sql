@@ -1,19 +1,11 @@
--- needs: source_places, lane_outlines, lanes_along
+-- needs: walks, lane_outlines, lanes_along
 -- One row per object and timestep at which it is on a lane, by the smoothed centre of its box, with `lane_offset` [m], how
 -- far that is to the left of the lane's middle. Where lanes overlap, as on intersections, it is on the lane that holds
 -- most of its timesteps, then on the one that holds most of the rest, and so on; of equal ones on that which turns as it
 -- does (up to 0.15 rad/s is straight on).
 -- kept: relations read it again and again
 CREATE VIEW object_lanes AS
-WITH walked AS (
-    SELECT
-        scenario_id, track_id, dataset, version, map_id, list(timestep) AS timesteps,
-        list({'px': px, 'py': py, 'yaw_rate': yaw_rate}) AS steps,
-        min(px) AS "left", max(px) AS "right", min(py) AS low, max(py) AS high
-    FROM source_places
-    GROUP BY ALL
-),
-near AS (
+WITH near AS (
     SELECT
         scenario_id, track_id,
         list({
@@ -22,7 +14,7 @@ near AS (
         list({
             'lane_id': lane_id, 'lane_type': lane_type, 'is_intersection': is_intersection, 'lane_heading': lane_heading
         } ORDER BY lane_id) AS lanes
-    FROM walked JOIN lane_outlines USING (dataset, version, map_id)
+    FROM walks JOIN lane_outlines USING (dataset, version, map_id)
     WHERE min_x <= "right" AND max_x >= "left" AND min_y <= high AND max_y >= low
     GROUP BY scenario_id, track_id
 ),
@@ -30,7 +22,7 @@ found AS (
     SELECT
         scenario_id, track_id, dataset, version, map_id, lanes, unnest(timesteps) AS timestep,
         unnest(lanes_along(steps, outlines)) AS found
-    FROM walked JOIN near USING (scenario_id, track_id)
+    FROM walks JOIN near USING (scenario_id, track_id)
 )
 SELECT
     scenario_id, track_id, timestep, dataset, version, map_id, lanes[found.lane].lane_id AS lane_id,

@@ -26,8 +26,8 @@ SELECT
     scenario_id, track_id, object_type, source_type, timestep, seconds, x, y, vx, vy, accel_x, accel_y, yaw_rate,
     sqrt(vx * vx + vy * vy) AS speed, atan2(vy, vx) AS course,
     box_x, box_y, heading, cos(heading) AS heading_x, sin(heading) AS heading_y,
-    lengths[least(timestep - start + 1, len(lengths))] AS length,
-    widths[least(timestep - start + 1, len(widths))] AS width,
-    sqrt(length::DOUBLE * length + width::DOUBLE * width) / 2 AS radius,
+    lengths[least(timestep - start + 1, len(lengths))]::DOUBLE AS length,
+    widths[least(timestep - start + 1, len(widths))]::DOUBLE AS width,
+    sqrt(length * length + width * width) / 2 AS radius,
     extent
 FROM steps;

@@ -2,6 +2,7 @@
 -- One row per object and timestep at which it turns, `side` 1 to the left and -1 to the right: its heading changes
 -- to one side without a break, by more than 45 degrees in all; or by more than 15, at 5 degrees/s on average, if its
 -- track begins or ends in the turn.
+-- kept: relations and events read it again and again
 CREATE VIEW turning_steps AS
 WITH signs AS (
     SELECT

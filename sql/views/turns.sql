@@ -1,6 +1,7 @@
 -- needs: motion
 -- One row per turn of a vehicle or cyclist by more than 30 degrees: while it moves faster than 0.5 m/s it turns to one
 -- side by more than 0.08 rad/s; stopping in between does not end the turn. `angle` [rad] is positive to the left.
+-- kept: relations and events read it again and again
 CREATE VIEW turns AS
 WITH moving AS (
     SELECT

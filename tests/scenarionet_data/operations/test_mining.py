@@ -14,6 +14,7 @@ from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.maintenance.fsck import fsck
 from scenarionet_data.maintenance.vacuuming import plan_vacuum, vacuum
 from scenarionet_data.operations import mining
+from scenarionet_data.operations.compiled_relations import CompiledRelations
 from scenarionet_data.operations.mining import Mined
 from scenarionet_data.operations.moments import event, relation
 from scenarionet_data.storage import kept_moments
@@ -134,7 +135,7 @@ def test_two_jobs_do_not_publish_a_scenario_twice(lake):
     first = kept_moments.claim(lake.files, "all", "near", mining.Defined(NEAR.lasting()).description())
     second = kept_moments.claim(lake.files, "all", "near", mining.Defined(NEAR.lasting()).description())
     wanted = lake.arrow("SELECT scenario_id, content_hash FROM metadata_rows")
-    rows = mining._find(lake, first, mining.Defined(NEAR.lasting()), wanted)
+    rows = mining._find(CompiledRelations(lake), first, mining.Defined(NEAR.lasting()), wanted)
     assert (first.version, second.version) == (1, 1)
     assert first.publish(rows) == 2
     assert second.publish(rows) == 0

@@ -1,0 +1,46 @@
+"""How far objects are from outlines, as a function ``outline_gaps`` of SQL."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scenarionet_data.query.lane_kernels import BoxSteps, Outlines, measure_gaps
+from scenarionet_data.query.lanes_along import STEPS, offsets
+
+PARAMETERS = (STEPS, "STRUCT(xs DOUBLE[], ys DOUBLE[])[]", "BOOLEAN", "DOUBLE")
+RETURNS = "DOUBLE[]"
+"""Types in SQL."""
+
+
+def outline_gaps(
+    steps: pa.ChunkedArray, outlines: pa.ChunkedArray, is_box: pa.ChunkedArray, reach: pa.ChunkedArray
+) -> pa.ListArray:
+    """Return the distance of each object to the nearest of some outlines at each step.
+
+    Args:
+        steps: For each object a list of steps, see the view ``walks``.
+        outlines: For each object a list of polygons near it [m].
+        is_box: Whether its box counts, as recorded; or the smoothed centre of its box alone.
+        reach: Largest distance that matters [m].
+
+    Returns:
+        For each step the distance [m], 0 inside; larger ones than ``reach`` may be infinite.
+    """
+    walked, near = pc.list_flatten(steps).combine_chunks(), pc.list_flatten(outlines).combine_chunks()
+    names = ("box_px", "box_py", "heading", "length", "width") if is_box[0].as_py() else ("px", "py")
+    columns = [walked.field(name).to_numpy() for name in names]
+    gaps = np.empty(len(walked))
+    measure_gaps(
+        BoxSteps(offsets(steps), *columns, *[np.zeros(len(walked))] * (5 - len(columns))),
+        Outlines(
+            offsets(outlines),
+            offsets(near.field("xs")),
+            near.field("xs").flatten().to_numpy(),
+            near.field("ys").flatten().to_numpy(),
+        ),
+        reach[0].as_py(),
+        gaps,
+    )
+    return pa.ListArray.from_arrays(pa.array(offsets(steps), pa.int32()), pa.array(gaps))
