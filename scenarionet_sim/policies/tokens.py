@@ -31,6 +31,7 @@ from scenarionet_sim.worlds.world import World
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
 POSE = [X, Y, HEADING]
+_BEYOND = 50.0  # from the area of the recording: where an object leaves [m]
 _HISTORY = 4  # tokens before the episode that the memory begins with
 
 
@@ -38,9 +39,9 @@ _HISTORY = 4  # tokens before the episode that the memory begins with
 class TokenTraffic(Policy):
     """Objects that a model of tokens moves: every half second each takes one, which it then follows.
 
-    An object appears as recorded, follows the recording until the next tokens are taken, and then stays until it leaves
-    the area of the recording. Kinds of objects without tokens are as recorded. The decisions of all worlds are one
-    batch, in which networks round differently for other numbers of worlds.
+    An object appears as recorded, follows the recording until the next tokens are taken, and then stays until it is
+    50 m outside of the area of the recording. Kinds of objects without tokens are as recorded. The decisions of all
+    worlds are one batch, in which networks round differently for other numbers of worlds.
 
     Attributes:
         run: Name of the training run.
@@ -148,7 +149,7 @@ class _Episode:
         motion[goes, VX : VY + 1] = (poses[:, :2] - old[goes, :2]) / dt
         motion[goes, YAW_RATE] = wrap_angle(poses[:, 2] - old[goes, HEADING]) / dt
         motion[goes, X : Y + 1], motion[goes, HEADING] = poses[:, :2], poses[:, 2]
-        x0, y0, x1, y1 = self.extents
+        x0, y0, x1, y1 = self.extents + np.array([-_BEYOND, -_BEYOND, _BEYOND, _BEYOND])
         x, y = motion[:, X], motion[:, Y]
         is_inside = (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
         # Those without tokens, those that come, and those that came since tokens were taken are as recorded.

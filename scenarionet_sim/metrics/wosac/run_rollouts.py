@@ -10,7 +10,7 @@ import polars as pl
 from scenarionet_data.errors import BadParameter, InvalidScenario
 from scenarionet_data.lake.lake import Lake
 from scenarionet_data.scenario.description import ScenarioDescription
-from scenarionet_sim.metrics.wosac.scoring import challenge_id, challenge_steps, object_numbers
+from scenarionet_sim.metrics.wosac.scoring import challenge_id, challenge_steps, drives_on, object_numbers
 from scenarionet_sim.metrics.wosac.submission import ScenarioRollouts
 
 _SCENARIOS = """
@@ -20,7 +20,7 @@ _SCENARIOS = """
     ORDER BY scenario_id
 """
 _TRAJECTORIES = """
-    SELECT rollout, track_id, start, x, y, heading, valid
+    SELECT rollout, track_id, start, x, y, heading, vx, vy, valid
     FROM rollouts
     WHERE run = $run AND scenario_id = $scenario_id
 """
@@ -30,7 +30,7 @@ def rollouts_of_run(lake: Lake, run: str) -> Iterator[ScenarioRollouts]:
     """Return the rollouts of every scenario of a run with the episode ``wosac``.
 
     All objects observed at the end of the history are in them. Those that the run does not simulate to the end stay
-    where they were last present; heights are those at the end of the history.
+    where they were last present, or drive on, see ``scoring.drives_on``; heights are those at the end of the history.
 
     Args:
         lake: The lake with the run and the recordings.
@@ -68,13 +68,14 @@ def _rollouts(scenario: ScenarioDescription, rows: pl.DataFrame) -> ScenarioRoll
     # (R, N, T, 3) x, y, heading: an object that was not driven stays where the history ends.
     last = np.column_stack((tracks.position[observed, now, :2], tracks.heading[observed, now])).astype(np.float64)
     states = np.tile(last[None, :, None], (len(numbers), 1, expected + 1, 1))
-    for number, name, x, y, heading, valid in rows.select(
-        "rollout", "track_id", "x", "y", "heading", "valid"
-    ).iter_rows():
+    for number, name, x, y, heading, vx, vy, valid in rows.drop("start").iter_rows():
         if name in row_of:
             present = np.ones(len(x), np.bool_) if valid is None else np.array(valid)
             seen = np.maximum.accumulate(np.where(present, np.arange(len(x)), -1))  # held while it is absent
-            states[numbers.index(number), row_of[name], seen >= 0] = np.array([x, y, heading]).T[seen[seen >= 0]]
+            motion = np.array([x, y, heading, vx, vy])[:, seen]
+            if drives_on(scenario):
+                motion[:2] += scenario.dt * (np.arange(len(x)) - seen) * motion[3:]
+            states[numbers.index(number), row_of[name], seen >= 0] = motion[:3, seen >= 0].T
     height = tracks.position[observed, now, 2] + scenario.origin[2]
     shape = (*states.shape[:2], expected)
     position = np.stack(

@@ -19,6 +19,7 @@ from scenarionet_sim.metrics.wosac import (
     score_submission,
     write_submission,
 )
+from scenarionet_sim.metrics.wosac.scoring import challenge_steps
 from tests.fixtures.drives import Other, make_drive
 from tests.fixtures.lakes import write_lake
 
@@ -66,6 +67,25 @@ def test_the_recording_as_rollouts_begins_a_step_after_the_present(scenario: Sce
         found = log_rollouts(replace(scenario, current_timestep=now), 2)
         assert found.position.shape == (2, 2, 90 - now, 3)
         assert found.position[0, 1, 0, 0] == pytest.approx(1000.0 + now + 1.0), "the ego at 10 m/s"
+
+
+def test_other_recordings_are_cut_and_drive_on(scenario: ScenarioDescription, tmp_path: Path):
+    """The second car drives on at 5 m/s from where it is last seen, in the rollouts and in the recording as such."""
+    ids = strings(["12", "P7", "9"])
+    name = make_scenario_id("interaction", "v1", "abc")
+    other = replace(scenario, id=name, dataset="interaction", tracks=replace(scenario.tracks, ids=ids))
+    longer = replace(other, current_timestep=5)
+    lake = write_lake(tmp_path / "lake", [longer])
+    evaluate(lake, policy="replay", episode="wosac", name="ours")
+    (ours,) = rollouts_of_run(lake, "ours")
+    assert ours.scenario_id == name and ours.object_ids.tolist() == [-2, 12] and ours.position.shape[2] == 80
+    recording = log_rollouts(challenge_steps(longer), 1)
+    assert recording.position == pytest.approx(ours.position, abs=1e-3)
+    assert ours.position[0, 0, -1, 0] == pytest.approx(other.tracks.position[1, 20, 0] + 1000.0 + 6.5 * 5.0, abs=1e-3)
+    write_submission(tmp_path / "ours.binproto", [ours])
+    (scored,) = score_submission(lake.root, tmp_path / "ours.binproto").scenarios
+    assert scored.error is None and scored.submitted == scored.ceiling
+    assert scored.submitted.rates["collision"] == 0.5, "the ego drives into the other one: both are scored"
 
 
 def test_run_without_the_episode_of_the_challenge_is_refused(lake: Lake):
