@@ -12,7 +12,7 @@ from __future__ import annotations
 from scenarionet_data.samples.training import SampleStream, collate  # first: says how to install torch
 
 # isort: split
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -65,7 +65,7 @@ class ForecasterConfig:
     decay: float = 1e-2
     rotation: float = 0.3
 
-    def samples(self, lake: LakeView, database: str, *, is_training: bool, seed: int = 0) -> Samples:
+    def samples(self, lake: LakeView, database: str | Sequence[str], *, is_training: bool, seed: int = 0) -> Samples:
         """Return the samples of a database: one per moving road user and moment."""
         augmentation = Augmentation(rotation=self.rotation, flip=0.5, seed=seed) if is_training else Augmentation()
         return Samples(

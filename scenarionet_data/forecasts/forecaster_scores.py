@@ -12,6 +12,7 @@ from scenarionet_data.forecasts.forecaster import (  # first: says how to instal
 )
 
 # isort: split
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,13 +47,13 @@ class DatabaseScore:
     targets: int
 
 
-def score_forecaster(lake: LakeView, run: str, database: str) -> list[DatabaseScore]:
+def score_forecaster(lake: LakeView, run: str, database: str | Sequence[str]) -> list[DatabaseScore]:
     """Score the trained forecaster of a run, and the predictors that learn nothing, on the same targets.
 
     Args:
         lake: The lake.
         run: The training run.
-        database: Database whose scenarios are predicted.
+        database: Database whose scenarios are predicted, or their ids.
 
     Raises:
         LakeError: The run cannot be loaded, see :func:`.forecaster.load`.
@@ -61,8 +62,9 @@ def score_forecaster(lake: LakeView, run: str, database: str) -> list[DatabaseSc
     model, config = load(lake, run)
     samples = config.samples(lake, database, is_training=False)
     if not len(samples):
+        named = database if isinstance(database, str) else "these scenarios"
         raise BadParameter(
-            f"{database}: no scenario has {config.history + config.future:g} s with a moving road user, which the "
+            f"{named}: no scenario has {config.history + config.future:g} s with a moving road user, which the "
             "forecaster predicts; give another database"
         )
     predictors: dict[str, Predictor] = {

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
+import pyarrow as pa
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.query.lake_view import open_view
+from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.evaluation.intervals import mean_interval
 
@@ -162,6 +166,7 @@ def compare_runs(
     by: str | None = None,
     event: str | None = None,
     judged_by: str = JUDGED_BY,
+    given: Mapping[str, tuple[Mapping[str, Any], Sequence[Mapping[str, Any]]]] | None = None,
 ) -> RunComparison:
     """Compare the results of runs; rollouts of a scenario are averaged first.
 
@@ -172,6 +177,7 @@ def compare_runs(
         by: Expression over ``results`` and ``metadata`` to group the scenarios by, such as ``dataset``.
         event: Event to group the scenarios by, as for filters: those in which it happens, and the others.
         judged_by: Expression over ``results``, higher is better.
+        given: Description and rows of ``results`` of each run, as in receipts, instead of those in the lake.
 
     Raises:
         BadParameter: Fewer than two runs, one that the lake does not have, or both ``by`` and ``event``.
@@ -182,11 +188,13 @@ def compare_runs(
     if by is not None and event is not None:
         raise BadParameter("scenarios can be grouped by an expression or by an event, not by both; leave one out")
     lake = lake if isinstance(lake, Lake) else Lake(lake)
-    known = lake.sql("SELECT DISTINCT run FROM results ORDER BY run")["run"].to_list()
+    known = list(given or lake.sql("SELECT DISTINCT run FROM results ORDER BY run")["run"])
     unknown = [run for run in runs if run not in known]
     if unknown:
         raise BadParameter(f"the lake has no run {unknown[0]!r}; it has {runs_in_words(known)}")
-    rows = _rows(lake, runs, where, by, judged_by)
+    rows = _rows(
+        lake, runs, where, by, judged_by, {run: listed for run, (_, listed) in given.items()} if given else None
+    )
     if event is not None:
         ids = lake.select(events=[event]).scenario_ids
         happens = pl.col("scenario_id").is_in(ids)
@@ -202,7 +210,7 @@ def compare_runs(
     change = pairs.select("scenario_id", change=pl.col("judged_then") - pl.col("judged"))
     better = change.filter(pl.col("change") > 0).sort(["change", "scenario_id"], descending=[True, False]).rows()
     worse = change.filter(pl.col("change") < 0).sort(["change", "scenario_id"]).rows()
-    told, notes = {run: evaluation_runs.describe(lake.files, run) for run in runs}, []
+    told, notes = {run: given[run][0] if given else evaluation_runs.describe(lake.files, run) for run in runs}, []
     for key, condition, older in CONDITIONS:
         values = {run: str(each.get(key) or older) for run, each in told.items()}
         if len(set(values.values())) > 1:
@@ -222,18 +230,31 @@ def runs_in_words(names: Sequence[str]) -> str:
     return ", ".join([*own, *made]) or "none"
 
 
-def _rows(lake: Lake, runs: Sequence[str], where: str, by: str | None, judged_by: str) -> pl.DataFrame:
+def _rows(
+    lake: Lake,
+    runs: Sequence[str],
+    where: str,
+    by: str | None,
+    judged_by: str,
+    given: Mapping[str, Sequence[Mapping[str, Any]]] | None,
+) -> pl.DataFrame:
     """One row per run and scenario: group, judgement and metrics."""
     columns = ", ".join(f"avg({sql}) AS {name}" for name, sql in METRICS.items())
     group = "'all'" if by is None else f"coalesce(any_value(({by})::VARCHAR), 'unknown')"
+    table, held = tables.load("results"), {}
+    if given is not None:
+        listed = [{**row, "run": run} for run, rows in given.items() for row in rows]
+        held["given"] = pa.Table.from_pylist(listed, schema=table.schema)
+    source = f"WITH results AS (SELECT * {table.derived_sql} FROM given)" if held else ""
     query = f"""
+        {source}
         SELECT run, scenario_id, {group} AS "group", avg(({judged_by})::DOUBLE) AS judged, {columns}
         FROM results LEFT JOIN metadata USING (scenario_id)
         WHERE list_contains($runs, run) AND error IS NULL AND ({where})
         GROUP BY run, scenario_id
         ORDER BY scenario_id, run
     """
-    return lake.sql(query, {"runs": list(runs)})
+    return pl.DataFrame(open_view(lake).arrow(query, {"runs": list(runs)}, tables=held))
 
 
 def _compared(rows: pl.DataFrame, runs: Sequence[str], metric: str, group: str) -> ComparedMetric:

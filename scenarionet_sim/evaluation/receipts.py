@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -46,17 +46,24 @@ class Receipt:
         scenarios: Id and digest of the content of each scenario, in the order of the run.
         rows: Rows of ``results`` by scenario and rollout; the value ``trajectory`` is the digest of the rows of
             ``rollouts``, None for a run that kept none.
+        kind: ``run``, or what ``score_receipts`` makes: ``predictions``, ``submission``, ``model``, ``comparison``.
+        runs: Receipts of the runs of a comparison.
     """
 
     run: str
     description: Values
     scenarios: tuple[tuple[str, str], ...]
     rows: tuple[Values, ...]
+    kind: str = "run"
+    runs: tuple[Receipt, ...] = ()
 
     def dumps(self) -> str:
         """Return the receipt as JSON; ``loads`` is the opposite, to the last bit."""
-        told = {"format": FORMAT} | {field.name: getattr(self, field.name) for field in fields(self)}
-        return json.dumps(told, indent=1, sort_keys=True) + "\n"
+        return json.dumps({"format": FORMAT} | asdict(self), indent=1, sort_keys=True) + "\n"
+
+    def write(self, path: str | Path) -> None:
+        """Write it to a file."""
+        Path(path).write_text(self.dumps(), "utf-8")
 
     @classmethod
     def read(cls, path: str | Path) -> Receipt:
@@ -77,16 +84,21 @@ class Receipt:
             told = json.loads(text)
             if told["format"] != FORMAT:
                 raise BadParameter(f"a receipt of format {told['format']!r}, not {FORMAT}; update this software")
-            scenarios = tuple((str(key), str(digest)) for key, digest in told["scenarios"])
-            rows = tuple({**row} for row in told["rows"])
-            known = dict(scenarios)
-            if any(row["scenario_id"] not in known or not is_count(row["rollout"]) for row in rows):
-                raise ValueError("a row of another scenario")
-            return cls(str(told["run"]), {**told["description"]}, scenarios, rows)
+            return cls._read(told)
         except (ValueError, KeyError, TypeError) as error:
             raise BadParameter(
                 f"no receipt of a run ({error!r}); `scenarionet runs verify --write` writes one"
             ) from error
+
+    @classmethod
+    def _read(cls, told: Values) -> Receipt:
+        """Read what JSON holds; raises ValueError, KeyError or TypeError."""
+        scenarios = tuple((str(key), str(digest)) for key, digest in told["scenarios"])
+        rows, known, kind = tuple({**row} for row in told["rows"]), dict(scenarios), str(told.get("kind", "run"))
+        if kind == "run" and any(row["scenario_id"] not in known or not is_count(row["rollout"]) for row in rows):
+            raise ValueError("a row of another scenario")
+        runs = tuple(map(cls._read, told.get("runs", ())))
+        return cls(str(told["run"]), {**told["description"]}, scenarios, rows, kind, runs)
 
 
 @dataclass(frozen=True)
@@ -94,20 +106,20 @@ class Difference:
     """The first value that came out differently.
 
     Attributes:
-        scenario_id, rollout: Its row.
+        scenario_id, rollout: Its row; of scores and comparisons the names in it, and None.
         column: A column of ``results``, or ``trajectory``.
         stored, found: Its value in the receipt, and now.
     """
 
     scenario_id: str
-    rollout: int
+    rollout: int | None
     column: str
     stored: Any
     found: Any
 
     def __str__(self) -> str:
-        where = f"{self.scenario_id}, rollout {self.rollout}: {self.column}"
-        return f"{where} is {self.found!r}, the receipt has {self.stored!r}"
+        where = self.scenario_id if self.rollout is None else f"{self.scenario_id}, rollout {self.rollout}"
+        return f"{where}: {self.column} is {self.found!r}, the receipt has {self.stored!r}"
 
 
 @dataclass(frozen=True)
@@ -199,7 +211,7 @@ def verify(
                 f"{receipt.run!r} was made with {key} {told.get(key)!r}, this version has {wanted!r}; verify it with "
                 f"{told.get('software', 'the version that made it')}"
             )
-    _check_scenarios(Lake(lake.root, snapshot), receipt)
+    check_scenarios(Lake(lake.root, snapshot), receipt)
     evaluation = _evaluation(lake, told, ids, snapshot)
     stored: dict[str, list[Values]] = {scenario_id: [] for scenario_id in ids}
     for row in receipt.rows:
@@ -222,11 +234,16 @@ def verify(
         each for differences in run_parts(jobs, _differences, workers, on_progress, executor) for each in differences
     ]
     found.sort(key=lambda each: (place[each.scenario_id], each.rollout))
+    return verification(receipt, found)
+
+
+def verification(receipt: Receipt, found: Sequence[Difference]) -> Verification:
+    """Return what differs from a receipt, the first difference first, as a result."""
     largest: dict[str, float] = {}
     for each in found:
         if isinstance(each.stored, float | int) and isinstance(each.found, float | int):
             largest[each.column] = max(largest.get(each.column, 0.0), abs(each.stored - each.found))
-    now, then = version.name_and_version(), told.get("software")
+    now, then = version.name_and_version(), receipt.description.get("software")
     notes = () if now == then else (f"made with {then}, computed again with {now}",)
     differing = len({(each.scenario_id, each.rollout) for each in found})
     return Verification(receipt.run, len(receipt.rows), differing, found[0] if found else None, largest, notes)
@@ -245,7 +262,8 @@ def content_digests(lake: Lake, ids: Sequence[str]) -> dict[str, str]:
     return {scenario_id: f"{content_hash:016x}" for scenario_id, content_hash in found}
 
 
-def _check_scenarios(lake: Lake, receipt: Receipt) -> None:
+def check_scenarios(lake: Lake, receipt: Receipt) -> None:
+    """Raise BadParameter unless a lake has the scenarios of a receipt, with the same content."""
     there = content_digests(lake, [scenario_id for scenario_id, _ in receipt.scenarios])
     absent = [scenario_id for scenario_id, _ in receipt.scenarios if scenario_id not in there]
     if absent:
@@ -299,12 +317,13 @@ def _differences(part: _VerifiedPart) -> list[Difference]:
             differences += [
                 Difference(*key, column, before.get(column), after)
                 for column, after in found.items()
-                if not _is_equal(before.get(column), after)
+                if not is_equal(before.get(column), after)
             ]
     return differences
 
 
-def _is_equal(before: Any, after: Any) -> bool:
+def is_equal(before: Any, after: Any) -> bool:
+    """Whether two values are the same, or both NaN."""
     if isinstance(before, float) and isinstance(after, float) and math.isnan(before):
         return math.isnan(after)
     return bool(before == after)

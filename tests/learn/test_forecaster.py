@@ -33,6 +33,8 @@ from scenarionet_data.forecasts.forecaster_scores import (  # noqa: E402
     score_forecaster,
 )
 from scenarionet_data.storage import checkpoints, evaluation_runs  # noqa: E402
+from scenarionet_sim.evaluation.receipts import Receipt  # noqa: E402
+from scenarionet_sim.evaluation.score_receipts import score_receipt, verify_score  # noqa: E402
 
 CONFIG = ForecasterConfig(epochs=2, size=32, layers=1, agents=4, polylines=8, stride=2.0)
 
@@ -140,6 +142,20 @@ def test_forecaster_is_scored_beside_those_that_learn_nothing(lake):
     assert found["scored"].min_ade <= found["scored, most probable"].min_ade
     assert found["six constant velocities"].min_ade <= constant.min_ade  # it is one of the six
     assert [each.modes for each in found.values()] == [CONFIG.modes, 1, 1, 1, 6]
+
+
+def test_score_of_a_forecaster_has_a_receipt(lake):
+    train(lake, "driven", CONFIG, run="told")
+    ids = lake.database("driven").scenario_ids
+    receipt = score_receipt(
+        lake, "model", score_forecaster(lake, "told", "driven"), {"run": "told", "database": "driven"}, ids
+    )
+    assert len(receipt.rows) == 5 and verify_score(lake, Receipt.loads(receipt.dumps())).first is None
+    rows = ({**receipt.rows[0], "min_ade": receipt.rows[0]["min_ade"] + 1e-9}, *receipt.rows[1:])
+    assert str(verify_score(lake, replace(receipt, rows=rows)).first).startswith("told: min_ade is ")
+    train(lake, "driven", replace(CONFIG, epochs=1), run="other")
+    with pytest.raises(BadParameter, match="other is not what was scored for this receipt"):
+        verify_score(lake, replace(receipt, description={**receipt.description, "run": "other"}))
 
 
 def test_fan_has_slower_and_turned_paths():

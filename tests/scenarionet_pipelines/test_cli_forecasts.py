@@ -43,6 +43,19 @@ def test_scores_are_printed_and_written(lake, tmp_path):
     assert {each["seconds"] for each in found["precision"]} == {3, 5}
 
 
+def test_scores_have_a_receipt(lake, tmp_path):
+    receipt = tmp_path / "score.json"
+    assert run("forecast", "score", lake, lake / "predictions.parquet", "--receipt", receipt).exit_code == 0
+    done = run("runs", "verify", lake, receipt, "--workers", "1")
+    assert done.exit_code == 0
+    assert done.stdout == "predictions.parquet: all values of 5 rows are equal, bit by bit\n"
+    told = json.loads(receipt.read_text())
+    told["rows"][0]["min_fde"] += 1e-9
+    receipt.write_text(json.dumps(told))
+    done = run("runs", "verify", lake, receipt, "--workers", "1")
+    assert done.exit_code == 1 and "min_fde is " in done.stdout
+
+
 def test_a_submission_is_written(lake, tmp_path):
     done = run(
         "forecast", "submit", lake, lake / "predictions.parquet", tmp_path / "out.parquet", "--format", "argoverse2"
@@ -55,6 +68,7 @@ def test_a_submission_is_written(lake, tmp_path):
     ("words", "message"),
     [
         (("score", "lake"), "give one of PREDICTIONS, --model, --rollouts and --run"),
+        (("score", "lake", "--run", "r", "--receipt", "r.json"), "--receipt of --run needs -o"),
         (("submit", "lake", "p", "out", "--format", "waymo", "--method", "m"), "needs --account, --num-parameters"),
     ],
 )

@@ -130,6 +130,10 @@ def test_verify_a_run_and_its_receipt(lake, ok, as_json, tmp_path):
     assert "with 3 rows" in ok("runs", "verify", lake, "mine", "--write", receipt)
     found = as_json("runs", "verify", lake, receipt, "--workers", "1")
     assert (found["rows"], found["differing"], found["first"]) == (3, 0, None)
+    ok("sim", lake, "--policy", "constant", "--name", "slower", "--workers", "1", "--no-references")
+    ok("runs", "compare", lake, "slower", "mine", "--receipt", tmp_path / "both.json")
+    equal = ok("runs", "verify", lake, tmp_path / "both.json", "--workers", "1")
+    assert equal.startswith("slower and mine: all values of ")
     told = json.loads(receipt.read_text())
     told["rows"][1]["mean_speed"] += 0.5
     receipt.write_text(json.dumps(told))

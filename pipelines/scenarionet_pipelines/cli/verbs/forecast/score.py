@@ -58,6 +58,9 @@ class ScoreVerb(LakeVerb, Distributed):
     output: str | None = option(
         "Write the scores of each target, or the rollouts of --run.", "-o", "--output", metavar="FILE"
     )
+    receipt: str | None = option(
+        "Write a receipt for `runs verify`: what was scored and every number; of --run with -o.", metavar="FILE"
+    )
     configuration: str = option(
         "Weights and bins of the challenge.",
         choices=("sim-agents-2025", "sim-agents-2024", "scenario-generation-2025"),
@@ -75,6 +78,8 @@ class ScoreVerb(LakeVerb, Distributed):
             raise click.UsageError(
                 "give one of PREDICTIONS, --model, --rollouts and --run; -o belongs to the first and the last"
             )
+        if self.receipt and self.run_name and not self.output:
+            raise click.UsageError("--receipt of --run needs -o, as it is about the rollouts that are written")
         if (self.model is None) != (self.database is None):
             raise click.UsageError("--model and --database belong together")
         if self.model is not None and self.database is not None:
@@ -92,6 +97,7 @@ class ScoreVerb(LakeVerb, Distributed):
         with needing("a forecaster needs torch", "learn"):
             from scenarionet_data.forecasts.forecaster_scores import score_forecaster
         found = score_forecaster(self.open(), model, database)
+        self.write_receipt("model", found, {"run": model, "database": database}, database)
         head = ("predictor", "modes", "minADE [m]", "minFDE [m]", "miss rate", "targets")
         self.say(
             {"scores": [asdict(each) for each in found]}, table([tuple(vars(each).values()) for each in found], head)
@@ -110,6 +116,7 @@ class ScoreVerb(LakeVerb, Distributed):
         floor = summary(self.lake, fan, by, event=self.event).to_pylist()
         if self.output is not None:
             pq.write_table(scores.table, self.output)
+        self.write_receipt("predictions", scores, {"file": predictions})
         precision: list[dict[str, Any]] = [
             {"object_type": kind, "seconds": seconds, "kind": name, "value": value}
             for (kind, seconds, name), value in scores.precision.items()
@@ -122,6 +129,16 @@ class ScoreVerb(LakeVerb, Distributed):
         self.say({"by": means, "floor": floor, "precision": precision, "findings": scores.findings}, lines)
         found = scores.findings.items()
         self.complain(f"{count(n, 'prediction')} {reason}, for example {example}" for reason, (n, example) in found)
+
+    def write_receipt(self, kind: str, found: Any, told: dict[str, Any], database: str | None = None) -> None:
+        """Write the receipt of a score, if one is asked for; see ``score_receipt``."""
+        if self.receipt:
+            from scenarionet_data import Lake
+            from scenarionet_sim.evaluation.score_receipts import score_receipt
+
+            lake = Lake(self.lake)
+            ids = lake.database(database).scenario_ids if database else None
+            score_receipt(lake, kind, found, told, ids).write(self.receipt)
 
     def score_rollouts(self) -> bool:
         """Score a submission, or the rollouts of a run; return whether every scenario could be scored."""
@@ -141,6 +158,8 @@ class ScoreVerb(LakeVerb, Distributed):
                 executor=execution.executor or executor_for(self.num_workers),
                 on_progress=progress.update,
             )
+            settings = {"configuration": self.configuration, "official": not self.right_lanes}
+            self.write_receipt("submission", report, {"file": submission, **settings})
         columns = [numbers(each) for each in (report.submitted, report.ceiling, report.floor)]
         rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
         lines = table(rows, ("", "submission", "recording", "constant velocity"))

@@ -45,13 +45,19 @@ class CompareVerb(LakeVerb):
     better: str | None = option("Save the scenarios that got better as a database.", metavar="NAME")
     worse: str | None = option("Save the scenarios that got worse as a database.", metavar="NAME")
     html: str | None = option("Write a page with pictures of the scenarios that got worst.", metavar="FILE")
+    receipt: str | None = option("Write a receipt, with those of the runs, for `runs verify`.", metavar="FILE")
     fail_if: str | None = option("Exit with 1 if it holds for the last run, as 'crashed > 0.01'.", metavar="SQL")
 
     def run(self) -> bool:
         from scenarionet_sim.evaluation.comparison import JUDGED_BY, compare_runs
 
         opened, judged_by = self.open(), self.judge or JUDGED_BY
-        found = compare_runs(opened, *self.runs, where=self.where, by=self.by, event=self.event, judged_by=judged_by)
+        asked: dict[str, Any] = {"where": self.where, "by": self.by, "event": self.event, "judged_by": judged_by}
+        found = compare_runs(opened, *self.runs, **asked)
+        if self.receipt:
+            from scenarionet_sim.evaluation.score_receipts import score_receipt
+
+            score_receipt(opened, "comparison", found, {"runs": list(self.runs), **asked}).write(self.receipt)
         for name, changed in ((self.better, found.better), (self.worse, found.worse)):
             if name is not None and changed:
                 saved = opened.filter(ids=[scenario_id for scenario_id, _ in changed], name=name, replace=True)

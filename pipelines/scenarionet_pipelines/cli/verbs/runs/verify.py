@@ -15,11 +15,13 @@ if TYPE_CHECKING:
 
 
 class VerifyVerb(LakeVerb, Distributed):
-    """Simulate a run again and compare every value with what was stored, bit by bit.
+    """Compute a run, score or comparison again and compare every value with what was stored, bit by bit.
 
     RUN is a run of the lake, or a receipt: a JSON file with what the run was made of (policy, seed, scenarios with the
     digests of their content, software) and its rows. --write writes the receipt of a run without simulating, so that
-    others can compute the run again in a lake of their own.
+    others can compute the run again in a lake of their own. Receipts of scores and comparisons are written by
+    `scenarionet forecast score --receipt` and `scenarionet runs compare --receipt`; a file that was scored is looked
+    for beside the receipt, then where it was.
 
     Exits with 1 if a value differs, and names the first.
     """
@@ -28,6 +30,7 @@ class VerifyVerb(LakeVerb, Distributed):
         "scenarionet runs verify lake idm_val",
         "scenarionet runs verify lake idm_val --write idm_val.json",
         "scenarionet runs verify their_lake idm_val.json --workers 4",
+        "scenarionet runs verify their_lake score.json",
     )
     run_or_receipt: str = argument("RUN|RECEIPT", required=True)
     write: str | None = option("Write the receipt of the run, and do not simulate.", metavar="FILE")
@@ -37,20 +40,25 @@ class VerifyVerb(LakeVerb, Distributed):
 
         if self.write is not None:
             receipt = make_receipt(self.open(), self.run_or_receipt)
-            Path(self.write).write_text(receipt.dumps(), encoding="utf-8")
+            receipt.write(self.write)
             size = {"run": receipt.run, "scenarios": len(receipt.scenarios), "rows": len(receipt.rows)}
             self.say(size, [f"wrote the receipt of {receipt.run} with {count(len(receipt.rows), 'row')}: {self.write}"])
             return True
-        is_file = self.run_or_receipt.endswith(".json")
-        receipt_or_run = Receipt.read(self.run_or_receipt) if is_file else self.run_or_receipt
+        path = Path(self.run_or_receipt)
+        receipt_or_run = Receipt.read(path) if path.suffix == ".json" else self.run_or_receipt
         with (
             self.execution() as execution,
             self.progress(f"verify {self.run_or_receipt}", "part") as progress,
         ):
-            found = verify(
-                self.open(), receipt_or_run, workers=self.num_workers, executor=execution.executor,
-                on_progress=progress.update,
-            )  # fmt: skip
+            workers, executor = self.num_workers, execution.executor
+            if isinstance(receipt_or_run, Receipt) and receipt_or_run.kind != "run":
+                from scenarionet_sim.evaluation.score_receipts import verify_score
+
+                found = verify_score(self.open(), receipt_or_run, path.parent, workers=workers, executor=executor)
+            else:
+                found = verify(
+                    self.open(), receipt_or_run, workers=workers, executor=executor, on_progress=progress.update
+                )
         self.say(asdict(found), verification_lines(found))
         return found.first is None
 
