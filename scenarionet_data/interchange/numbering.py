@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 
 from scenarionet_data.interchange.base import Losses
@@ -38,3 +39,11 @@ def number_ids(
                 reason = "that other elements have" if name in own else "that are no numbers"
                 losses.leave_out(f"ids of {what} {reason}")
     return numbers, free
+
+
+def light_number(lane: str) -> int:
+    """Return the number of the traffic light of a lane, above all that ``number_ids`` gives.
+
+    In Lanelet2 maps it is that of the light's rule, and to Autoware that of its group.
+    """
+    return _END + zlib.crc32(lane.encode())

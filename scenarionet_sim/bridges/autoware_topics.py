@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenarionet_data.interchange.lanelet2.writer import light_number
+from scenarionet_data.interchange.numbering import light_number
 from scenarionet_data.interchange.ros.messages import RosMessages
 from scenarionet_data.scenario.vocabulary import LightColor, LightState, ObjectType
 from scenarionet_sim.backends.base import Drive

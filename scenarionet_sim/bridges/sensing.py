@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Collection
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -27,11 +27,11 @@ class StackSensors:
     """Sensors of one vehicle through one scenario.
 
     Args:
-        names: Names in SENSORS.
+        sensors: By name.
     """
 
-    def __init__(self, names: Collection[str]) -> None:
-        self._sensors = {name: sensor for name, sensor in SENSORS.items() if name in names}
+    def __init__(self, sensors: Mapping[str, Sensor]) -> None:
+        self._sensors = sensors
         self._rng = np.random.default_rng(0)
         self._batch: WorldBatch | None = None
 

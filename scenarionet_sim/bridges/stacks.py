@@ -12,7 +12,7 @@ from scenarionet_sim.bridges.autoware_transport import AutowareTransport
 from scenarionet_sim.bridges.link import Link, Transport
 from scenarionet_sim.bridges.ros2_transport import Ros2Transport
 from scenarionet_sim.bridges.ros_topics import OPTIONS
-from scenarionet_sim.bridges.sensing import StackSensors
+from scenarionet_sim.bridges.sensing import SENSORS, StackSensors
 from scenarionet_sim.planners.base import Action, Planner, Trajectory
 from scenarionet_sim.planners.view import View
 
@@ -68,7 +68,8 @@ class StackPlanner(Planner):
     def __init__(self, policy: str) -> None:
         self._stack, self._is_first = Stack.parse(policy), True
         options = self._stack.options
-        self._sensing = StackSensors((*options, "camera") if "compressed" in options else options)
+        wanted = {*options, "camera"} if "compressed" in options else options
+        self._sensing = StackSensors({name: sensor for name, sensor in SENSORS.items() if name in wanted})
 
     def act(self, view: View) -> Action | Trajectory:
         """Return what the stack tells the vehicle to do."""

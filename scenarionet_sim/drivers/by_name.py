@@ -21,11 +21,12 @@ from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.backends.base import Backend
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
+from scenarionet_sim.bridges.carla.by_name import load_agent
 from scenarionet_sim.bridges.commonroad.by_name import PLANNERS as OUTSIDE
 from scenarionet_sim.bridges.commonroad.by_name import is_outside, load_planner
 from scenarionet_sim.bridges.driver.planner import DriverPlanner, is_driver
 from scenarionet_sim.bridges.stacks import StackPlanner, is_stack
-from scenarionet_sim.drivers.code import PolicyCode
+from scenarionet_sim.drivers.code import AGENT, PolicyCode
 from scenarionet_sim.drivers.trained import PREFIX, load_driver
 from scenarionet_sim.planners.base import Planner
 from scenarionet_sim.planners.following import ConstantVelocityPlanner, IdmPlanner, LogReplayPlanner, PurePursuitPlanner
@@ -210,6 +211,9 @@ def resolve_drivers(
     code = PolicyCode.of(policy)
     if code is not None and str(code.folder) not in sys.path:
         raise BadParameter(f"{policy} runs in a process of its own; simulate it by evaluate() or scenarionet sim")
+    if code is not None and policy.startswith(AGENT):
+        planned = Planned(planner=load_agent(code.reference), tracker=follows, backend=vehicle, route=along)
+        return Drivers((*others, planned), None)
     kind = load_by_name(policy if code is None else code.reference)
     if isinstance(kind, type) and issubclass(kind, Planner):
         return Drivers((*others, Planned(planner=kind, tracker=follows, backend=vehicle, route=along)), None)

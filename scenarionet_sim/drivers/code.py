@@ -23,6 +23,9 @@ from scenarionet_sim.bridges.driver.planner import is_driver
 from scenarionet_sim.bridges.stacks import is_stack
 
 PREFIX = "git:"
+AGENT = "carla:"
+"""Before a file of an agent of CARLA's leaderboard, which ``bridges.carla`` makes a planner of."""
+
 _CONTAINERS = ("container:", "docker:", "podman:", "oci:")
 
 
@@ -49,7 +52,7 @@ class PolicyCode:
         """
         if not is_apart(policy):
             return None
-        root, place = Path("/"), policy
+        root, place = Path("/"), policy.removeprefix(AGENT)
         if policy.startswith(PREFIX):
             commit, _, place = policy.removeprefix(PREFIX).partition(":")
             root = _checkout(commit)
@@ -93,11 +96,13 @@ def pinned_code(policy: str) -> str:
         prefix = "" if len(ref) == len(commit) else _git("rev-parse", "--show-prefix", lacking="no working tree")
         return f"{PREFIX}{commit}:{prefix}{path}:{name}"
     if is_apart(policy):
-        path, _, name = policy.rpartition(":")
+        path, _, name = policy.removeprefix(AGENT).rpartition(":")
         file = Path(path).absolute()
         if not file.is_file():
             raise SourceNotFound(f"{policy}: there is no file {file}")
-        return f"{file}:{name}"
+        return f"{AGENT if policy.startswith(AGENT) else ''}{file}:{name}"
+    if policy.startswith(AGENT):
+        raise BadParameter(f"{policy}: expected carla:folder/agent.py:Class")
     return policy
 
 

@@ -40,12 +40,13 @@ POLICY = "autoware:dds"
 ROS = messages(2)
 STAMP = 12_345_678_901
 AHEAD = Other(25.0, 3.5, vx=4.0)
-RECORDED = {
-    "scenarionet": "scenarionet/waymo_0",
-    "waymo": "waymo/training",
-    "argoverse2": "argoverse2/motion-forecasting/val",
-    "interaction": "interaction",
-}
+RECORDED = (
+    ("scenarionet", "scenarionet/waymo_0"),
+    ("scenarionet", "scenarionet/overpass"),
+    ("waymo", "waymo/training"),
+    ("argoverse2", "argoverse2/motion-forecasting/val"),
+    ("interaction", "interaction"),
+)
 DRIVEN = (
     "scenarionet/v1/waymo_2a1e44d405a6833f",
     "scenarionet/v1/waymo_8a346109094cd5aa",
@@ -210,7 +211,7 @@ def test_definitions_are_those_of_the_checkouts() -> None:
 
 def test_ten_recorded_scenarios_are_driven_to_success(recordings: Path, tmp_path: Path, link: Link) -> None:
     """Each by a node of its own with the map of the scenario, as Autoware is launched."""
-    for dataset, folder in RECORDED.items():
+    for dataset, folder in RECORDED:
         convert(dataset, recordings / folder, tmp_path / "lake")
     lake, ends = Lake(tmp_path / "lake"), {}
     for scenario in lake.loader(DRIVEN):

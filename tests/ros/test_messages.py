@@ -15,7 +15,7 @@ from scenarionet_data.interchange.ros.messages import messages
 from scenarionet_sim.bridges.dds_wire import idl_type
 from scenarionet_sim.bridges.link import StackMoment
 from scenarionet_sim.bridges.ros_topics import ANSWERS, OPTIONS, TOPICS, decode, moment_messages, topics
-from scenarionet_sim.bridges.sensing import CAMERA, LIDAR, StackSensors
+from scenarionet_sim.bridges.sensing import CAMERA, LIDAR, SENSORS, StackSensors
 from scenarionet_sim.planners.view import View
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.simulation.simulation import Simulation
@@ -39,7 +39,7 @@ def view() -> View:
 
 @pytest.fixture(scope="module")
 def found(view: View) -> dict[str, Any]:
-    moment = StackMoment(view, STAMP, True, StackSensors(OPTIONS).look(view))
+    moment = StackMoment(view, STAMP, True, StackSensors(SENSORS).look(view))
     return dict(moment_messages(ROS, moment, topics(2, OPTIONS)))
 
 

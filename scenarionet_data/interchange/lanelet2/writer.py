@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -18,7 +17,7 @@ from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.lane_graph import boundary_type
 from scenarionet_data.interchange.lanelet2.sides import Corner, share_sides
 from scenarionet_data.interchange.lanelets import make_lanelets
-from scenarionet_data.interchange.numbering import number_ids
+from scenarionet_data.interchange.numbering import light_number, number_ids
 from scenarionet_data.scenario.description import MapFeatures, ScenarioDescription
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane
 
@@ -41,7 +40,6 @@ _LINES = {
     **dict.fromkeys((MapFeatureType.ROAD_EDGE_MEDIAN, MapFeatureType.ROAD_EDGE_SIDEWALK), ("curbstone", "high", "")),
     **dict.fromkeys((MapFeatureType.ROAD_EDGE_BOUNDARY, MapFeatureType.UNKNOWN), ("road_border", "", "")),
 }
-_FIRST_LIGHT = 2**31  # the numbers of all other elements are below
 _LIGHT_HEIGHT = 5.0  # [m] above the road
 _HALF = np.array([0.3, 0.0, 0.0])  # [m] of the line that stands for a light or sign
 
@@ -202,11 +200,6 @@ class _OsmWriter:
                 f'<node id="{number}" lat="{lat:.11f}" lon="{lon:.11f}"><tag k="local_x" v="{x:.4f}"/>'
                 f'<tag k="local_y" v="{y:.4f}"/><tag k="ele" v="{z:.4f}"/></node>'
             )
-
-
-def light_number(lane: str) -> int:
-    """Return the number of the rule that is the traffic light of a lane: that of Autoware's traffic light group."""
-    return _FIRST_LIGHT + zlib.crc32(lane.encode())
 
 
 def degrees_of(plane: Float64) -> Float64:

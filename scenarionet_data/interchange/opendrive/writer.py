@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import ClassVar
@@ -35,6 +35,7 @@ _LANE_TYPES = {MapFeatureType.LANE_BIKE_LANE: "biking"}
 _STRAIGHT = 1e-6  # [m] coefficients below which a piece is a line
 _FINEST_WIDTH = 0.002  # [m]
 _TRAFFIC_LIGHT = "1000001"
+_ORIGIN = np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -57,26 +58,53 @@ def write_map(scenario: ScenarioDescription, losses: Losses) -> bytes:
     """
     if scenario.map is None:
         raise InvalidScenario(scenario.id, "map", "expected a map, found none")
-    network = make_roads(scenario.map, losses)
-    if not network.roads:
-        raise InvalidScenario(scenario.id, "map", "expected lanes, found none")
     held = {*_MARKS, *_LANE_TYPES}
     for kind, count in zip(*np.unique(scenario.map.feature_type, return_counts=True), strict=True):
         if kind > MapFeatureType.LANE_BIKE_LANE and MapFeatureType(kind) not in held:
             losses.leave_out(f"map features of type {MapFeatureType(kind).name}", int(count))
+    name = scenario.map_id or scenario.id
+
+    def signals(network: RoadNetwork) -> dict[int, list[LightSignal]]:
+        return _signals(scenario, network, losses)
+
+    return write_features(scenario.map, name, losses, scenario.origin, signals)
+
+
+def write_features(
+    features: MapFeatures,
+    name: str,
+    losses: Losses,
+    origin: Float64 = _ORIGIN,
+    signals_of: Callable[[RoadNetwork], dict[int, list[LightSignal]]] = lambda _: {},
+) -> bytes:
+    """Return the OpenDRIVE file of a map.
+
+    Args:
+        features: The map.
+        name: Its name, for errors that of the scenario.
+        losses: Collects what the file does not have.
+        origin: (3,) of its frame in the source's [m].
+        signals_of: Returns traffic lights by number of their road.
+
+    Raises:
+        InvalidScenario: It has no lanes.
+    """
+    network = make_roads(features, losses)
+    if not network.roads:
+        raise InvalidScenario(name, "map", "expected lanes, found none")
     root = Xml.Element("OpenDRIVE")
     points = np.concatenate([road.curve.points for road in network.roads])
     (west, south, _), (east, north, _) = points.min(axis=0), points.max(axis=0)
     header = Xml.Element(
-        "header", revMajor="1", revMinor="7", name=scenario.map_id or scenario.id, version="1.00",
+        "header", revMajor="1", revMinor="7", name=name, version="1.00",
         north=_number(north), south=_number(south), east=_number(east), west=_number(west), vendor="scenarionet-lake",
     )  # fmt: skip
     # Not as <offset>: readers that know it move the map away from the positions of an OpenSCENARIO file.
-    Xml.SubElement(header, "userData", code="origin", value=" ".join(map(_number, scenario.origin.tolist())))
+    Xml.SubElement(header, "userData", code="origin", value=" ".join(map(_number, origin.tolist())))
     root.append(header)
-    signals = _signals(scenario, network, losses)
+    signals = signals_of(network)
     for road in network.roads:
-        root.append(_road(road, network, scenario.map, signals.get(road.number, [])))
+        root.append(_road(road, network, features, signals.get(road.number, [])))
     for element in _controllers(signals):
         root.append(element)
     for element in _junctions(network):
@@ -281,4 +309,4 @@ def _number(value: float) -> str:
     return repr(round(float(value), 9) + 0.0)
 
 
-__all__ = ["OpenDriveWriter", "write_map"]
+__all__ = ["OpenDriveWriter", "write_features", "write_map"]

@@ -16,9 +16,9 @@ from scenarionet_data.errors import InvalidScenario
 from scenarionet_data.interchange import writer_for
 from scenarionet_data.interchange.base import Losses
 from scenarionet_data.interchange.lanelet2.sides import share_sides
-from scenarionet_data.interchange.lanelet2.writer import ANCHOR, degrees_of, light_number
+from scenarionet_data.interchange.lanelet2.writer import ANCHOR, degrees_of
 from scenarionet_data.interchange.lanelets import make_lanelets
-from scenarionet_data.interchange.numbering import number_ids
+from scenarionet_data.interchange.numbering import light_number, number_ids
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_lane
 from tests.fixtures.drives import make_drive
 from tests.fixtures.scenarios import small
