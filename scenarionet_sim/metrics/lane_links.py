@@ -8,13 +8,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
-from scenarionet_data.compiled.decorators import kernel
+from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.roads.roads import Roads
+
+_ROUNDING = 1e-6  # [m]
 
 LaneRows = tuple[int, ...]
 """Rows of lanes in ``Roads``."""
@@ -44,6 +47,11 @@ class LaneLinks:
             places = np.flatnonzero(self.roads.successors.values == lane)
             self._before[lane] = tuple((np.searchsorted(self.roads.successors.offsets, places, "right") - 1).tolist())
         return self._before[lane]
+
+    def line(self, lane: int) -> tuple[Float64, Float64]:
+        """Points (P, 2) of a lane, and the arc length (P,) of each [m]."""
+        rows = slice(*self.roads.lanes.offsets[lane : lane + 2])
+        return self.roads.lanes.values[rows].astype(np.float64), self.roads.once(arcs_of_points)[rows]
 
     @cached_property
     def is_connector(self) -> Bool:
@@ -92,3 +100,61 @@ def _cosine_along(line: Float32, first: int, end: int, x: float, y: float, cos: 
         if apart < best:
             cosine, best = (dx * cos + dy * sin) / math.sqrt(square), apart
     return cosine
+
+
+def arcs_of_points(roads: Roads) -> Float64:
+    """Return the arc length (P,) of every point of the lanes along its lane [m]."""
+    arc, lanes = np.zeros(len(roads.lanes.values)), roads.lanes
+    for first, end in pairwise(lanes.offsets.tolist()):
+        steps = np.diff(lanes.values[first:end].astype(np.float64), axis=0)
+        arc[first + 1 : end] = np.cumsum(np.sqrt(steps[:, 0] * steps[:, 0] + steps[:, 1] * steps[:, 1]))
+    return arc
+
+
+@device_function
+def nearest_arc(
+    x: float, y: float, points: Float32 | Float64, along: Float64, first: int, end: int, guess: int
+) -> tuple[float, float, int]:
+    """Return arc length [m] of a line's point nearest to (x, y), distance [m], and row of its segment.
+
+    Args:
+        x, y: The point [m].
+        points, along: (P, 2) points of lines [m], and the arc length of each [m].
+        first, end: Rows of the line; with less than two, the arc length is NaN and the distance infinite.
+        guess: Row of a segment that may be near.
+    """
+    guess = guess if first <= guess < end - 1 else first
+    arc, nearest, last, n, free = np.nan, np.inf, guess, first - 1, -np.inf
+    most = math.hypot(x - points[guess, 0], y - points[guess, 1]) if first < end else 0.0
+    while n + 2 < end:
+        n += 1
+        if along[n + 1] < free:
+            continue
+        x0, y0 = np.float64(points[n, 0]), np.float64(points[n, 1])
+        away = math.sqrt((x - x0) * (x - x0) + (y - y0) * (y - y0))
+        free = along[n] + away - min(most, nearest) - _ROUNDING  # up to there the line is farther than what is found
+        if along[n + 1] < free:
+            continue
+        dx, dy = points[n + 1, 0] - x0, points[n + 1, 1] - y0
+        square = dx * dx + dy * dy
+        length, share = math.sqrt(square), 0.0
+        if square > 0.0:
+            share = min(max(((x - x0) * dx + (y - y0) * dy) / square, 0.0), 1.0)
+        if share == 0.0:
+            apart = away
+        elif share == 1.0:
+            x1, y1 = np.float64(points[n + 1, 0]), np.float64(points[n + 1, 1])
+            apart = math.sqrt((x - x1) * (x - x1) + (y - y1) * (y - y1))
+        else:
+            apart = abs(((y0 - y) * dx - (x0 - x) * dy) / square) * length
+        if apart < nearest:
+            nearest, last, arc = apart, n, along[n] + share * length
+    return arc, nearest, last
+
+
+@kernel(allocates=False)
+def locate_on_line(position: Float64, points: Float64, along: Float64, arcs: Float64, apart: Float64) -> None:
+    """Write arc length and distance (T,) of the point of a line nearest to each position; see :func:`nearest_arc`."""
+    last = 0
+    for t in range(len(position)):
+        arcs[t], apart[t], last = nearest_arc(position[t, 0], position[t, 1], points, along, 0, len(points), last)

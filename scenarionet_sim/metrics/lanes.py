@@ -8,7 +8,6 @@ along the heading counts first.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,13 +20,10 @@ from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, IntP
 from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.metrics.drive import EgoDrive
-from scenarionet_sim.metrics.lane_links import LaneLinks, LaneRows
+from scenarionet_sim.metrics.lane_links import LaneLinks, LaneRows, arcs_of_points, nearest_arc
 from scenarionet_sim.roads.roads import Roads
 
 _NEAR_CONNECTOR = 5.0  # [m] from a connector a vehicle is still assigned to it, while in an intersection
-
-
-_ROUNDING = 1e-6  # [m]
 
 
 @dataclass(frozen=True)
@@ -111,15 +107,6 @@ class DrivenLanes:
         return np.array([limits[lanes] for lanes in self.route])
 
 
-def arcs_of_points(roads: Roads) -> Float64:
-    """Return the arc length (P,) of every point of the lanes along its lane [m]."""
-    arc, lanes = np.zeros(len(roads.lanes.values)), roads.lanes
-    for first, end in pairwise(lanes.offsets.tolist()):
-        steps = np.diff(lanes.values[first:end].astype(np.float64), axis=0)
-        arc[first + 1 : end] = np.cumsum(np.sqrt(steps[:, 0] * steps[:, 0] + steps[:, 1] * steps[:, 1]))
-    return arc
-
-
 @kernel(allocates=False)
 def _find_progress(
     position: Float64, lane: IntP, points: Float32, offsets: Int32, along: Float64, progress: Float64
@@ -140,37 +127,9 @@ def _find_progress(
     for t in range(len(position)):
         if lane[t] < 0:
             continue
-        arc, is_same = np.nan, lane[t] == before
-        x, y, nearest = position[t, 0], position[t, 1], np.inf
-        first, end = offsets[lane[t]], offsets[lane[t] + 1] - 1
-        guess = last if first <= last < end else first
-        most = math.hypot(x - points[guess, 0], y - points[guess, 1])
-        n, free = first - 1, -np.inf
-        while n + 1 < end:
-            n += 1
-            if along[n + 1] < free:
-                continue
-            x0, y0 = np.float64(points[n, 0]), np.float64(points[n, 1])
-            away = math.sqrt((x - x0) * (x - x0) + (y - y0) * (y - y0))
-            free = (
-                along[n] + away - min(most, nearest) - _ROUNDING
-            )  # up to there the lane is farther than what is found
-            if along[n + 1] < free:
-                continue
-            dx, dy = points[n + 1, 0] - x0, points[n + 1, 1] - y0
-            square = dx * dx + dy * dy
-            length, share = math.sqrt(square), 0.0
-            if square > 0.0:
-                share = min(max(((x - x0) * dx + (y - y0) * dy) / square, 0.0), 1.0)
-            if share == 0.0:
-                apart = away
-            elif share == 1.0:
-                x1, y1 = np.float64(points[n + 1, 0]), np.float64(points[n + 1, 1])
-                apart = math.sqrt((x - x1) * (x - x1) + (y - y1) * (y - y1))
-            else:
-                apart = abs(((y0 - y) * dx - (x0 - x) * dy) / square) * length
-            if apart < nearest:
-                nearest, last, arc = apart, n, along[n] + share * length
+        is_same = lane[t] == before
+        first, end = offsets[lane[t]], offsets[lane[t] + 1]
+        arc, _, last = nearest_arc(position[t, 0], position[t, 1], points, along, first, end, last)
         if is_same and was_same and arc != 0.0 and np.isfinite(arc - arc_before):
             progress[t] = arc - arc_before
         before, arc_before, was_same = lane[t], arc, is_same

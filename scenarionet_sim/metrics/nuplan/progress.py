@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
 from scenarionet_data.arrays.dtypes import Float64
-from scenarionet_sim.metrics.lane_links import LaneLinks, LaneRows
+from scenarionet_data.compiled.decorators import kernel
+from scenarionet_sim.metrics.lane_links import LaneLinks, LaneRows, locate_on_line
 from scenarionet_sim.metrics.nuplan.scoring import progress_ratio
 
 _BESIDE = 10.0  # [m]
@@ -25,11 +25,11 @@ class ExpertRoute:
     """Centrelines that a recording drives along, one after another.
 
     Attributes:
-        lines: K lines [m].
+        lines: K lines: points (P, 2), and the arc length (P,) of each [m].
         offsets: Progress at the start of each [m].
     """
 
-    lines: Sequence[shapely.LineString]
+    lines: Sequence[tuple[Float64, Float64]]
     offsets: Sequence[float]
 
     @classmethod
@@ -42,19 +42,18 @@ class ExpertRoute:
             position: (T, 2) of the recording [m].
         """
         if graph is None:
-            return cls([shapely.LineString(position)], [0.0])
-        points, last = graph.roads.lanes, -1
-        lines: list[shapely.LineString] = []
+            way = np.append(0.0, np.cumsum(np.hypot(*np.diff(position, axis=0).T)))
+            return cls([(position, way)], [0.0])
+        last, lines = -1, list[tuple[Float64, Float64]]()
         offsets: list[float] = []
         leaves = np.zeros(2)  # where the recording was last on the lane
         for lanes, here in zip(route, position, strict=True):
             lane = lanes[0] if lanes else -1
-            if lane not in (-1, last) and len(points[lane]) > 1:
-                line, offset = shapely.LineString(points[lane].astype(np.float64)), 0.0
+            if lane not in (-1, last) and graph.roads.lanes.lengths[lane] > 1:
+                line, offset = graph.line(lane), 0.0
                 if lines:
-                    follows = lane in graph.after(last)
-                    joint = shapely.Point(lines[-1].coords[-1] if follows else leaves)
-                    offset = offsets[-1] + lines[-1].project(joint) - line.project(joint)
+                    joint = (lines[-1][0][-1] if lane in graph.after(last) else leaves)[None]
+                    offset = float(offsets[-1] + _located(joint, lines[-1])[0, 0] - _located(joint, line)[0, 0])
                 lines.append(line)
                 offsets.append(offset)
                 last = lane
@@ -68,16 +67,9 @@ class ExpertRoute:
         Args:
             position: (T, 2) [m].
         """
-        lines, points = np.array(self.lines)[:, None], shapely.points(position)
-        arc = shapely.line_locate_point(lines, points)
-        is_inside = (arc > 0.0) & (arc < shapely.length(lines)) & (shapely.distance(lines, points) < _BESIDE)
-        line, reached = 0, float(arc[0, 0])
-        for step in range(1, len(position)):  # a line that was left is not entered again
-            later = np.flatnonzero(is_inside[line:, step])
-            if len(later):
-                line += int(later[0])
-                reached = self.offsets[line] + float(arc[line, step])
-        return reached - float(arc[0, 0])
+        located = np.stack([_located(position, line) for line in self.lines])
+        lengths = np.array([along[-1] for _, along in self.lines])
+        return _progress(located, lengths, np.array(self.offsets))
 
     def ratio(self, driven: Float64, recorded: Float64) -> float:
         """Share of the recorded progress; 1 if the recording is on no lane, which gives no route.
@@ -86,3 +78,23 @@ class ExpertRoute:
             driven, recorded: (T, 2) positions of the driver, and of the recording [m].
         """
         return progress_ratio(self.progress(driven), self.progress(recorded)) if self.lines else 1.0
+
+
+def _located(position: Float64, line: tuple[Float64, Float64]) -> Float64:
+    """(2, T) arc length and distance of the point of a line nearest to each position (T, 2) [m]."""
+    found = np.empty((2, len(position)))
+    locate_on_line(np.ascontiguousarray(position), *line, found[0], found[1])
+    return found
+
+
+@kernel(allocates=False)
+def _progress(located: Float64, lengths: Float64, offsets: Float64) -> float:
+    """Return the progress of a drive by where it is (K, 2, T) on lines of some lengths (K,) that begin at offsets."""
+    current, reached = 0, located[0, 0, 0]
+    for t in range(1, located.shape[2]):
+        for k in range(current, len(lengths)):  # a line that was left is not entered again
+            arc = located[k, 0, t]
+            if 0.0 < arc < lengths[k] and located[k, 1, t] < _BESIDE:
+                current, reached = k, offsets[k] + arc
+                break
+    return float(reached - located[0, 0, 0])
