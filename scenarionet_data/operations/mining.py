@@ -20,7 +20,6 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.operations import moments as composed
-from scenarionet_data.operations.compiled_relations import CompiledRelations
 from scenarionet_data.operations.moments import Moments
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.query.named_sql import EVENTS, RELATIONS
@@ -32,6 +31,8 @@ from scenarionet_data.storage.snapshots import snapshot as snapshots
 
 if TYPE_CHECKING:
     import polars as pl
+
+    from scenarionet_data.operations.compiled_relations import CompiledRelations
 
 MAX_STATES = 1_000_000
 """States of objects that are mined at once: their pairs and intermediate views take some hundred bytes each."""
@@ -131,6 +132,8 @@ def keep_moments(
         database: Mine only its members.
         on_progress: Called after each batch with the number of scenarios.
     """
+    from scenarionet_data.operations.compiled_relations import CompiledRelations  # here: few need the kernels
+
     view = view if database is None else view.restrict_to(database)
     kept = {each: kept_moments.claim(view.files, name, each, definitions[each].description()) for each in definitions}
     batches = list(_batches(view, kept))
@@ -207,6 +210,8 @@ def _find(part: CompiledRelations, kept: KeptMoments, definition: Defined, wante
 def find_moments(view: LakeView, found: Moments) -> pl.DataFrame:
     """Return all moments of a composition in order of scenario and time, mined in batches of scenarios."""
     import polars
+
+    from scenarionet_data.operations.compiled_relations import CompiledRelations
 
     order = ", ".join(("scenario_id", "first_timestep", "last_timestep", *found.roles))
     sql = f"SELECT * FROM (\n{found.sql}\n) ORDER BY {order}"

@@ -18,6 +18,7 @@ import click
 
 from scenarionet_pipelines.cli.deprecated import current_options
 from scenarionet_pipelines.cli.output import print_json
+from scenarionet_pipelines.cli.parameters import FiniteRange
 
 if TYPE_CHECKING:
     from scenarionet_data import Database, Lake
@@ -93,6 +94,12 @@ PARAMETERS = option("Value of a parameter; repeatable.", "-p", "--parameter", me
 SNAPSHOT = option("Read this snapshot instead of the newest.", type=click.IntRange(0), metavar="N")
 ALLOW_EMPTY = option("Save the database even if it has no scenarios.")
 REPLACE = option("Overwrite existing output.")
+ORDER_BY = option("Order the scenarios by this, as 'difficulty DESC'; unknown values come last.", metavar="EXPR")
+EGO = option(
+    "Of moments: who is the ego, the recording's or who has a role.", choices=("ego", "actor", "other"), default="ego"
+)
+MARGIN = option("Of moments: time kept before and after each [s].", type=FiniteRange(0.0), default=2.0)
+LIMIT = option("Keep the first N scenarios.", type=click.IntRange(1), metavar="N")
 
 
 class Verb:
@@ -149,6 +156,23 @@ class DatabaseVerb(LakeVerb):
     """A verb about one database of a lake."""
 
     database: str = argument()
+
+
+class Choosing(LakeVerb):
+    """A verb about the scenarios of a database, or the first of them in an order."""
+
+    order_by: str | None = ORDER_BY
+    limit: int | None = LIMIT
+
+    def chosen(self, database: str | None) -> list[str] | str | None:
+        """Return the database, or the ids of its first scenarios where an order or a limit is given."""
+        if self.order_by is None and self.limit is None:
+            return database
+        return self.open().select(database=database, order_by=self.order_by, limit=self.limit).scenario_ids
+
+    def source(self, name: str | None) -> str:
+        """Return what a run over these scenarios of a database is called."""
+        return (name or "all") + ("" if self.limit is None else f"-first{self.limit}")
 
 
 class Saving(Verb):

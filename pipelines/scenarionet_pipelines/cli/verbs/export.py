@@ -11,7 +11,7 @@ from scenarionet_data.interchange import WRITERS, writer_class
 from scenarionet_data.storage.files.places import is_url
 from scenarionet_pipelines.cli.execution import worker_facts, worker_rows
 from scenarionet_pipelines.cli.output import count, size, table
-from scenarionet_pipelines.cli.verb import PARAMETERS, REPLACE, DatabaseVerb, Distributed, argument, option
+from scenarionet_pipelines.cli.verb import PARAMETERS, REPLACE, Choosing, DatabaseVerb, Distributed, argument, option
 from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _FORMATS = ("scenarionet", *WRITERS)
 _WITH_PICTURES = ("mcap", "rerun", "rosbag", "rosbag2")
 
 
-class ExportVerb(DatabaseVerb, Distributed):
+class ExportVerb(DatabaseVerb, Choosing, Distributed):
     """Export a database to the folder DIR, or to a URL in an object store.
 
     The format `scenarionet` is a folder of pickles that ScenarioNet and MetaDrive load unchanged. To read such
@@ -76,7 +76,7 @@ class ExportVerb(DatabaseVerb, Distributed):
             chosen = parse_fields(writer_class(self.file_format), self.file_format, self.parameters)
         elif self.parameters:
             raise BadParameter(f"-p sets options of other formats than {self.file_format}; leave it out")
-        loader = ScenarioLoader(self.lake, self.database)
+        loader = ScenarioLoader(self.lake, self.chosen(self.database))
         scenarios: Sequence[ScenarioDescription] = loader
         if self.run_name is not None:
             from scenarionet_sim.rollouts.driven import DrivenScenarios

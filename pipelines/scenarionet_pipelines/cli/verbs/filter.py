@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarionet_pipelines.cli.databases import described
-from scenarionet_pipelines.cli.parameters import FiniteRange
-from scenarionet_pipelines.cli.verb import ALLOW_EMPTY, DATABASE, LakeVerb, Saving, option
+from scenarionet_pipelines.cli.verb import ALLOW_EMPTY, DATABASE, EGO, LIMIT, MARGIN, ORDER_BY, LakeVerb, Saving, option
 
 if TYPE_CHECKING:
     from scenarionet_data import Lake
@@ -43,17 +42,11 @@ class FilterVerb(LakeVerb, Saving):
     ids: tuple[str, ...] = option("Select a scenario by its id; repeatable.", "--id", metavar="ID")
     file: str | None = option("Select the scenarios listed in a file, one id per line.", "--ids")
     database: str | None = DATABASE
-    order_by: str | None = option(
-        "Order the scenarios by this, as 'difficulty DESC'; unknown values come last.", metavar="EXPR"
-    )
-    limit: int | None = option("Keep the first N scenarios.", type=click.IntRange(1), metavar="N")
+    order_by: str | None = ORDER_BY
+    limit: int | None = LIMIT
     moments: str | None = option("Select moments that are kept under this name.", metavar="NAME")
-    ego: str = option(
-        "Of moments: who is the ego, the recording's or who has a role.",
-        choices=("ego", "actor", "other"),
-        default="ego",
-    )
-    margin: float = option("Of moments: time kept before and after each [s].", type=FiniteRange(0.0), default=2.0)
+    ego: str = EGO
+    margin: float = MARGIN
     allow_empty: bool = ALLOW_EMPTY
 
     def run(self) -> bool:

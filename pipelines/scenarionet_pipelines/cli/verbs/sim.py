@@ -11,14 +11,14 @@ from scenarionet_pipelines.cli.execution import worker_facts, worker_rows
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count, duration, table
 from scenarionet_pipelines.cli.parameters import look_in_current_folder
-from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, Distributed, LakeVerb, option
+from scenarionet_pipelines.cli.verb import EGO, MARGIN, OPTIONAL_DATABASE, Choosing, Distributed, option
 from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_sim.evaluation.evaluation import Evaluation
 
 
-class SimVerb(LakeVerb, Distributed):
+class SimVerb(Choosing, Distributed):
     """Evaluate a policy on every scenario of a database, or of the whole lake.
 
     The view `results` has one row per scenario and rollout with every metric, the view `rollouts` the driven
@@ -30,6 +30,10 @@ class SimVerb(LakeVerb, Distributed):
     A policy of your own is module:Class: a subclass of scenarionet_sim.Planner, whose method act(view) returns an
     action or a trajectory; a class with a method act(observation) that returns steering and throttle in [-1, 1] for
     the paper's observation, or that of its attribute `sensors`; or a subclass of scenarionet_sim.Policy.
+
+    --from NAME drives the moments that `scenarionet mine --name NAME` has kept instead, each as a scenario of its own
+    from --margin before it begins until as long after it ends; with --ego actor in the place of the one who has that
+    role. They are saved as the database NAME-EGO, as `scenarionet filter --moments` does.
 
     Finished scenarios are kept: run the same command again to continue after an interruption.
     """
@@ -43,9 +47,14 @@ class SimVerb(LakeVerb, Distributed):
         "scenarionet sim lake busy_val --policy idm --name idm_twice --json",
         "scenarionet sim lake busy_val --policy idm-sampled --traffic idm-sampled --rollouts 32 --seed 0",
         "scenarionet sim lake busy_val --policy idm --traffic model:clone",
+        "scenarionet sim lake busy_val --policy idm --order-by 'difficulty DESC' --limit 20",
+        "scenarionet sim lake --from risky --ego actor --policy idm --name cutting_in",
         "scenarionet sim lake busy_val --policy idm --cluster tcp://10.0.0.5:8786",
     )
     database: str | None = OPTIONAL_DATABASE
+    moments: str | None = option("Drive the moments that are kept under this name.", "--from", metavar="NAME")
+    ego: str = EGO
+    margin: float = MARGIN
     policy: str = option(
         "Policy of the ego: replay, idm, idm-sampled, constant, constant-noisy, random, a planner (log-planner, "
         "constant-planner, pure-pursuit, idm-planner, lane-graph), runs/NAME of a training run, ros2:dds or ros2:zenoh "
@@ -105,12 +114,16 @@ class SimVerb(LakeVerb, Distributed):
         from scenarionet_sim.evaluation.references import missing_references, run_references
 
         look_in_current_folder(self.policy)
-        evaluation = plan_evaluation(**self.given(plan_evaluation))
-        run = self.name or default_name(evaluation, self.database)
+        database = self.chosen(self.database) if self.moments is None else self.cut(self.moments)
+        evaluation = plan_evaluation(**self.given(plan_evaluation) | {"database": database})
+        source = self.source(f"{self.moments}-{self.ego}" if self.moments else self.database)
+        run = self.name or default_name(evaluation, source)
         workers = 1 if drives_alone(self.policy) else self.num_workers
         references: dict[str, str] = {}
         lake = Lake(self.lake, evaluation.snapshot)
-        scenarios = len(lake.database(self.database) if self.database else lake)
+        if isinstance(database, str):
+            database = lake.database(database).scenario_ids
+        scenarios = len(lake if database is None else database)
         runs = 1 if self.no_references else 1 + len(missing_references(evaluation))
 
         def report_progress(before: int, count: int, done: int, parts: int, _: int) -> None:
@@ -151,12 +164,22 @@ class SimVerb(LakeVerb, Distributed):
         self.complain(f"could not be simulated: {each}: {one_line(reason)}" for each, reason in report.broken)
         return not report.broken
 
+    def cut(self, moments: str) -> list[str]:
+        """Save the chosen moments as a database, and return the ids of its scenarios."""
+        from scenarionet_data.variations import MomentChoice, cut_moments
 
-def default_name(evaluation: Evaluation, database: str | None) -> str:
+        choice = MomentChoice(**self.given(MomentChoice))
+        made = cut_moments(self.open(), moments, choice, name=f"{moments}-{self.ego}", replace=True)
+        left_out = made.wanted - len(made.database)
+        self.complain([f"{left_out} of {made.wanted} moments could not be cut out, see quarantine"] if left_out else [])
+        return made.database.scenario_ids
+
+
+def default_name(evaluation: Evaluation, database: str) -> str:
     """Return the name of the run, by the database as it was given, without its version."""
     from scenarionet_sim.drivers.code import policy_name
 
-    words = [database or "all", policy_name(evaluation.policy), evaluation.traffic, evaluation.backend]
+    words = [database, policy_name(evaluation.policy), evaluation.traffic, evaluation.backend]
     words += [value for value in (evaluation.episode, evaluation.route) if value != "log"]
     words += [] if evaluation.tracker == "lqr" else [evaluation.tracker]
     return "-".join(words).replace("@", ".").replace(":", ".").replace("/", ".")

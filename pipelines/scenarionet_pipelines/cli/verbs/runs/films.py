@@ -8,7 +8,7 @@ import click
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.output import count
-from scenarionet_pipelines.cli.verb import REPLACE, LakeVerb, Progressing, argument, option
+from scenarionet_pipelines.cli.verb import LIMIT, ORDER_BY, REPLACE, LakeVerb, Progressing, argument, option
 
 
 class FilmsVerb(LakeVerb, Progressing):
@@ -25,7 +25,8 @@ class FilmsVerb(LakeVerb, Progressing):
     run_name: str = argument("RUN")
     folder: str = option("Folder of the films.", "-o", "--output", metavar="FOLDER")
     where: str = option("Which scenarios, over results and metadata.", default="success IS NOT TRUE", metavar="SQL")
-    limit: int | None = option("At most so many films.", type=click.IntRange(1), metavar="N")
+    order_by: str | None = ORDER_BY
+    limit: int | None = LIMIT
     suffix: str = option("Format of the films.", "--format", choices=("mp4", "gif"), default="mp4")
     view: str = option(
         "Follow the ego, frame the route, or show everything.", choices=("ego", "route", "all"), default="ego"
@@ -35,17 +36,19 @@ class FilmsVerb(LakeVerb, Progressing):
 
     def run(self) -> bool:
         from scenarionet_data import ScenarioLoader, resample
+        from scenarionet_data.operations.filter import IN_ORDER, ranked
         from scenarionet_data.plots import Drawing, Scene
         from scenarionet_sim import rollout_moments
         from scenarionet_sim.evaluation.comparison import runs_in_words
         from scenarionet_sim.worlds.world import STEP
 
         opened = self.open()
-        query = (
-            "SELECT scenario_id FROM results JOIN metadata USING (scenario_id) "
-            f"WHERE run = $run AND rollout = 0 AND error IS NULL AND ({self.where}) ORDER BY scenario_id"
+        chosen = (
+            f"SELECT *, row_number() OVER (ORDER BY scenario_id) AS {IN_ORDER} FROM results JOIN metadata "
+            f"USING (scenario_id) WHERE run = $run AND rollout = 0 AND error IS NULL AND ({self.where})"
         )
-        wanted = opened.sql(query, {"run": self.run_name})["scenario_id"].to_list()[: self.limit]
+        query = f"SELECT scenario_id FROM ({chosen}) ORDER BY {ranked(self.order_by, self.limit)}"
+        wanted = opened.sql(query, {"run": self.run_name})["scenario_id"].to_list()
         runs = opened.sql("SELECT DISTINCT run FROM results ORDER BY run")["run"].to_list()
         if self.run_name not in runs:
             raise BadParameter(f"no run {self.run_name!r} in this lake; there are: {runs_in_words(runs)}")

@@ -8,10 +8,10 @@ import click
 
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count, duration
-from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, Distributed, LakeVerb, option
+from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, Choosing, Distributed, option
 
 
-class RecordVerb(LakeVerb, Distributed):
+class RecordVerb(Choosing, Distributed):
     """Record what every vehicle observes along its logged trajectory, for imitation learning.
 
     The view `observations` has one row per vehicle and timestep, with the paper's observation as a list. The rows are
@@ -35,7 +35,7 @@ class RecordVerb(LakeVerb, Distributed):
         from scenarionet_sim import record
         from scenarionet_sim.sensors.camera import Camera
 
-        run = self.name or f"{self.database or 'all'}-{self.agents}-observed".replace("@", ".")
+        run = self.name or f"{self.source(self.database)}-{self.agents}-observed".replace("@", ".")
         started = time.monotonic()
         with (
             self.execution() as execution,
@@ -43,6 +43,7 @@ class RecordVerb(LakeVerb, Distributed):
             keeping(lambda: f"finished scenarios are kept in run {run}"),
         ):
             skipped = record(**self.given(record) | {
+                "database": self.chosen(self.database),
                 "name": run, "cameras": (Camera(*pixels(self.camera)),) if self.camera else (),
                 "workers": self.num_workers, "executor": execution.executor, "on_progress": progress.update,
             })  # fmt: skip
