@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,7 +13,7 @@ from scenarionet_data.errors import BadParameter, QueryError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.evaluation.comparison import LOWER_IS_BETTER, METRICS, RunComparison, compare_runs, runs_in_words
-from scenarionet_sim.evaluation.evaluation import RULE
+from scenarionet_sim.evaluation.evaluation import RULE, evaluate
 from tests.fixtures.drives import make_drive
 from tests.fixtures.lakes import write_lake
 
@@ -127,6 +130,22 @@ def test_runs_of_an_older_rule_or_another_vehicle_model_are_not_compared_without
     (note,) = compare_runs(lake, "older", "new").notes
     assert "what is scored differs: older as in older versions" in note and f"new {RULE}" in note
     assert compare_runs(lake, "new", "bullet").notes == ("the vehicle model differs: new kinematic, bullet bullet",)
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize(
+    ("written", "rule"),
+    [
+        ("format-1", "as in older versions, see the guide"),
+        ("format-3", "to the end of the episode, off the road only where the recording is on it"),
+    ],
+)
+def test_a_run_that_an_earlier_version_wrote_is_compared_with_its_rule(tmp_path, written, rule):
+    golden = Path(__file__).parents[2] / "golden" / "lakes" / written / "generated" / "lake"
+    lake = Lake(shutil.copytree(golden, tmp_path / "lake"))
+    evaluate(lake, policy="idm", name="now")
+    noted = [note for note in compare_runs(lake, "driven", "now").notes if note.startswith("what is scored differs: ")]
+    assert noted == [f"what is scored differs: driven {rule}, now {RULE}"]
 
 
 def test_runs_that_were_made_beside_others_are_counted_and_listed_last():
