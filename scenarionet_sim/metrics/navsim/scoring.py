@@ -84,9 +84,11 @@ def epdms(parts: PlanParts, human: PlanParts | None = None) -> float:
 def filter_by_human(parts: PlanParts, human: PlanParts) -> PlanParts:
     """Set the parts to 1 in which the recorded drive has 0: then the scene demands the violation.
 
-    Comfort over the history is never set: NAVSIM scores the recorded drive without its history, so that it has 1.
+    Three parts are never set, whatever the recorded drive was scored with: NAVSIM scores it alone, so that its progress
+    is 1, without its history, and compares frames only afterwards (its documentation has the filter there, too).
     """
-    failed = {field.name for field in fields(parts) if getattr(human, field.name) == 0.0} - {"history_comfort"}
+    kept = {"ego_progress", "history_comfort", "extended_comfort"}
+    failed = {field.name for field in fields(parts) if getattr(human, field.name) == 0.0} - kept
     return replace(parts, **dict.fromkeys(failed, 1.0))
 
 

@@ -223,9 +223,9 @@ def test_parts_in_which_the_human_fails_are_forgiven():
     assert (kept.driving_direction_compliance, kept.lane_keeping, kept.no_at_fault_collisions) == (1.0, 1.0, 0.5)
     assert epdms(failing, human) == pytest.approx(0.5 * epdms(GOOD))
     assert epdms(failing) == 0.0
-    shaken = replace(GOOD, history_comfort=0.0, comfort=0.0)
-    kept = filter_by_human(shaken, shaken)
-    assert (kept.history_comfort, kept.comfort) == (0.0, 1.0), "the owner never forgives comfort over the history"
+    never = dict.fromkeys(("history_comfort", "extended_comfort", "ego_progress"), 0.0)
+    shaken = replace(GOOD, comfort=0.0, **never)
+    assert filter_by_human(shaken, shaken) == replace(GOOD, comfort=1.0, **never), "the owner never forgives these"
 
 
 def test_progress_is_relative_to_the_best_plan_without_violations():
