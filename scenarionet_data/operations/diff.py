@@ -16,8 +16,8 @@ from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.operations.database_query import DatabaseQuery
 from scenarionet_data.query.engine import Rows
-from scenarionet_data.query.lake_view import LakeView, StaleDatabaseWarning
-from scenarionet_data.query.members import known_rows, relation
+from scenarionet_data.query.lake_view import LakeView
+from scenarionet_data.query.members import StaleDatabaseWarning, known_rows, relation
 from scenarionet_data.query.statements import quoted
 from scenarionet_data.query.views import scan_files
 from scenarionet_data.schema import tables

@@ -10,8 +10,8 @@ from itertools import combinations
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.operations.database_query import DatabaseQuery, several
-from scenarionet_data.query.lake_view import LakeView, StaleDatabaseWarning
-from scenarionet_data.query.members import relation
+from scenarionet_data.query.lake_view import LakeView
+from scenarionet_data.query.members import StaleDatabaseWarning, relation
 from scenarionet_data.query.named_sql import OVERLAPS
 
 _SCENARIOS = "(SELECT * FROM (SELECT parent, scenario_id FROM members) JOIN metadata USING (scenario_id))"

@@ -11,8 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
+import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from scenarionet_data.arrays.dtypes import Int32, is_count
 from scenarionet_data.databases import record as records
@@ -20,7 +20,7 @@ from scenarionet_data.databases import user_columns as user_column_records
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.databases.row_sets import RowSets
 from scenarionet_data.errors import BadParameter, NoSuchSnapshot, ScenarioNotFound
-from scenarionet_data.query.members import count_changed, known_rows, locate
+from scenarionet_data.query.members import StaleDatabaseWarning, as_ids, count_changed, known_rows, locate
 from scenarionet_data.query.named_sql import ANALYTICS
 from scenarionet_data.query.views import FILE_TABLES, table_files
 from scenarionet_data.storage.files.places import open_files
@@ -39,19 +39,6 @@ if TYPE_CHECKING:
     import polars as pl
 
     from scenarionet_data.query.engine import Engine, Rows
-
-
-class StaleDatabaseWarning(UserWarning):
-    """Members of a database changed in a later snapshot; it is read from the snapshot it was made on.
-
-    Args:
-        message: The warning, with its remedy for Python.
-        cli_remedy: Command with the same effect as the remedy.
-    """
-
-    def __init__(self, message: str, cli_remedy: str = "") -> None:
-        super().__init__(message)
-        self.cli_remedy = cli_remedy
 
 
 class LakeView:
@@ -305,7 +292,7 @@ class LakeView:
             view = self.with_members([database])
             wanted = database.members.select(["scenario_id", "content_hash"])
         else:
-            view, wanted = self, pa.table({"scenario_id": _as_ids(scenarios)})
+            view, wanted = self, pa.table({"scenario_id": as_ids(scenarios)})
         found = locate(view.engine, wanted)
         view._require_all(found["scenario_id"], found["is_found"])
         return view, found
@@ -322,10 +309,10 @@ class LakeView:
             if self._chosen is None:
                 return self, self._at(order_of_ids(self.files, self.snapshot.metadata))
             scenarios = sorted(self._chosen["scenario_id"].to_pylist())
-        ids = _as_ids(scenarios)
+        ids = as_ids(scenarios)
         found, is_found = ScenarioIndex(self.files, self.snapshot).find(ids)
         if self._chosen is not None:
-            is_found &= pc.is_in(ids, value_set=self._chosen["scenario_id"]).to_numpy(zero_copy_only=False)
+            is_found &= np.isin(ids.to_numpy(zero_copy_only=False), self._chosen["scenario_id"].to_numpy())
         self._require_all(ids, pa.array(is_found))
         return self, found
 
@@ -344,7 +331,7 @@ class LakeView:
         return MetadataRows(self.files, self.snapshot, None, rows, first_rows(self.files, self.snapshot.metadata))
 
     def _require_all(self, ids: pa.Array | pa.ChunkedArray, is_found: pa.Array | pa.ChunkedArray) -> None:
-        missing = ids.filter(pc.invert(is_found))
+        missing = ids.filter(pa.array(~is_found.to_numpy(zero_copy_only=False)))
         if len(missing):
             raise ScenarioNotFound(
                 f"{self.root}: no scenario {missing[0]} in snapshot {self.snapshot.number}; "
@@ -391,19 +378,6 @@ class LakeView:
             stacklevel=3,
         )
         return older
-
-
-def _as_ids(scenarios: Iterable[str]) -> pa.Array:
-    """Scenario ids as Arrow has them.
-
-    Raises:
-        BadParameter: They are no texts.
-    """
-    listed = list(scenarios) if isinstance(scenarios, Iterable) else [scenarios]
-    try:
-        return pa.array(listed, pa.string())
-    except pa.ArrowTypeError as error:
-        raise BadParameter(f"expected a database, its name, or scenario ids, found {scenarios!r}") from error
 
 
 LakeLike: TypeAlias = LakeView | str | Path

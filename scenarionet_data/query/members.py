@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
 
 from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.databases.row_sets import RowSets
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.query.statements import quoted
 from scenarionet_data.schema.tables import DESCRIPTION_COLUMNS
 from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
 
 if TYPE_CHECKING:
     from scenarionet_data.query.engine import Engine, Rows
+
+
+class StaleDatabaseWarning(UserWarning):
+    """Members of a database changed in a later snapshot; it is read from the snapshot it was made on.
+
+    Args:
+        message: The warning, with its remedy for Python.
+        cli_remedy: Command with the same effect as the remedy.
+    """
+
+    def __init__(self, message: str, cli_remedy: str = "") -> None:
+        super().__init__(message)
+        self.cli_remedy = cli_remedy
 
 
 def known_rows(database: DatabaseRecord, whole: RowSets | None) -> RowSets | None:
@@ -86,3 +101,16 @@ def locate(engine: Engine, wanted: pa.Table) -> pa.Table:
         f"FROM wanted w LEFT JOIN metadata_rows m ON m.scenario_id = w.scenario_id{same} ORDER BY w._row"
     )
     return engine.arrow(query, tables={"wanted": numbered})
+
+
+def as_ids(scenarios: Iterable[str]) -> pa.Array:
+    """Return scenario ids as Arrow has them.
+
+    Raises:
+        BadParameter: They are no texts.
+    """
+    listed = list(scenarios) if isinstance(scenarios, Iterable) else [scenarios]
+    try:
+        return pa.array(listed, pa.string())
+    except pa.ArrowTypeError as error:
+        raise BadParameter(f"expected a database, its name, or scenario ids, found {scenarios!r}") from error

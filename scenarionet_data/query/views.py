@@ -19,7 +19,6 @@ from scenarionet_data.schema import tables
 from scenarionet_data.schema.package_data import SQL
 from scenarionet_data.storage import evaluation_runs, kept_moments
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.read.older_lakes import count_rows
 from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots.snapshot import Snapshot
 
@@ -224,6 +223,8 @@ class Views:
         names = list(filterfalse(self.without.__contains__, listed))
         is_current = tables.load(table).tag in self.schemas
         if table == "metadata" and not (is_current or self.without):
+            from scenarionet_data.storage.read.older_lakes import count_rows  # here: most lakes are newer
+
             count_rows(self.files, self.snapshot)
         if not names:
             columns = [f"NULL::{_sql_type(c)} AS {c.name}" for c in tables.load(table).columns]

@@ -33,6 +33,7 @@ from tests.bench import (
     samples,
     scale,
     sim,
+    starting,
     variations,
     web,
 )
@@ -66,6 +67,7 @@ def main() -> None:
         "samples": lambda: samples.figures(recordings),
         "scale": scale.figures,
         "sim": lambda: sim.figures(recordings),
+        "start": lambda: starting.figures(recordings),
         "vary": variations.figures,
         "web": lambda: web.figures(recordings),
     }

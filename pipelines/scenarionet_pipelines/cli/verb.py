@@ -22,6 +22,7 @@ from scenarionet_pipelines.cli.parameters import FiniteRange
 
 if TYPE_CHECKING:
     from scenarionet_data import Database, Lake
+    from scenarionet_data.query.lake_view import LakeView
     from scenarionet_pipelines.cli.execution import Execution
     from scenarionet_pipelines.cli.progress import ProgressDisplay
 
@@ -144,6 +145,12 @@ class LakeVerb(Verb):
     """A verb about a lake."""
 
     lake: str = argument()
+
+    def open_view(self) -> LakeView:
+        """Open the lake for queries only, without the modules of everything else that can be done with it."""
+        from scenarionet_data.query.lake_view import LakeView
+
+        return LakeView(self.lake, vars(self).get("snapshot"))
 
     def open(self) -> Lake:
         """Open the lake, at the snapshot that ``--snapshot`` names."""

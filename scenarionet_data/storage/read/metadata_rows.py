@@ -183,11 +183,11 @@ def rows_of(files: LakeFiles, metadata: Sequence[str], names: Sequence[str]) -> 
         LakeError: A file is missing or damaged.
         SchemaMismatch: A file has a schema version that cannot be read.
     """
-    parts = files.read_all(metadata, list(names))
+    parts, table = files.read_all(metadata, list(names)), tables.load("metadata")
     for name, part in zip(metadata, parts, strict=True):
-        tables.load("metadata").check_version(part.schema.metadata, files.url(name))
-    schema = tables.load("metadata").schema.empty_table().select(list(names)).schema
-    return pa.concat_tables([schema.empty_table(), *(part.select(names).cast(schema) for part in parts)])
+        table.check_version(part.schema.metadata, files.url(name))
+    empty = table.schema.empty_table().select(list(names))
+    return pa.concat_tables([empty, *(table.conform(part, names) for part in parts)])
 
 
 def order_of_ids(files: LakeFiles, metadata: Sequence[str]) -> Int32:

@@ -15,7 +15,7 @@ from scenarionet_data.errors import (
     NoSuchSnapshot,
     ScenarioNotFound,
 )
-from scenarionet_data.query.lake_view import StaleDatabaseWarning
+from scenarionet_data.query.members import StaleDatabaseWarning
 from tests.fixtures.made import NAME, MadeOptions, write_raw
 from tests.fixtures.scenarios import NUM_VARIED
 

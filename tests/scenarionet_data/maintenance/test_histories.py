@@ -14,7 +14,7 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invaria
 
 from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.maintenance import compact, fsck, plan_compaction, vacuum
-from scenarionet_data.query.lake_view import StaleDatabaseWarning
+from scenarionet_data.query.members import StaleDatabaseWarning
 from scenarionet_data.scenario.content_hash import content_hash
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits

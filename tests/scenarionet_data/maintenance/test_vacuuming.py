@@ -12,7 +12,7 @@ from scenarionet_data.conversion import plan_conversion
 from scenarionet_data.conversion.jobs import ShardJob, convert_shard
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
 from scenarionet_data.maintenance import compact, plan_vacuum, vacuum
-from scenarionet_data.query.lake_view import StaleDatabaseWarning
+from scenarionet_data.query.members import StaleDatabaseWarning
 from scenarionet_data.storage.files.local import LocalLakeFiles
 from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.snapshots import manifests, metadata_files

@@ -18,7 +18,7 @@ from scenarionet_data.errors import (
     EmptyResult,
     ScenarioNotFound,
 )
-from scenarionet_data.query.lake_view import StaleDatabaseWarning
+from scenarionet_data.query.members import StaleDatabaseWarning
 
 
 def ids(numbers):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenarionet_data.errors import BadParameter, UnknownQuery
-from scenarionet_data.query.lake_view import StaleDatabaseWarning
+from scenarionet_data.query.members import StaleDatabaseWarning
 from scenarionet_data.query.named_sql import OVERLAPS
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario, renamed

@@ -9,7 +9,7 @@ import pytest
 from scenarionet_data import ScenarioLoader
 from scenarionet_data.databases import writer
 from scenarionet_data.errors import BadParameter, DatabaseNotFound, NoSuchSnapshot
-from scenarionet_data.query.lake_view import StaleDatabaseWarning
+from scenarionet_data.query.members import StaleDatabaseWarning
 from scenarionet_data.storage.files.places import open_files
 from scenarionet_data.storage.integrity import seals
 from tests.scenarionet_data.operations.conftest import COUNT

@@ -13,7 +13,7 @@ from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.errors import BadParameter, LakeError, NoSuchSnapshot
 from scenarionet_data.packs.verifying import verify_pack
 from scenarionet_data.quality.checks import run_checks
-from scenarionet_data.query.lake_view import StaleDatabaseWarning
+from scenarionet_data.query.members import StaleDatabaseWarning
 from scenarionet_data.scenario.content_hash import content_hash
 from tests.fixtures import made, made_city
 from tests.fixtures.made import write_raw

@@ -10,7 +10,7 @@ from scenarionet_pipelines.cli.output import count, table
 from scenarionet_pipelines.cli.verb import SNAPSHOT, LakeVerb
 
 if TYPE_CHECKING:
-    from scenarionet_data import Lake
+    from scenarionet_data.query.lake_view import LakeView
 
 
 class ListVerb(LakeVerb):
@@ -23,18 +23,18 @@ class ListVerb(LakeVerb):
     snapshot: int | None = SNAPSHOT
 
     def run(self) -> None:
-        found = describe(self.open())
+        found = describe(self.open_view())
         self.say(found, content_lines(found))
 
 
-def describe(lake: Lake) -> dict[str, Any]:
+def describe(lake: LakeView) -> dict[str, Any]:
     """Return the content of a lake as it is printed by ``--json``."""
     from scenarionet_data.query.named_sql import ANALYTICS
 
     queries = [ANALYTICS.load(name) for name in ("summary", "quarantine_reasons", "defect_reasons")]
     # As Arrow tables: Polars takes 0.2 s to import.
     splits, quarantine, defects = (lake.arrow(query.text, query.bind({})) for query in queries)
-    databases = [lake.database(name) for name in lake.databases]
+    databases = [lake.record(name) for name in lake.databases]
     return {
         "lake": str(lake.root),
         "snapshot": lake.snapshot.number,

@@ -29,7 +29,7 @@ class ShowVerb(LakeVerb):
     def run(self) -> None:
         from scenarionet_data.schema import tables
 
-        opened = self.open()
+        opened = self.open_view()
         facts = opened.describe(self.scenario_id)
         if self.picture:
             from scenarionet_data import ScenarioLoader

@@ -52,7 +52,7 @@ class SqlVerb(LakeVerb):
         if self.output:
             check_suffix(self.output, "-o")
         words = pairs(self.parameters, "-p")
-        opened = self.open()
+        opened = self.open_view()
         query, values = self.query, {name: parse_value(word) for name, word in words.items()}
         if _NAME.fullmatch(query):
             named = ANALYTICS.load(query)
