@@ -226,3 +226,22 @@ def test_database_goes_to_other_processes_without_its_rows(large):
     assert pickle.loads(sent).scenario_ids == database.scenario_ids
     selection = large.select("num_objects > 3")
     assert pickle.loads(pickle.dumps(selection)).scenario_ids == selection.scenario_ids
+
+
+def test_databases_made_while_the_lake_was_small_stay_as_they_are(large, monkeypatch):
+    monkeypatch.setattr(snapshot, "MANY", FEW)
+    before = Lake(large.root).filter(FILTERS["half"], name="old")
+    monkeypatch.setattr(snapshot, "MANY", 0)
+    lake = fill(Lake(large.root))
+    old = lake.database("old")
+    assert old.rows is None
+    assert lake.database("half").rows is not None
+    assert old.members.equals(before.members)
+    assert lake.diff("old", "half").is_same
+    assert [each.id for each in old.loader()] == old.scenario_ids
+    merged = lake.merge("few", "old", name="new")
+    assert merged.rows is None
+    assert merged.scenario_ids == lake.database(both(lake)).scenario_ids
+    assert lake.filter("num_objects > 3", name="new", database="old", replace=True).scenario_ids == [
+        each for each in old.scenario_ids if each in {*lake.select("num_objects > 3")}
+    ]
