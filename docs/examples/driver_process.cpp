@@ -6,35 +6,34 @@
 
 #include <cmath>
 #include <map>
-#include <string>
-#include <vector>
 
 #include "driver.pb.h"
 using namespace scenarionet::driver::v1;
-using Route = std::vector<std::pair<double, double>>;
+using Point = std::pair<double, double>;
 
 bool receive(int from, void* to, size_t size) { return recv(from, to, size, MSG_WAITALL) == ssize_t(size); }
 double clip(double value) { return std::fmax(-1.0, std::fmin(1.0, value)); }
 
+Point local(const Ego& ego, double x, double y) {
+  double dx = x - ego.x(), dy = y - ego.y(), cos = std::cos(ego.heading()), sin = std::sin(ego.heading());
+  return {cos * dx + sin * dy, cos * dy - sin * dx};
+}
+
 bool is_blocked(const Ego& ego, const Objects& objects) {
   for (int i = 0; i < objects.x_size(); ++i) {
-    double dx = objects.x(i) - ego.x(), dy = objects.y(i) - ego.y();
-    double along = dx * std::cos(ego.heading()) + dy * std::sin(ego.heading());
-    double beside = dy * std::cos(ego.heading()) - dx * std::sin(ego.heading());
-    if (along > 0 && along < 8 + ego.speed() * ego.speed() / 6 && std::fabs(beside) < 1.5) return true;
+    auto [x, y] = local(ego, objects.x(i), objects.y(i));
+    if (x > 0 && x < 8 + ego.speed() * ego.speed() / 6 && std::fabs(y) < 1.5) return true;
   }
   return false;
 }
 
-void drive(const Route& route, const Ego& ego, bool blocked, Action* action) {
-  double cos = std::cos(ego.heading()), sin = std::sin(ego.heading()), reach = std::fmax(4.0, ego.speed());
-  double dx = route.back().first - ego.x(), dy = route.back().second - ego.y();
-  for (auto [px, py] : route)
-    if ((px - ego.x()) * cos + (py - ego.y()) * sin > 0 && std::hypot(px - ego.x(), py - ego.y()) >= reach) {
-      dx = px - ego.x(), dy = py - ego.y();
-      break;
-    }
-  double x = cos * dx + sin * dy + 0.3 * ego.length(), y = cos * dy - sin * dx;
+void drive(const std::vector<Point>& route, const Ego& ego, bool blocked, Action* action) {
+  double x = 0, y = 0, reach = std::fmax(4.0, ego.speed());
+  for (auto [px, py] : route) {
+    std::tie(x, y) = local(ego, px, py);
+    if (x > 0 && std::hypot(x, y) >= reach) break;
+  }
+  x += 0.3 * ego.length();
   action->set_steering(clip(std::atan(0.6 * ego.length() * 2 * y / (x * x + y * y)) / (40 * M_PI / 180)));
   action->set_throttle(clip(blocked ? -1.0 : 0.5 * (8.0 - ego.speed())));
 }
@@ -46,14 +45,14 @@ int main(int, char** words) {
   if (bind(server, (sockaddr*)&place, sizeof place) || listen(server, 1)) return perror("driver"), 1;
   for (int peer; (peer = accept(server, nullptr, nullptr)) >= 0; close(peer)) {
     setsockopt(peer, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
-    std::map<uint64_t, Route> routes;
+    std::map<uint64_t, std::vector<Point>> routes;
     for (uint32_t size; receive(peer, &size, 4);) {  // on a machine whose lowest byte is first
       std::string content(size, 0);
       Moments moments;
       Commands commands;
       if (!receive(peer, content.data(), size) || !moments.ParseFromString(content)) break;
       for (const Moment& moment : moments.moments()) {
-        Route& route = routes[moment.episode()];
+        auto& route = routes[moment.episode()];
         const Begin& begin = moment.begin();
         for (int i = 0; i < begin.route_x_size(); ++i) route.emplace_back(begin.route_x(i), begin.route_y(i));
         for (int i = 0; i < begin.beyond_x_size(); ++i) route.emplace_back(begin.beyond_x(i), begin.beyond_y(i));

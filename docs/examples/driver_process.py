@@ -11,26 +11,23 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
 def messages(file, *names):
     """Classes of messages, as `protoc --python_out` would write them into a module."""
-    pool = descriptor_pool.DescriptorPool()
-    pool.AddSerializedFile(
-        descriptor_pb2.FileDescriptorSet.FromString(Path(file).read_bytes()).file[0].SerializeToString()
-    )
-    return [
-        message_factory.GetMessageClass(pool.FindMessageTypeByName(f"scenarionet.driver.v1.{name}")) for name in names
-    ]
+    pool, content = descriptor_pool.DescriptorPool(), Path(file).read_bytes()
+    pool.AddSerializedFile(descriptor_pb2.FileDescriptorSet.FromString(content).file[0].SerializeToString())
+    kinds = (pool.FindMessageTypeByName(f"scenarionet.driver.v1.{name}") for name in names)
+    return map(message_factory.GetMessageClass, kinds)
+
+
+def local(ego, x, y):
+    """A point of the scenario's frame as the vehicle sees it."""
+    dx, dy, cos, sin = x - ego.x, y - ego.y, math.cos(ego.heading), math.sin(ego.heading)
+    return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 def drive(route, ego, blocked):
     """Steering and throttle to a point of the route (x, y) a second ahead, as in PurePursuitPlanner."""
-    ahead, reach = route[-1], max(4.0, ego.speed)
-    for point in route:
-        along = (point[0] - ego.x) * math.cos(ego.heading) + (point[1] - ego.y) * math.sin(ego.heading)
-        if along > 0.0 and math.hypot(point[0] - ego.x, point[1] - ego.y) >= reach:
-            ahead = point
-            break
-    dx, dy = ahead[0] - ego.x, ahead[1] - ego.y
-    x = math.cos(ego.heading) * dx + math.sin(ego.heading) * dy + 0.3 * ego.length
-    y = math.cos(ego.heading) * dy - math.sin(ego.heading) * dx
+    places, reach = (local(ego, *point) for point in route), max(4.0, ego.speed)
+    x, y = next((p for p in places if p[0] > 0.0 and math.hypot(*p) >= reach), local(ego, *route[-1]))
+    x += 0.3 * ego.length
     angle = math.atan(0.6 * ego.length * 2.0 * y / (x * x + y * y))
     throttle = -1.0 if blocked else 0.5 * (8.0 - ego.speed)
     return max(-1.0, min(1.0, angle / math.radians(40.0))), max(-1.0, min(1.0, throttle))
@@ -38,12 +35,8 @@ def drive(route, ego, blocked):
 
 def is_blocked(ego, objects):
     """Whether an object is before the vehicle within the way that it needs to stop."""
-    for x, y in zip(objects.x, objects.y, strict=True):
-        along = (x - ego.x) * math.cos(ego.heading) + (y - ego.y) * math.sin(ego.heading)
-        beside = (y - ego.y) * math.cos(ego.heading) - (x - ego.x) * math.sin(ego.heading)
-        if 0.0 < along < 8.0 + ego.speed**2 / 6.0 and abs(beside) < 1.5:
-            return True
-    return False
+    places = (local(ego, *place) for place in zip(objects.x, objects.y, strict=True))
+    return any(0.0 < x < 8.0 + ego.speed**2 / 6.0 and abs(y) < 1.5 for x, y in places)
 
 
 def main(port, file):

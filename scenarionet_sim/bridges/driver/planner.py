@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import socket
 import time
 from functools import cache
@@ -157,4 +158,6 @@ def address_of(policy: str) -> str | tuple[str, int]:
 @cache
 def connection_to(address: str | tuple[str, int]) -> DriverConnection:
     """Return the connection of this process to a driver; it stays open from scenario to scenario."""
-    return DriverConnection(address, LIMIT)
+    made = DriverConnection(address, LIMIT)
+    atexit.register(made.close)
+    return made
