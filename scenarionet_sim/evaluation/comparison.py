@@ -56,6 +56,9 @@ CONDITIONS = (
 MADE = ("reference-", "regression-")
 """Beginnings of the names of runs that are made beside those of users."""
 
+GivenRuns = Mapping[str, tuple[Mapping[str, Any], Sequence[Mapping[str, Any]]]]
+"""Description and rows of ``results`` of runs by their names, as in receipts."""
+
 ALL = "all"
 """Group of all scenarios."""
 
@@ -166,7 +169,7 @@ def compare_runs(
     by: str | None = None,
     event: str | None = None,
     judged_by: str = JUDGED_BY,
-    given: Mapping[str, tuple[Mapping[str, Any], Sequence[Mapping[str, Any]]]] | None = None,
+    given: GivenRuns | None = None,
 ) -> RunComparison:
     """Compare the results of runs; rollouts of a scenario are averaged first.
 
@@ -177,7 +180,7 @@ def compare_runs(
         by: Expression over ``results`` and ``metadata`` to group the scenarios by, such as ``dataset``.
         event: Event to group the scenarios by, as for filters: those in which it happens, and the others.
         judged_by: Expression over ``results``, higher is better.
-        given: Description and rows of ``results`` of each run, as in receipts, instead of those in the lake.
+        given: The runs, instead of those in the lake.
 
     Raises:
         BadParameter: Fewer than two runs, one that the lake does not have, or both ``by`` and ``event``.
@@ -192,9 +195,7 @@ def compare_runs(
     unknown = [run for run in runs if run not in known]
     if unknown:
         raise BadParameter(f"the lake has no run {unknown[0]!r}; it has {runs_in_words(known)}")
-    rows = _rows(
-        lake, runs, where, by, judged_by, {run: listed for run, (_, listed) in given.items()} if given else None
-    )
+    rows = _rows(lake, runs, where, by, judged_by, given or {})
     if event is not None:
         ids = lake.select(events=[event]).scenario_ids
         happens = pl.col("scenario_id").is_in(ids)
@@ -230,25 +231,17 @@ def runs_in_words(names: Sequence[str]) -> str:
     return ", ".join([*own, *made]) or "none"
 
 
-def _rows(
-    lake: Lake,
-    runs: Sequence[str],
-    where: str,
-    by: str | None,
-    judged_by: str,
-    given: Mapping[str, Sequence[Mapping[str, Any]]] | None,
-) -> pl.DataFrame:
+def _rows(lake: Lake, runs: Sequence[str], where: str, by: str | None, judge: str, given: GivenRuns) -> pl.DataFrame:
     """One row per run and scenario: group, judgement and metrics."""
     columns = ", ".join(f"avg({sql}) AS {name}" for name, sql in METRICS.items())
     group = "'all'" if by is None else f"coalesce(any_value(({by})::VARCHAR), 'unknown')"
-    table, held = tables.load("results"), {}
-    if given is not None:
-        listed = [{**row, "run": run} for run, rows in given.items() for row in rows]
-        held["given"] = pa.Table.from_pylist(listed, schema=table.schema)
-    source = f"WITH results AS (SELECT * {table.derived_sql} FROM given)" if held else ""
+    table = tables.load("results")
+    listed = [{**row, "run": run} for run, (_, rows) in given.items() for row in rows]
+    held = {"given": pa.Table.from_pylist(listed, schema=table.schema)}
+    source = f"WITH results AS (SELECT * {table.derived_sql} FROM given)" if given else ""
     query = f"""
         {source}
-        SELECT run, scenario_id, {group} AS "group", avg(({judged_by})::DOUBLE) AS judged, {columns}
+        SELECT run, scenario_id, {group} AS "group", avg(({judge})::DOUBLE) AS judged, {columns}
         FROM results LEFT JOIN metadata USING (scenario_id)
         WHERE list_contains($runs, run) AND error IS NULL AND ({where})
         GROUP BY run, scenario_id
