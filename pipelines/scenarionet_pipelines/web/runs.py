@@ -14,6 +14,7 @@ from scenarionet_data.arrays.dtypes import Array, Bool, Float64
 from scenarionet_data.arrays.geometry import box_corners, median_sizes
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.scenario.description import ScenarioDescription
+from scenarionet_data.storage import evaluation_runs
 from scenarionet_pipelines.web.packing import layout
 from scenarionet_pipelines.web.rows import plain
 
@@ -33,9 +34,10 @@ _DRIVEN = 0.5
 
 
 def runs_of(lake: Lake, scenario_id: str) -> list[dict[str, Any]]:
-    """Return outcome and metrics of every rollout of a scenario, one entry per evaluated vehicle."""
+    """Return outcome, metrics and their rule of every rollout of a scenario, one entry per evaluated vehicle."""
     rows = lake.sql(_RESULTS, {"scenario_id": scenario_id}).to_dicts()
-    return [{name: plain(value) for name, value in row.items()} for row in rows]
+    rules = {run: evaluation_runs.describe(lake.files, run).get("rule") for run in {row["run"] for row in rows}}
+    return [{name: plain(value) for name, value in row.items()} | {"rule": rules[row["run"]]} for row in rows]
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+import shutil
+from pathlib import Path
 from urllib.parse import urlencode
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from scenarionet_data import Lake
 from scenarionet_sim import evaluate
 from scenarionet_sim.evaluation.evaluation import plan_evaluation
 from scenarionet_sim.evaluation.references import run_references
@@ -134,6 +137,20 @@ def test_references_are_folded_away(browser, tmp_path):
         folded = page.locator("#player .runs details")
         assert folded.locator("label").all_inner_texts() == ["constant velocity", "random actions", "recording"]
         assert folded.locator("input").first.is_disabled(), "their motion is not stored"
+
+
+def test_runs_of_an_earlier_rule_are_not_listed_beside_others_without_a_word(browser, tmp_path):
+    golden = Path(__file__).parents[2] / "golden" / "lakes" / "format-3" / "generated" / "lake"
+    lake = Lake(shutil.copytree(golden, tmp_path / "lake"))
+    (scenario_id,) = lake.sql("SELECT scenario_id FROM results WHERE run = 'driven'")["scenario_id"].head(1)
+    with serving(lake) as address:
+        for has_new in (False, True):
+            if has_new:
+                evaluate(lake, policy="idm", name="now")
+            with opened(browser, address, scenario=scenario_id) as page:
+                page.wait_for_selector("#player .runs input")
+                said = page.locator("#player .runs p").all_inner_texts()
+                assert any(each.startswith("Not all are scored by the same rule") for each in said) == has_new
 
 
 def test_camera_shows_the_selected_object(browser, address, parked):

@@ -16,6 +16,7 @@ from scenarionet_pipelines.web.histograms import MAX_BINS, read_histogram
 from scenarionet_pipelines.web.questions import TIMELINE_EVENTS
 from scenarionet_pipelines.web.rows import columns
 from scenarionet_pipelines.web.runs import runs_of
+from scenarionet_sim.evaluation.evaluation import RULE
 from tests.scenarionet_pipelines.web.test_packing import unpack
 from tests.scenarionet_pipelines.web.test_server import request, said
 
@@ -39,6 +40,7 @@ def test_runs_of_a_scenario_have_their_results(driven, address):
         assert listed == json.loads(json.dumps(runs_of(driven, scenario_id)))
         wanted = driven.sql("SELECT count(*) AS n FROM results WHERE scenario_id = $id", {"id": scenario_id})
         assert len(listed) == wanted["n"].item()
+        assert {each["rule"] for each in listed} == {RULE}
 
 
 def test_motion_is_that_of_the_table(driven, address):

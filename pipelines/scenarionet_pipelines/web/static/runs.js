@@ -69,10 +69,12 @@ export class Runs {
     const results = [...new Map(this.listed.map((result) => [keyOf(result), result])).values()];
     const list = (listed) => make("ul", {}, ...listed.map((result) => this.item(keyOf(result), result)));
     const folded = results.filter(referenceOf);
+    const isMixed = new Set(results.map((result) => result.rule)).size > 1;
     const isOpen = this.element.querySelector("details")?.open ?? false;
     fill(
       this.element,
       make("p", {}, `Shown beside the recording, up to ${most} at a time.`),
+      isMixed ? make("p", {}, "Not all are scored by the same rule, as earlier versions had others; see ", make("code", {}, "scenarionet runs compare"), ".") : null,
       list(results.filter((result) => !referenceOf(result))),
       folded.length ? make("details", { open: isOpen }, make("summary", {}, "References"), list(folded)) : null,
     );
