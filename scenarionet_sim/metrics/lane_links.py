@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.roads.roads import Roads
@@ -75,22 +75,24 @@ class LaneLinks:
         """The same lanes, the one along a heading first."""
         if len(lanes) < 2:
             return lanes
-        line, (x, y), direction = self.roads.lanes, point.tolist(), (math.cos(heading), math.sin(heading))
-        rows = {lane: (line.offsets[lane], line.offsets[lane + 1]) for lane in lanes}
-        return tuple(sorted(lanes, key=lambda lane: -_cosine_along(line.values, *rows[lane], x, y, *direction)))
+        line, pose = self.roads.lanes, (*point.tolist(), math.cos(heading), math.sin(heading))
+        turned = [-_cosine_along(line.values, line.offsets, lane, *pose) for lane in lanes]
+        if all(first <= second for first, second in pairwise(turned)):
+            return lanes
+        return tuple(lane for _, lane in sorted(zip(turned, lanes, strict=True), key=lambda pair: pair[0]))
 
 
 @kernel(allocates=False)
-def _cosine_along(line: Float32, first: int, end: int, x: float, y: float, cos: float, sin: float) -> float:
+def _cosine_along(line: Float32, offsets: Int32, lane: int, x: float, y: float, cos: float, sin: float) -> float:
     """Return the cosine of the angle between a direction and a line at its point nearest to (x, y), or -1.
 
     Args:
-        line, first, end: (P, 2) points [m], and the rows of the line among them.
+        line, offsets, lane: (P, 2) points of the lines [m], the first row of each, and which line.
         x, y: The point [m].
         cos, sin: The direction.
     """
     cosine, best = -1.0, np.inf
-    for n in range(first, end - 1):
+    for n in range(offsets[lane], offsets[lane + 1] - 1):
         x0, y0 = np.float64(line[n, 0]), np.float64(line[n, 1])
         dx, dy = line[n + 1, 0] - x0, line[n + 1, 1] - y0
         square = max(dx * dx + dy * dy, 1e-12)
@@ -104,11 +106,18 @@ def _cosine_along(line: Float32, first: int, end: int, x: float, y: float, cos: 
 
 def arcs_of_points(roads: Roads) -> Float64:
     """Return the arc length (P,) of every point of the lanes along its lane [m]."""
-    arc, lanes = np.zeros(len(roads.lanes.values)), roads.lanes
-    for first, end in pairwise(lanes.offsets.tolist()):
-        steps = np.diff(lanes.values[first:end].astype(np.float64), axis=0)
-        arc[first + 1 : end] = np.cumsum(np.sqrt(steps[:, 0] * steps[:, 0] + steps[:, 1] * steps[:, 1]))
-    return arc
+    arcs = np.zeros(len(roads.lanes.values))
+    _sum_hops(roads.lanes.values, roads.lanes.offsets, arcs)
+    return arcs
+
+
+@kernel(allocates=False)
+def _sum_hops(points: Float32, offsets: Int32, arcs: Float64) -> None:
+    """Write the arc lengths (P,) of the points of lines, zeros before."""
+    for lane in range(len(offsets) - 1):
+        for n in range(offsets[lane] + 1, offsets[lane + 1]):
+            dx, dy = points[n, 0] - np.float64(points[n - 1, 0]), points[n, 1] - np.float64(points[n - 1, 1])
+            arcs[n] = arcs[n - 1] + math.sqrt(dx * dx + dy * dy)
 
 
 @device_function

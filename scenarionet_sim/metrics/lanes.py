@@ -136,7 +136,10 @@ def _find_progress(
 
 
 def driven_route(graph: LaneLinks, drive: EgoDrive) -> list[LaneRows]:
-    """Lanes of the centre, from moment to moment: the same, a follower, or else any around it."""
+    """Lanes of the centre, from moment to moment: the same, a follower, or else any around it; found once."""
+    known: dict[LaneLinks, list[LaneRows]] = vars(drive).setdefault("_routes", {})
+    if graph in known:
+        return known[graph]
     route: list[LaneRows] = []
     for stay in _stays(graph.roads, drive.position[:, None]):
         (here,) = stay.lanes
@@ -149,7 +152,8 @@ def driven_route(graph: LaneLinks, drive: EgoDrive) -> list[LaneRows]:
             if lanes == last and continued == lanes and len(lanes) < 2:  # as nothing changes until the end of the stay
                 route += [lanes] * (stay.end - step - 1)
                 break
-    return _without_other_branches(graph, route)
+    known[graph] = _without_other_branches(graph, route)
+    return known[graph]
 
 
 def _entered(graph: LaneLinks, drive: EgoDrive, step: int, last: LaneRows, here: frozenset[int]) -> LaneRows:
