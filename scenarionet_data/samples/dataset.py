@@ -27,7 +27,9 @@ from scenarionet_data.samples.choices import (
     part_of,
 )
 from scenarionet_data.samples.forecasting import forecasting
-from scenarionet_data.samples.scenes import MAP_COLUMNS, TRACK_COLUMNS, Requests, SceneReader, Scenes
+from scenarionet_data.samples.scene_cache import SceneCache
+from scenarionet_data.samples.scene_rows import MAP_COLUMNS, TRACK_COLUMNS, SceneReader
+from scenarionet_data.samples.scenes import Requests, Scenes
 from scenarionet_data.samples.selection import SamplesWarning, select
 from scenarionet_data.samples.unitraj import unitraj
 from scenarionet_data.storage.read.metadata_rows import ADDRESS_COLUMNS
@@ -85,8 +87,8 @@ class SampleKey(NamedTuple):
 class Samples(Sequence[Sample]):
     """Samples of a database (or of ids, or of a whole lake) as a sequence of named arrays.
 
-    Nothing is cached on disk: a batch reads the columns and row groups that its samples need. Works in worker
-    processes and threads, like :class:`ScenarioLoader`.
+    Nothing is cached on disk: a batch reads the columns and row groups of the scenarios that are not in memory. Works
+    in worker processes and threads, like :class:`ScenarioLoader`.
 
     Args:
         lake: The lake, its path or its URL.
@@ -95,6 +97,8 @@ class Samples(Sequence[Sample]):
             ``TimeWindow(history=1.0, future=3.0)``, ``targets="moving"`` for ``Targets("moving")``.
         perspective: ``agent``: one sample per target; ``scene``: one per scenario, around the ego.
         layout: How samples are made; a function of ``Scenes`` and ``Choices`` for a layout of your own.
+        cache_bytes: Memory that each thread or worker keeps scenarios in that it read, for the next samples of them; at
+            least that of one scenario.
 
     Attributes:
         choices: What a sample contains.
@@ -121,6 +125,7 @@ class Samples(Sequence[Sample]):
         augmentation: Augmentation | None = None,
         perspective: Literal["agent", "scene"] = "agent",
         layout: SampleLayout | Callable[[Scenes, Choices], Mapping[str, Array]] = FORECASTING,
+        cache_bytes: int = 2**29,
     ) -> None:
         self.choices = Choices(
             part_of(TimeWindow, "window", window),
@@ -132,6 +137,9 @@ class Samples(Sequence[Sample]):
         )
         if not (isinstance(layout, SampleLayout) or callable(layout)):
             raise BadParameter(f"layout: expected FORECASTING, UNITRAJ or a function, found {layout!r}")
+        if not is_count(cache_bytes, 0):
+            raise BadParameter(f"cache_bytes: expected a whole number of 0 or more, found {cache_bytes!r}")
+        self._cache_bytes = cache_bytes
         self.layout = layout if isinstance(layout, SampleLayout) else SampleLayout(layout)
         view, rows = open_view(lake).find(database)
         self._rows = rows if self.layout.columns is None else rows.select(_METADATA)
@@ -191,14 +199,9 @@ class Samples(Sequence[Sample]):
         selection = self._selection
         scenes, scene = np.unique(selection.scene[numbers], return_inverse=True)
         self._loader.compare(scenes.tolist())
-        requests = Requests(
-            scene.astype(np.int32),
-            selection.moment[numbers],
-            [selection.targets(number) for number in numbers.tolist()],
-            _keys(self.choices.augmentation.seed, epoch, numbers),
-        )
-        read = self._reader.read([self._rows[number] for number in scenes.tolist()], requests)
-        made = dict(self.layout.make(read, self.choices))
+        keys = _keys(self.choices.augmentation.seed, epoch, numbers)
+        requests = Requests(selection, numbers, scenes, scene.astype(np.int32), keys)
+        made = dict(self.layout.make(Scenes(requests, self._cache.reader, self._cache), self.choices))
         unseen = numbers[~made["has_centre"]] if "has_centre" in made else numbers[:0]
         if len(unseen) and not self._has_warned:
             self._has_warned = True
@@ -208,8 +211,7 @@ class Samples(Sequence[Sample]):
 
     def prefetch(self, indices: Sequence[int] | Int64) -> None:
         """Request what a later batch needs from an object store; nothing for a local lake."""
-        scenes = np.unique(self._selection.scene[self._numbers(indices)])
-        self._reader.prefetch([self._rows[number] for number in scenes.tolist()])
+        self._cache.prefetch(self._selection.scene[self._numbers(indices)])
 
     @property
     def places(self) -> Int64:
@@ -228,13 +230,14 @@ class Samples(Sequence[Sample]):
         return numbers % max(len(self), 1)
 
     @property
-    def _reader(self) -> SceneReader:
-        """This thread's reader."""
-        if not hasattr(self._local, "reader"):
+    def _cache(self) -> SceneCache:
+        """This thread's scenarios."""
+        if not hasattr(self._local, "cache"):
             with_map = self.choices.polylines.count > 0
-            self._local.reader = SceneReader(self._files, self._snapshot, self.layout.columns, with_map=with_map)
-        reader: SceneReader = self._local.reader
-        return reader
+            reader = SceneReader(self._files, self._snapshot, self._rows, self.layout.columns, with_map=with_map)
+            self._local.cache = SceneCache(reader, self._selection, self.choices, self._cache_bytes, len(self._rows))
+        cache: SceneCache = self._local.cache
+        return cache
 
 
 def _keys(seed: int, epoch: int, numbers: Int64) -> UInt64:

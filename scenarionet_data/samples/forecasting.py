@@ -5,17 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.samples.choices import Choices, Polylines
+from scenarionet_data.samples.choices import Choices
 from scenarionet_data.samples.kernels import AgentArrays, fill_agents
-from scenarionet_data.samples.polyline_kernels import (
-    Centres,
-    MapPieces,
-    PolylineArrays,
-    cut,
-    fill_polylines,
-    measure,
-)
-from scenarionet_data.samples.scenes import Scenes, rules
+from scenarionet_data.samples.polyline_kernels import PolylineArrays, fill_polylines
+from scenarionet_data.samples.scenes import Scenes
+from scenarionet_data.samples.window_kernels import Rules
 
 
 def forecasting(scenes: Scenes, choices: Choices) -> dict[str, Array]:
@@ -38,70 +32,28 @@ def forecasting(scenes: Scenes, choices: Choices) -> dict[str, Array]:
         * ``pose`` (B, 4) float32: x, y [m], heading [rad] of the frame in the scenario's, and -1 if mirrored, else 1:
           a point ``p`` of the sample is at ``R(heading) (p_x, mirror * p_y) + (x, y)``.
     """
-    wanted = scenes.wanted(choices)
-    frames = scenes.frames(choices, wanted)
-    out = _agent_arrays(scenes, choices)
-    fill_agents(scenes.tracks, frames, wanted, rules(choices), out)
-    found = {
-        "history": out.history,
-        "history_valid": out.history_valid,
-        "history_interpolated": out.history_interpolated,
-        "future": out.future,
-        "future_valid": out.future_valid,
-        "future_interpolated": out.future_interpolated,
-        "agent_type": out.kind,
-        "agent_size": out.size,
-        "agent_row": out.row,
-        "is_target": out.is_target,
-        "has_centre": ~np.isnan(out.pose[:, 0]),
-        "pose": np.nan_to_num(out.pose).astype(np.float32),
-    }
-    if choices.polylines.count:
-        lines = _polylines(scenes, choices.polylines, out)
-        found |= {"polylines": lines.points, "polylines_valid": lines.valid, "polyline_type": lines.kind}
-    return found
-
-
-def _agent_arrays(scenes: Scenes, choices: Choices) -> AgentArrays:
-    memory, agents = scenes.memory, (len(scenes.requests.scene), choices.agents.count)
-    past, future = (*agents, choices.window.num_history), (*agents, choices.window.num_future)
-    return AgentArrays(
-        memory.zeros((*past, 5), np.float32),
-        memory.zeros(past, np.bool_),
-        memory.zeros(past, np.bool_),
-        memory.zeros((*future, 5), np.float32),
-        memory.zeros(future, np.bool_),
-        memory.zeros(future, np.bool_),
-        memory.zeros((*agents, 3), np.float32),
-        memory.zeros(agents, np.int32),
-        memory.zeros(agents, np.bool_),
-        np.full(agents, -1, np.int32),
-        np.zeros((agents[0], 4)),
-    )
-
-
-def _polylines(scenes: Scenes, polylines: Polylines, agents: AgentArrays) -> PolylineArrays:
-    count, longest, points = len(agents.pose), polylines.count, polylines.points
-    features, scene, spacing, radius = scenes.map, scenes.requests.scene, polylines.spacing, polylines.radius
-    order, num_scenes = np.argsort(scene, kind="stable"), len(scenes.metadata)
-    bounds = np.searchsorted(scene[order], np.arange(num_scenes + 1))
-    centres = Centres(bounds, agents.pose[order, 0], agents.pose[order, 1])
-    memory = scenes.memory
-    steps = memory.empty(len(features.x) + len(features.outline_x), np.float64)
-    counts = np.empty(len(features.kind), np.int32)
-    num_pieces = measure(features, spacing, points, centres, radius, steps, counts)
-    pieces = MapPieces(
-        np.empty(num_scenes + 1, np.int64),
-        memory.empty((num_pieces + 1, points), np.float32),  # one more, to begin a piece that is not kept
-        memory.empty((num_pieces + 1, points), np.float32),
-        memory.empty(num_pieces, np.int32),
-        memory.empty(num_pieces, np.uint8),
-    )
-    cut(features, steps, counts, spacing, centres, radius, pieces)
-    out = PolylineArrays(
-        memory.zeros((count, longest, points, 4), np.float32),
-        memory.zeros((count, longest, points), np.bool_),
-        memory.zeros((count, longest), np.int32),
-    )
-    fill_polylines(pieces, spacing, scene, agents.pose, radius, out)
-    return out
+    memory, window, polylines = scenes.memory, choices.window, choices.polylines
+    count, agents, num_lines = len(scenes.requests.scene), choices.agents.count, polylines.count
+    shapes: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {}
+    for name, steps in (("history", window.num_history), ("future", window.num_future)):
+        shapes[name] = (agents, steps, 5), np.float32
+        shapes[f"{name}_valid"] = shapes[f"{name}_interpolated"] = (agents, steps), np.bool_
+    shapes["agent_size"], shapes["agent_type"] = ((agents, 3), np.float32), ((agents,), np.int32)
+    shapes["is_target"], shapes["agent_row"] = ((agents,), np.bool_), ((agents,), np.int32)
+    if num_lines:
+        points = num_lines, polylines.points
+        shapes["polylines"], shapes["polylines_valid"] = ((*points, 4), np.float32), (points, np.bool_)
+        shapes["polyline_type"] = (num_lines,), np.int32
+    found = {name: memory.empty((count, *shape), dtype) for name, (shape, dtype) in shapes.items()}
+    flat = {name: values.reshape(count, -1) for name, values in found.items()}
+    pose = np.empty((count, 4))
+    out = AgentArrays._make([*(flat[name] for name in shapes if not name.startswith("polyline")), pose])
+    augmentation, types = choices.augmentation, np.array(choices.agents.types, np.uint8)
+    numbers = window.num_history, window.dt, window.longest_gap, choices.agents.radius
+    rules = Rules(*numbers, types, augmentation.noise, augmentation.drop)
+    for wanted in scenes.wanted(choices):
+        fill_agents(scenes.cache.memory, wanted, rules, out)
+        if num_lines:
+            lines = PolylineArrays(*(flat[name] for name in ("polylines", "polylines_valid", "polyline_type")))
+            fill_polylines(scenes.cache.memory, wanted.block, pose, polylines.spacing, polylines.radius, lines)
+    return found | {"has_centre": ~np.isnan(pose[:, 0]), "pose": np.nan_to_num(pose).astype(np.float32)}

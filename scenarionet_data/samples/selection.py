@@ -37,6 +37,7 @@ class Selection:
         moment: (n,) int32 recorded timestep that is the current one.
         first_target, num_targets: (n,) of ``target_ids``.
         target_ids: Ids of targets, strings.
+        target_bounds: (scenarios + 1,) int64 first target of each scenario.
         findings: Number of scenarios and an example by what is wrong with them.
     """
 
@@ -45,6 +46,7 @@ class Selection:
     first_target: Int64
     num_targets: Int32
     target_ids: pa.Array
+    target_bounds: Int64
     findings: Mapping[str, tuple[int, str]]
 
     def __len__(self) -> int:
@@ -97,7 +99,8 @@ def select(view: LakeView, rows: MetadataRows, choices: Choices) -> Selection:
             ),
         },
     )
-    return Selection(scene_now, moment_now, first, counts, targets.ids, findings)
+    bounds = np.append(targets.first, len(targets.ids))
+    return Selection(scene_now, moment_now, first, counts, targets.ids, bounds, findings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,18 +16,24 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from scenarionet_data import Lake, Samples, ScenarioLoader, Targets, TimeWindow
+from scenarionet_data.arrays.dtypes import Int64
 from scenarionet_data.conversion import convert
 from scenarionet_data.samples.selection import SamplesWarning
+from scenarionet_data.storage.files.places import open_files
+from scenarionet_data.storage.snapshots import commit as commits
 from tests.bench.measure import Figure, peak_mb
+from tests.fixtures.lakes import write_shard
 from tests.learn.unitraj_inputs import as_dictionary, config
 
 _BATCH, _BATCHES = 32, 60
 _LONG = 100_000
+_SCENARIOS = 1_000
 _HISTORY = 11
 _ROOT = Path(__file__).parents[2]
 _STATES = """
@@ -55,15 +61,23 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         scene = samples.places
         numbers = [np.flatnonzero(scene == place) for place in np.unique(scene)]
         rng = np.random.default_rng(0)
-        for targets, wanted in ((8, ">= 2500"), (1, ">= 1000")):
+        for cache_bytes, kind in ((0, "read anew"), (2**29, "in memory")):
+            samples = Samples(
+                lake, ids, window=TimeWindow(stride=1.0), targets=Targets("moving"), cache_bytes=cache_bytes
+            )
+            for k in range(0, len(numbers) if cache_bytes else 0, _BATCH):
+                samples.batch([int(of_scene[0]) for of_scene in numbers[k : k + _BATCH]])
+            for count, wanted in ((8, ">= 15000"), (1, ">= 5000")):
 
-            def draw(targets: int = targets) -> list[int]:
-                # Distinct ones: a batch reads each scenario once.
-                chosen = rng.choice(len(numbers), min(_BATCH // targets, len(numbers)), replace=False)
-                return [int(k) for place in chosen for k in rng.choice(numbers[place], targets)]
+                def draw(targets: int = count) -> list[int]:
+                    # Distinct ones: a batch reads each scenario once.
+                    chosen = rng.choice(len(numbers), min(_BATCH // targets, len(numbers)), replace=False)
+                    return [int(k) for place in chosen for k in rng.choice(numbers[place], targets)]
 
-            rate = _rate(samples, draw)
-            yield Figure(f"samples: {targets} targets of a random scenario", rate, "samples/s", wanted)
+                rate = _rate(samples.batch, draw)
+                what = f"samples: {count} targets of a random one of {len(numbers):,} scenarios, {kind}"
+                yield Figure(what, rate, "samples/s", wanted if cache_bytes else "")
+        yield _gathered(samples, numbers, Path(folder))
         yield from _trajdata(lake, Path(folder), rate)
         yield from _unitraj(lake, samples, Path(folder), rate)
         before = peak_mb()
@@ -72,16 +86,26 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
         yield Figure(f"samples: growth of peak memory over {_LONG:,} samples", peak_mb() - before, "MB", "<= 20")
 
 
-def _rate(samples: Samples, draw: Callable[[], list[int]]) -> float:
+def _gathered(samples: Samples, numbers: list[Int64], folder: Path) -> Figure:
+    """Finished samples, one of each scenario, gathered from a file that is mapped into memory."""
+    rows = [b"".join(v.tobytes() for v in samples[int(of_scene[0])].values()) for of_scene in numbers]
+    (folder / "finished").write_bytes(b"".join(rows))
+    stored = np.memmap(folder / "finished", np.uint8, "r", shape=(len(rows), len(rows[0])))
+    rng = np.random.default_rng(0)
+    rate = _rate(stored.__getitem__, lambda: rng.choice(len(rows), _BATCH, replace=False).tolist())
+    return Figure(f"samples: gather finished ones of {len(rows[0]):,} bytes from a mapped file", rate, "samples/s")
+
+
+def _rate(make: Callable[[list[int]], object], draw: Callable[[], list[int]]) -> float:
     """Samples per second of processor time."""
     for _ in range(20):
-        samples.batch(draw())
+        make(draw())
     gc.disable()
     times = []
     for _ in range(_BATCHES):
         chosen = draw()
         started = time.process_time()
-        samples.batch(chosen)
+        make(chosen)
         times.append((time.process_time() - started) / len(chosen))
     gc.enable()
     return 1 / statistics.median(times)
@@ -129,11 +153,18 @@ def _unitraj(lake: Lake, samples: Samples, folder: Path, rate: float) -> Iterato
 
 
 def _lake(root: Path, recordings: Path | None) -> Lake:
-    """Every recorded scene that has a map of its own."""
+    """Copies of every recorded scene that has a map of its own, some 1,000 scenarios."""
     if recordings is None:
         convert("pg", "0:16", root)
         return Lake(root)
     convert("scenarionet", str(recordings / "scenarionet"), root)
     convert("waymo", str(recordings / "waymo" / "training"), root)
     convert("argoverse2", str(recordings / "argoverse2" / "motion-forecasting" / "val"), root)
-    return Lake(root)
+    recorded, copies = [each for each in ScenarioLoader(root) if each.map is not None], root.with_name("copies")
+    shards = []
+    for scenario in recorded:
+        count = -(-_SCENARIOS // len(recorded))
+        same = [replace(scenario, id=f"{scenario.id}-{number}") for number in range(count)]
+        shards.append(write_shard(copies, same, scenario.id.replace("/", "-"), scenario.id))
+    commits.commit(open_files(copies), shards, "copies")
+    return Lake(copies)
