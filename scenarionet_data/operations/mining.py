@@ -27,6 +27,7 @@ from scenarionet_data.query.views import dependencies
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import kept_moments
 from scenarionet_data.storage.kept_moments import KeptMoments
+from scenarionet_data.storage.snapshots import manifests
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 MAX_STATES = 1_000_000
 """States of objects that are mined at once: their pairs and intermediate views take some hundred bytes each."""
+_KEPT_WHOLE = 1000
+"""Scenarios of a lake whose metadata are kept as a whole, so that one connection answers."""
 _FLUSH_AFTER = 60.0
 """Seconds of work that are lost at most when mining is killed."""
 
@@ -215,7 +218,9 @@ def find_moments(view: LakeView, found: Moments) -> pl.DataFrame:
 
     order = ", ".join(("scenario_id", "first_timestep", "last_timestep", *found.roles))
     sql = f"SELECT * FROM (\n{found.sql}\n) ORDER BY {order}"
-    scenarios = view.arrow("SELECT scenario_id, num_states FROM metadata_rows ORDER BY scenario_id")
+    is_small = (pc.sum(manifests.column(view.files, view.snapshot, "num_scenarios")).as_py() or 0) <= _KEPT_WHOLE
+    asked = view.keeping if is_small else view
+    scenarios = asked.arrow("SELECT scenario_id, num_states FROM metadata_rows ORDER BY scenario_id")
     parts = list(cut(scenarios["num_states"].to_numpy()))
     if len(parts) < 2:
         return polars.DataFrame(CompiledRelations(view.keeping).arrow(sql))

@@ -16,7 +16,7 @@ from scenarionet_data.schema.package_data import SQL
 
 TRACK, OTHER = "track_id", "other_id"
 _FROM_PAIRS = re.compile(r"FROM pairs  -- each (object|pair)(?:, each pair if ([^\n]*))?")
-_SIDES = {TRACK: ("t", "objects"), OTHER: ("o", "others")}
+_SIDES = {TRACK: ("t", "left_tracks"), OTHER: ("o", "left_others")}  # "objects" is a view, which would be looked up
 
 
 class HeldSteps(Protocol):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -10,6 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
+from scenarionet_data.query.motion_kernels import smooth
 
 ArrowColumn: TypeAlias = pa.Array | pa.ChunkedArray
 
@@ -56,24 +56,15 @@ def track_motion(
     seconds = _times(timestamps, dt, track, timestep)
 
     count = np.bincount(track, minlength=len(spans))
-    first, last = (np.cumsum(count) - count)[track], (np.cumsum(count) - 1)[track]
-    here = np.arange(len(track))
-    before, after = np.maximum(here - 1, first), np.minimum(here + 1, last)
-    between = seconds[after] - seconds[before]
-    between[between == 0] = np.inf  # of a single observation: no rate
+    ends = np.append(0, np.cumsum(count))
+    rates, smoothed = np.empty((3, len(track))), np.empty((7, len(track)))
+    smooth(ends, seconds, np.stack([box_x, box_y, height, angle]), rates, smoothed)
 
-    vx, vy = ((each[after] - each[before]) / between for each in (box_x, box_y))
-    ax, ay = ((each[after] - each[before]) / between for each in (vx, vy))
-    turned = angle[after] - angle[before]
-    yaw_rate = (turned - 2 * np.pi * np.floor((turned + np.pi) / (2 * np.pi))) / between
-    near = [np.clip(here + shift, first, last) for shift in range(-3, 4)]
-    smoothed = [_median_of_seven([each[at] for at in near]) for each in (box_x, box_y, vx, vy, ax, ay, height)]
-
-    lists = [timestep.astype(np.int32), seconds, *smoothed[:-1], yaw_rate, box_x, box_y, angle]
-    offsets = pa.array(np.append(0, np.cumsum(count)).astype(np.int32))
+    lists = [timestep.astype(np.int32), seconds, *smoothed[:-1], rates[2], box_x, box_y, angle]
+    offsets = pa.array(ends.astype(np.int32))
     columns = [pa.ListArray.from_arrays(offsets, pa.array(each)) for each in lists]
     is_seen = count > 0
-    starts, extent = (np.cumsum(count) - count)[is_seen], np.zeros(len(count))
+    starts, extent = ends[:-1][is_seen], np.zeros(len(count))
     for axis in (smoothed[0], smoothed[1], smoothed[-1]) if len(track) else ():
         extent[is_seen] += (np.maximum.reduceat(axis, starts) - np.minimum.reduceat(axis, starts)) ** 2
     return pa.StructArray.from_arrays([*columns, pa.array(np.sqrt(extent), mask=~is_seen)], [*_LISTS, "extent"])
@@ -101,21 +92,3 @@ def _times(timestamps: ArrowColumn, dt: ArrowColumn, track: Int64, timestep: Int
     at = (np.cumsum(recorded) - recorded)[track] + timestep
     times[is_recorded] = pc.list_flatten(timestamps).to_numpy()[at[is_recorded]]
     return times
-
-
-def _median_of_seven(v: Sequence[Float64]) -> Float64:
-    """Return the median of seven arrays, element by element.
-
-    Of two sorted triples, the k-th number is the least, over i + j = k, of the greater one of the i-th of one and the
-    j-th of the other; the median lies between the third and the fourth.
-    """
-    (a, b, c), (d, e, f) = _sorted(*v[:3]), _sorted(*v[4:])
-    third = np.minimum(np.minimum(c, f), np.minimum(np.maximum(a, e), np.maximum(b, d)))
-    fourth = np.minimum(np.maximum(a, f), np.minimum(np.maximum(c, d), np.maximum(b, e)))
-    median: Float64 = np.maximum(third, np.minimum(v[3], fourth))
-    return median
-
-
-def _sorted(a: Float64, b: Float64, c: Float64) -> tuple[Float64, Float64, Float64]:
-    low, high = np.minimum(a, b), np.maximum(a, b)
-    return np.minimum(low, c), np.maximum(low, np.minimum(high, c)), np.maximum(high, c)
