@@ -29,3 +29,10 @@ def test_quiet_display_announces_nothing(capsys):
     with ProgressDisplay("sim", is_quiet=True):
         announcing.announce("scenarionet_sim.simulation.step")
     assert capsys.readouterr().err == ""
+
+
+def test_no_time_is_left_where_more_was_done_than_asked_for():
+    with ProgressDisplay("train", "step", is_quiet=True) as progress:
+        progress._started -= 40.0
+        progress.update(20_480, 20_000)
+        assert progress.line.endswith("about 0.0 s left")

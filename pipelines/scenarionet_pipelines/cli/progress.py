@@ -91,7 +91,7 @@ class ProgressDisplay:
         steps = f"{self._task}: {self.done:,} of {count(self.total, self._step)} after {duration(elapsed)}"
         if not self.done:
             return steps if self.total else f"{self._task}: {self._doing}, for {duration(elapsed)}"
-        left = elapsed / self.done * (self.total - self.done)
+        left = elapsed / self.done * max(self.total - self.done, 0)  # trainings end with a whole round
         return ", ".join(filter(None, (steps, self._rate, f"about {duration(left)} left")))
 
     @property
