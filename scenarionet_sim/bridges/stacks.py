@@ -10,8 +10,8 @@ from typing import NamedTuple
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.bridges.autoware_transport import AutowareTransport
 from scenarionet_sim.bridges.link import Link, Transport
-from scenarionet_sim.bridges.ros2_transport import Ros2Transport
 from scenarionet_sim.bridges.ros_topics import OPTIONS
+from scenarionet_sim.bridges.ros_transport import RosTransport
 from scenarionet_sim.bridges.sensing import SENSORS, StackSensors
 from scenarionet_sim.planners.base import Action, Planner, Trajectory
 from scenarionet_sim.planners.view import View
@@ -20,8 +20,9 @@ REALTIME = "realtime"
 """Option of every stack: keep to the wall clock instead of lockstep."""
 
 TRANSPORTS: dict[str, Callable[[Collection[str]], Transport]] = {
-    "ros2:dds": lambda options: Ros2Transport("dds", options),
-    "ros2:zenoh": lambda options: Ros2Transport("zenoh", options),
+    "ros2:dds": lambda options: RosTransport(2, "dds", options),
+    "ros2:zenoh": lambda options: RosTransport(2, "zenoh", options),
+    "ros1:tcp": lambda options: RosTransport(1, "tcp", options),
     "autoware:dds": AutowareTransport,
 }
 """What speaks to each kind of stack."""
@@ -43,7 +44,7 @@ class Stack(NamedTuple):
         kind, *options = policy.split("+")
         if kind not in TRANSPORTS:
             raise BadParameter(f"unknown policy {policy!r}; choose from {', '.join(TRANSPORTS)}")
-        known = (*(OPTIONS if kind.startswith("ros2:") else ()), REALTIME)
+        known = (*(OPTIONS if kind.startswith("ros") else ()), REALTIME)
         for option in options:
             if option not in known:
                 raise BadParameter(f"{policy}: {kind} has no option {option!r}; choose from {', '.join(known)}")

@@ -10,9 +10,9 @@ from scenarionet_pipelines.messages import one_line
 class BridgeVerb(Progressing):
     """Let a driving stack in another process drive a scenario, a database, or the whole lake.
 
-    STACK is ros2 or autoware. The stack's run is a run of the lake, as of `scenarionet sim --policy ros2:dds`, which
-    this is a shorter way to say. Start the stack before or after; docs/guides/stacks.md and docs/guides/autoware.md
-    list what it gets and answers.
+    STACK is ros2, ros1 or autoware. The stack's run is a run of the lake, as of `scenarionet sim --policy ros2:dds`,
+    which this is a shorter way to say. Start the stack before or after; docs/guides/stacks.md and
+    docs/guides/autoware.md list what it gets and answers.
 
     Exits with 1 if a scenario could not be driven to its end, and says why.
     """
@@ -26,7 +26,7 @@ class BridgeVerb(Progressing):
     stack: str = argument("STACK")
     lake: str = argument()
     scenario_or_database: str | None = argument("[SCENARIO|DATABASE]")
-    wire: str = option("What carries the messages; Autoware has dds alone.", choices=("dds", "zenoh"), default="dds")
+    wire: str | None = option("What carries messages of ROS 2. [default: dds]", choices=("dds", "zenoh"))
     realtime: bool = option(
         "Keep to the wall clock, or wait for each answer. [default: lockstep]", "--realtime/--lockstep"
     )
@@ -40,7 +40,8 @@ class BridgeVerb(Progressing):
         from scenarionet_sim.bridges.stacks import REALTIME, Stack, link
         from scenarionet_sim.evaluation.evaluation import evaluate
 
-        policy = "+".join((f"{self.stack}:{self.wire}", *self.topics, *([REALTIME] if self.realtime else [])))
+        wire = self.wire or ("tcp" if self.stack == "ros1" else "dds")
+        policy = "+".join((f"{self.stack}:{wire}", *self.topics, *([REALTIME] if self.realtime else [])))
         stack, wanted = Stack.parse(policy), self.scenario_or_database
         with self.progress(f"bridge {policy}") as progress:
             report = evaluate(

@@ -1,4 +1,4 @@
-"""Stacks of ROS 2 over one of two wires."""
+"""Stacks of ROS over one of three wires."""
 
 from __future__ import annotations
 
@@ -11,23 +11,26 @@ from scenarionet_sim.bridges.dds_wire import DdsWire
 from scenarionet_sim.bridges.inbox import Inbox, Wire
 from scenarionet_sim.bridges.link import StackMoment
 from scenarionet_sim.bridges.ros_topics import ANSWERS, decode, moment_messages, topics
+from scenarionet_sim.bridges.rospy_wire import RospyWire
 from scenarionet_sim.bridges.zenoh_wire import ZenohWire
 
-WIRES: dict[str, Callable[..., Wire]] = {"dds": DdsWire, "zenoh": ZenohWire}
+WIRES: dict[str, Callable[..., Wire]] = {"dds": DdsWire, "zenoh": ZenohWire, "tcp": RospyWire}
 
 
-class Ros2Transport:
-    """Topics of ROS 2; see :class:`~scenarionet_sim.bridges.link.Transport`.
+class RosTransport:
+    """Topics of ROS; see :class:`~scenarionet_sim.bridges.link.Transport`.
 
     Args:
+        version: 1 or 2.
         wire: A name in WIRES.
         options: Names in ``ros_topics.OPTIONS``.
     """
 
-    def __init__(self, wire: str, options: Collection[str] = ()) -> None:
+    def __init__(self, version: int, wire: str, options: Collection[str] = ()) -> None:
         domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
-        self.where = f"{wire} in domain {domain} on {', '.join(f'/{name}' for name in ANSWERS)}"
-        self._ros, self._inbox, self._topics = messages(2), Inbox(), topics(2, options)
+        place = f"in domain {domain} " if version == 2 else ""
+        self.where = f"{wire} {place}on {', '.join(f'/{name}' for name in ANSWERS)}"
+        self._ros, self._inbox, self._topics = messages(version), Inbox(), topics(version, options)
         answers = {name: topic.kind for name, topic in ANSWERS.items()}
         self._wire = WIRES[wire](self._topics, answers, self._inbox, domain)
 
