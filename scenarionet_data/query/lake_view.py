@@ -28,7 +28,6 @@ from scenarionet_data.storage.read.metadata_rows import (
     ADDRESS_COLUMNS,
     MetadataRows,
     ScenarioIndex,
-    first_rows,
     order_of_ids,
 )
 from scenarionet_data.storage.snapshots import manifests
@@ -328,7 +327,7 @@ class LakeView:
         return view, view.find(ids.to_pylist())[1]
 
     def _at(self, rows: Int32) -> MetadataRows:
-        return MetadataRows(self.files, self.snapshot, None, rows, first_rows(self.files, self.snapshot.metadata))
+        return MetadataRows(self.files, self.snapshot, None, rows)
 
     def _require_all(self, ids: pa.Array | pa.ChunkedArray, is_found: pa.Array | pa.ChunkedArray) -> None:
         missing = ids.filter(pa.array(~is_found.to_numpy(zero_copy_only=False)))

@@ -243,12 +243,17 @@ class LakeFiles(ABC):
         """
         return seals.parsed(self.end(name), self.url(name))
 
-    def read(self, name: str, columns: list[str] | None = None) -> pa.Table:
-        """Rows of a Parquet file."""
+    def read(self, name: str, columns: list[str] | None = None, group: int | None = None) -> pa.Table:
+        """Rows of a Parquet file, or of one of its row groups, of which the whole file is verified."""
         path = self.path(name)
         is_whole = seals.verify(path, self.place(name))
         with reading(path):
-            rows = pq.ParquetFile(path).read(columns, use_threads=path.stat().st_size > _ONE_THREAD)
+            file, use_threads = pq.ParquetFile(path), path.stat().st_size > _ONE_THREAD
+            rows = (
+                file.read(columns, use_threads=use_threads)
+                if group is None
+                else file.read_row_group(group, columns, use_threads=use_threads)
+            )
             if not is_whole:
                 rows.validate(full=True)  # texts may be damaged
         return rows

@@ -1,7 +1,7 @@
 """Rows of the metadata table for chosen scenarios, straight from its Parquet files.
 
-At most ids are read beforehand, and none of scenarios whose rows are known; the other columns of a file are read when
-the row of one of its scenarios is needed.
+At most ids are read beforehand, and none of scenarios whose rows are known; the other columns of a row group are
+read when the row of one of its scenarios is needed.
 """
 
 from __future__ import annotations
@@ -85,6 +85,28 @@ class RowTable:
         return row
 
 
+GroupPlaces = tuple[list[int], list[tuple[str, int]]]
+"""First row of each row group of all files, one after the other; the file of each, and its number there."""
+
+
+def row_groups(files: LakeFiles, snapshot: Snapshot) -> GroupPlaces:
+    """Find the row groups of a snapshot's metadata files.
+
+    Raises:
+        LakeError: A file is missing or damaged.
+        SchemaMismatch: A file has a schema version that cannot be read.
+    """
+    firsts, groups = [0], list[tuple[str, int]]()
+    with snapshots.reading_from(files, snapshot):
+        for name in snapshot.metadata:
+            footer = files.footer(name)
+            tables.load("metadata").check_version(footer.metadata, files.url(name))
+            for number in range(footer.num_row_groups):
+                groups.append((name, number))
+                firsts.append(firsts[-1] + footer.row_group(number).num_rows)
+    return firsts, groups
+
+
 class MetadataRows(Sequence[dict[str, Any]]):
     """Rows of scenarios, with their description and addresses.
 
@@ -93,8 +115,8 @@ class MetadataRows(Sequence[dict[str, Any]]):
         snapshot: The snapshot.
         ids: Ids of the scenarios, strings; None to read them when they are asked for.
         rows: (n,) row of each scenario in all metadata files of the snapshot, one after the other.
-        starts: (files + 1,) int64 first row of each file, and the number of all rows.
         names: Columns of the rows.
+        groups: Row groups of these files; read from them by default.
     """
 
     def __init__(
@@ -103,24 +125,23 @@ class MetadataRows(Sequence[dict[str, Any]]):
         snapshot: Snapshot,
         ids: pa.Array | None,
         rows: Int32 | Int64,
-        starts: Int64,
         names: Sequence[str] = ALL_COLUMNS,
+        groups: GroupPlaces | None = None,
     ) -> None:
         self._files = files
         self._snapshot = snapshot
         self._ids = ids
         self._rows = rows
-        self._starts = starts
         self._names = tuple(names)
-        self._first_rows: list[int] = starts.tolist()
+        self._groups = groups or row_groups(files, snapshot)
         self._tables: dict[int, RowTable] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return MetadataRows, (self._files, self._snapshot, self._ids, self._rows, self._starts, self._names)
+        return MetadataRows, (self._files, self._snapshot, self._ids, self._rows, self._names, self._groups)
 
     def select(self, names: Sequence[str]) -> MetadataRows:
         """The same scenarios with other columns."""
-        return MetadataRows(self._files, self._snapshot, self._ids, self._rows, self._starts, names)
+        return MetadataRows(self._files, self._snapshot, self._ids, self._rows, names, self._groups)
 
     @property
     def ids(self) -> pa.Array:
@@ -140,16 +161,17 @@ class MetadataRows(Sequence[dict[str, Any]]):
     def __getitem__(self, index: Any) -> Any:
         """Row of a scenario by column."""
         row = self._rows.item(index)
-        file = bisect_right(self._first_rows, row) - 1
-        table = self._tables.get(file)
+        firsts, groups = self._groups
+        number = bisect_right(firsts, row) - 1
+        table = self._tables.get(number)
         if table is None:
             try:
-                found = self._files.read(self._snapshot.metadata[file], list(self._names))
+                found = self._files.read(groups[number][0], list(self._names), groups[number][1])
             except LakeError as error:
                 snapshots.check_expired(self._files, self._snapshot, error)
                 raise
-            table = self._tables[file] = RowTable(tables.load("metadata").conform(found, self._names))
-        return table[row - self._first_rows[file]]
+            table = self._tables[number] = RowTable(tables.load("metadata").conform(found, self._names))
+        return table[row - firsts[number]]
 
     def columns(self, names: Sequence[str]) -> pa.Table:
         """Columns of all scenarios, in order."""
@@ -224,7 +246,6 @@ class ScenarioIndex:
         columns = ["scenario_id", *(["content_hash"] if with_hashes else [])]
         with snapshots.reading_from(files, snapshot):
             found = rows_of(files, snapshot.metadata, columns)
-            self._starts = first_rows(files, snapshot.metadata)
         self._ids: pa.Array = found["scenario_id"].combine_chunks()
         self._hashes = found["content_hash"].to_numpy() if with_hashes else None
 
@@ -247,4 +268,4 @@ class ScenarioIndex:
         is_found: Bool = rows >= 0
         if hashes is not None and self._hashes is not None:
             is_found &= self._hashes[rows] == hashes if len(self._hashes) else False
-        return MetadataRows(self._files, self._snapshot, ids, rows, self._starts), is_found
+        return MetadataRows(self._files, self._snapshot, ids, rows), is_found
