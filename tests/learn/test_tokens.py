@@ -229,6 +229,6 @@ def test_mistakes_are_said(lake):
         make_config({"size": "15"})
     with pytest.raises(LakeError, match="has no run nobody; train one: scenarionet traffic learn --kind tokens"):
         evaluate(lake, "recorded", policy="idm", traffic="model:nobody")
-    lake.filter("FALSE", name="empty")
+    lake.filter("FALSE", name="empty", allow_empty=True)
     with pytest.raises(BadParameter, match="no road user is there"):
         train(lake, "empty", CONFIG, run="none")
