@@ -24,7 +24,7 @@ from scenarionet_data.execution.progress import Progress
 from scenarionet_data.interchange.files import stem_of
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.drivers.by_name import find_backend, resolve_drivers
-from scenarionet_sim.evaluation.evaluation import PART_SIZE, RULE
+from scenarionet_sim.evaluation.specification import PART_SIZE, RULE
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.rollouts.batch import RolloutBatch, RolloutJob
 from scenarionet_sim.rollouts.parts import Part, parts_of

@@ -6,111 +6,27 @@ a row with its error; the run continues, and another call tries again the parts 
 
 from __future__ import annotations
 
-import hashlib
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, replace
-from functools import cache
-from itertools import islice
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
-import pyarrow as pa
-
-from scenarionet_data import Database, Lake, ScenarioLoader, version
+from scenarionet_data import Database, Lake
 from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.executors import Executor
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.places import open_files
-from scenarionet_sim.bridges.commonroad.by_name import environment_of, is_outside, versions_of
-from scenarionet_sim.drivers.by_name import REACTIVE, Drivers, drives_alone, find_backend, is_model, resolve_drivers
-from scenarionet_sim.drivers.code import PolicyCode, code_digest, pinned_code, policy_name
+from scenarionet_sim.bridges.commonroad.by_name import environment_of
+from scenarionet_sim.drivers.code import pinned_code
 from scenarionet_sim.drivers.own_process import executor_of
 from scenarionet_sim.drivers.requirements import made_interpreter
 from scenarionet_sim.drivers.trained import PREFIX, pinned
-from scenarionet_sim.metrics.drive import DrivenEpisode
-from scenarionet_sim.metrics.measure import measure_all
-from scenarionet_sim.rollouts.batch import SLOTS, RolloutBatch, RolloutJob
-from scenarionet_sim.rollouts.loading import loaded_ahead
-from scenarionet_sim.rollouts.parts import Part, parts_of, run_parts
-from scenarionet_sim.rollouts.rollout import Rollout
+from scenarionet_sim.evaluation.parts import EvaluationJob, ends_of_lost_part, imported_code, simulate_part
+from scenarionet_sim.evaluation.specification import PART_SIZE, Evaluation, scenarios_of
+from scenarionet_sim.rollouts.parts import parts_of, run_parts
 from scenarionet_sim.rollouts.span import EPISODES
-from scenarionet_sim.rollouts.table import concat_rollouts, rollout_rows
 from scenarionet_sim.scenarios.selection import resolved
-
-PART_SIZE = 32
-"""Rollouts per part: the most work that a killed worker loses."""
-
-_SCORED_TOGETHER = 8
-"""Rollouts whose metrics are computed together."""
-
-RULE = "to the end of the episode, off the road only where the recording is on it, progress along its lanes"
-"""What metrics cover. Runs from before there was a choice of words say nothing: an ego of IDM that had reached the end
-of its path was scored until then, and the road counted where the recording itself is off it. Runs that do not say
-"along its lanes" measured progress along the recorded path."""
-
-ScenarioEnd = tuple[str, str | None, str | None]
-"""Scenario id, how the episode ended, and the error if it could not be simulated."""
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """Specification of an evaluation; picklable.
-
-    Attributes:
-        lake: Path or URL of the lake.
-        database: ``name@version``, scenario ids, or None for the whole lake.
-        snapshot: Number of the lake's snapshot.
-        policy: Driver of the ego: a name in ``DRIVERS``, ``random``, or ``module:Class``.
-        traffic: Driver of all other objects: a name in ``TRAFFIC``, or ``model:RUN``.
-        backend: Vehicle dynamics of an ego driven by actions: ``bullet`` or ``kinematic``.
-        seed: Seed of stochastic policies and of the sensors' noise.
-        rollouts: Number of rollouts of each scenario.
-        episode: A name in ``EPISODES``.
-        tracker: A name in ``TRACKERS``.
-        route: A name in ``ROUTES``.
-        python: Interpreter of the policy, in a process of its own; empty for this one.
-        code: Digest of the modules of a policy in a process of its own, or versions of the packages it is in.
-    """
-
-    lake: str
-    database: str | tuple[str, ...] | None
-    snapshot: int
-    policy: str
-    traffic: str = "replay"
-    backend: str = "kinematic"
-    seed: int = 0
-    rollouts: int = 1
-    episode: str = "log"
-    tracker: str = "lqr"
-    route: str = "log"
-    python: str = ""
-    code: str = ""
-
-    @property
-    def description(self) -> dict[str, Any]:
-        """Everything the results depend on, as stored with the run."""
-        spec = {name: value for name, value in asdict(self).items() if name != "lake"}
-        spec["database"] = describe_database(self.database)
-        for name in ("tracker", "route", "python", "code"):  # as in runs from before there was a choice
-            if spec[name] == getattr(type(self), name):
-                del spec[name]
-        return spec | {"rule": RULE, "part": PART_SIZE, "software": version.name_and_version()}
-
-    @property
-    def default_name(self) -> str:
-        """Name of the run unless one is given: database, policy, traffic and backend, and the episode if not all."""
-        words = [describe_database(self.database) or "all", policy_name(self.policy), self.traffic, self.backend]
-        words += [value for value in (self.episode, self.route) if value != "log"]
-        name = "-".join(words if self.tracker == "lqr" else [*words, self.tracker])
-        return name.replace("@", ".").replace(":", ".").replace("/", ".")
-
-    def drivers(self) -> Drivers:
-        """Return the drivers of ego and traffic; raises if one is unknown."""
-        return resolve_drivers(self.policy, self.traffic, self.backend, self.tracker, self.route, self.lake)
-
 
 _SHOWN = 10
 """Broken scenarios listed in a notebook."""
@@ -148,23 +64,6 @@ class EvaluationReport:
             "time": f"{self.seconds:.1f} s",
         }
         return properties_card(properties, self.broken[:_SHOWN], ("scenario_id", "error"))
-
-
-@dataclass(frozen=True)
-class EvaluationJob:
-    """A part of an evaluation.
-
-    Attributes:
-        evaluation: The evaluation.
-        part: Which rollouts.
-        run: What the part belongs to; None to store nothing.
-        has_trajectories: Whether the trajectories are wanted, too, and not only the metrics.
-    """
-
-    evaluation: Evaluation
-    part: Part
-    run: evaluation_runs.EvaluationRun | None
-    has_trajectories: bool = True
 
 
 def evaluate(
@@ -300,7 +199,7 @@ def run_evaluation(
     report = EvaluationReport(name, total, total - len(left))
     broken: dict[str, str] = {}
     executor = executor_of(evaluation.policy, evaluation.python, workers, executor) if jobs else executor
-    for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, _ends_of_lost_part):
+    for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, ends_of_lost_part):
         broken |= {scenario_id: error for scenario_id, _, error in ends if error}
     report.broken = list(broken.items())
     report.seconds = time.monotonic() - started
@@ -320,107 +219,8 @@ def find_broken(
     parts = parts_of(len(scenarios_of(evaluation)), PART_SIZE)
     jobs = [EvaluationJob(evaluation, part, None, has_trajectories=False) for part in parts]
     broken = []
-    for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, _ends_of_lost_part):
+    for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, ends_of_lost_part):
         for scenario_id, end, error in ends:
             if end != "success":
                 broken.append((scenario_id, error or f"the replayed recording ends with {end}"))
     return sorted(broken)
-
-
-def describe_database(database: str | tuple[str, ...] | None) -> str | None:
-    """Return a reference unchanged, and a list of ids as its length and digest."""
-    if not isinstance(database, tuple):
-        return database
-    digest = hashlib.sha256("\n".join(database).encode()).hexdigest()[:12]
-    return f"{len(database)}-scenarios-{digest}"
-
-
-def _ends_of_lost_part(job: EvaluationJob, reason: str) -> list[ScenarioEnd]:
-    """Ends of a part that killed its worker; it has no rows, so the next run tries it again."""
-    ids = scenarios_of(job.evaluation).scenario_ids
-    numbers = (item // job.evaluation.rollouts for item in range(job.part.first, job.part.end))
-    return [(ids[number], None, reason) for number in numbers]
-
-
-@cache
-def scenarios_of(evaluation: Evaluation) -> ScenarioLoader:
-    """Return the scenarios of an evaluation, resolved once per process."""
-    return ScenarioLoader(Lake(evaluation.lake, evaluation.snapshot), evaluation.database)
-
-
-# --- on a worker --------------------------------------------------------------------------------------
-
-
-def imported_code(evaluation: Evaluation) -> str:
-    """Import the policy, in its process; return a digest of the modules that it has imported from its folder.
-
-    Of planners of other packages, return the versions of those.
-    """
-    evaluation.drivers()
-    if is_outside(evaluation.policy):
-        return versions_of(evaluation.policy)
-    code = PolicyCode.of(evaluation.policy)
-    return code_digest(Path.cwd() if code is None else code.root)
-
-
-def simulate_part(job: EvaluationJob) -> list[ScenarioEnd]:
-    """Simulate the rollouts of a part, and publish the rows if it belongs to a run."""
-    rows, rollouts = simulate(job)
-    if job.run is not None:
-        job.run.publish(job.part.number, {"results": rows, "rollouts": rollouts})
-    return [(row["scenario_id"], row.get("status"), row.get("error")) for row in rows]
-
-
-def simulate(job: EvaluationJob) -> tuple[list[dict[str, Any]], pa.Table]:
-    """Return the rows of ``results`` and ``rollouts`` of a part, without the column run; no rollouts if not wanted."""
-    evaluation = job.evaluation
-    drivers = evaluation.drivers()
-    # Bullet's worlds differ in their last digits by what else is in its memory; a person or a stack drives one world.
-    is_single = evaluation.backend == "bullet" or drives_alone(evaluation.policy)
-    batch = RolloutBatch(drivers, find_backend(evaluation.backend), 1 if is_single else SLOTS)
-    is_reactive = evaluation.traffic in REACTIVE or is_model(evaluation.traffic)
-    results: dict[int, dict[str, Any]] = {}
-    trajectories: dict[int, pa.Table] = {}
-
-    def fail(item: int, error: Exception) -> None:
-        results[item] = _key(job, item) | {"error": f"{type(error).__name__}: {error}"}
-
-    played = batch.run(_rollout_jobs(job, fail))
-    while some := list(islice(played, _SCORED_TOGETHER)):
-        driven = [(each.number, each.world, rollout) for each, rollout in some if isinstance(rollout, Rollout)]
-        rows = measure_all([DrivenEpisode(rollout, world) for _, world, rollout in driven])
-        for each, error in some:
-            if isinstance(error, Exception):
-                fail(each.number, error)
-        for (item, world, rollout), row in zip(driven, rows, strict=True):
-            if isinstance(row, Exception):
-                fail(item, row)
-                continue
-            of_agent = {"track_id": world.track_ids[rollout.agent], "is_reactive": is_reactive}
-            results[item] = _key(job, item) | of_agent | row
-            if job.has_trajectories:
-                trajectories[item] = rollout_rows(rollout, world, item % evaluation.rollouts)
-    rollouts = concat_rollouts([trajectories[item] for item in sorted(trajectories)])
-    return [results[item] for item in sorted(results)], rollouts
-
-
-def _key(job: EvaluationJob, item: int) -> dict[str, Any]:
-    index, number = divmod(item, job.evaluation.rollouts)
-    return {"scenario_id": scenarios_of(job.evaluation).scenario_ids[index], "rollout": number}
-
-
-def _rollout_jobs(job: EvaluationJob, fail: Callable[[int, Exception], None]) -> Iterator[RolloutJob]:
-    """Yield the rollouts of a part; report those whose scenario cannot be loaded."""
-    evaluation, span = job.evaluation, EPISODES[job.evaluation.episode]
-    first, last = job.part.first // evaluation.rollouts, (job.part.end - 1) // evaluation.rollouts
-    for index, loaded in loaded_ahead(scenarios_of(evaluation), range(first, last + 1), span):
-        begin = index * evaluation.rollouts
-        items = range(max(begin, job.part.first), min(begin + evaluation.rollouts, job.part.end))
-        if isinstance(loaded, Exception):
-            for item in items:
-                fail(item, loaded)
-            continue
-        world, start = loaded
-        num_steps = span.num_steps(world, start)
-        for item in items:
-            yield RolloutJob(item, world, (evaluation.seed, index, item - begin), start, num_steps, span.waits)

@@ -26,7 +26,8 @@ from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.drivers.own_process import executor_of
 from scenarionet_sim.evaluation.comparison import runs_in_words
-from scenarionet_sim.evaluation.evaluation import PART_SIZE, RULE, Evaluation, EvaluationJob, scenarios_of, simulate
+from scenarionet_sim.evaluation.parts import EvaluationJob, simulate
+from scenarionet_sim.evaluation.specification import PART_SIZE, RULE, Evaluation, scenarios_of
 from scenarionet_sim.rollouts.parts import parts_of, run_parts
 
 FORMAT = 1

@@ -27,7 +27,7 @@ from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.environments.config import PAPER_OBSERVATION
 from scenarionet_sim.environments.observation import Observation
-from scenarionet_sim.evaluation.evaluation import describe_database
+from scenarionet_sim.evaluation.specification import describe_database
 from scenarionet_sim.policies.objects import ego, vehicles
 from scenarionet_sim.policies.replay import Replay
 from scenarionet_sim.rollouts.parts import Part, parts_of, run_parts

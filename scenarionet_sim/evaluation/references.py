@@ -16,7 +16,8 @@ from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.drivers.by_name import RANDOM
-from scenarionet_sim.evaluation.evaluation import Evaluation, run_evaluation
+from scenarionet_sim.evaluation.evaluation import run_evaluation
+from scenarionet_sim.evaluation.specification import Evaluation
 
 POLICIES: Mapping[str, str] = {"recording": "replay", "constant velocity": "constant", "random actions": RANDOM}
 """Policy of each reference: a ceiling and two floors."""

@@ -25,7 +25,7 @@ from scenarionet_data.storage.evaluation_runs import EvaluationRun
 from scenarionet_data.storage.files.places import open_files
 from scenarionet_sim.environments.config import OBSERVATIONS, EnvConfig, MultiAgentConfig, VectorConfig
 from scenarionet_sim.environments.flat import FlatEnv, FlatState
-from scenarionet_sim.evaluation.evaluation import describe_database
+from scenarionet_sim.evaluation.specification import describe_database
 from scenarionet_sim.learning.config import LearnerConfig, describe_config, make_learner_config
 from scenarionet_sim.learning.experts import Experts
 from scenarionet_sim.learning.learners import make_learner

@@ -18,8 +18,10 @@ from scenarionet_data.execution.executors import run_serially
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.drivers.own_process import executor_of
-from scenarionet_sim.evaluation.evaluation import Evaluation, EvaluationJob, run_evaluation, scenarios_of, simulate
+from scenarionet_sim.evaluation.evaluation import run_evaluation
+from scenarionet_sim.evaluation.parts import EvaluationJob, simulate
 from scenarionet_sim.evaluation.receipts import content_digests, trajectory_digests
+from scenarionet_sim.evaluation.specification import Evaluation, scenarios_of
 from scenarionet_sim.rollouts.parts import Part
 
 Determinism = Literal["deterministic", "random, by its seed", "random, by more than its seed"]

@@ -13,8 +13,8 @@ from scenarionet_data import ScenarioDescription
 from scenarionet_data.arrays.dtypes import IntP
 from scenarionet_data.variations.moment_windows import MomentWindow, cut_out
 from scenarionet_sim.drivers.by_name import find_backend
-from scenarionet_sim.evaluation.evaluation import Evaluation, scenarios_of
 from scenarionet_sim.evaluation.receipts import trajectory_digests
+from scenarionet_sim.evaluation.specification import Evaluation, scenarios_of
 from scenarionet_sim.metrics.measure import measure
 from scenarionet_sim.regression.failures import failure_kind, severity
 from scenarionet_sim.rollouts.batch import RolloutBatch, RolloutJob

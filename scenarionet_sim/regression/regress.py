@@ -12,7 +12,8 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.scenario.settings import check_settings
 from scenarionet_sim.drivers.code import interpreter_of
-from scenarionet_sim.evaluation.evaluation import Evaluation, plan_evaluation, scenarios_of
+from scenarionet_sim.evaluation.evaluation import plan_evaluation
+from scenarionet_sim.evaluation.specification import Evaluation, scenarios_of
 from scenarionet_sim.regression.judgement import PRIMARY, Judgement, judge
 from scenarionet_sim.regression.outcomes import KnownOutcomes, find_outcomes
 from scenarionet_sim.regression.reproduction import Reproduction, write_reproductions

@@ -21,7 +21,8 @@ from scenarionet_data.storage.snapshots import commit as commits
 from scenarionet_data.storage.write.shard_writer import ShardWriter
 from scenarionet_sim.drivers.code import interpreter_of
 from scenarionet_sim.drivers.own_process import executor_of
-from scenarionet_sim.evaluation.evaluation import Evaluation, plan_evaluation, run_evaluation
+from scenarionet_sim.evaluation.evaluation import plan_evaluation, run_evaluation
+from scenarionet_sim.evaluation.specification import Evaluation
 from scenarionet_sim.regression.failures import severity
 from scenarionet_sim.regression.reduction import ReductionJob, drive_stored, reduce_failure, smallest_passing
 from scenarionet_sim.rollouts.driven import DrivenScenarios

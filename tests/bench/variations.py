@@ -10,7 +10,8 @@ from pathlib import Path
 from scenarionet_data import Lake, convert
 from scenarionet_data.logical.description import LIBRARY
 from scenarionet_data.variations import VariationSpace, vary
-from scenarionet_sim.evaluation.evaluation import EvaluationJob, plan_evaluation, simulate
+from scenarionet_sim.evaluation.evaluation import plan_evaluation
+from scenarionet_sim.evaluation.parts import EvaluationJob, simulate
 from scenarionet_sim.rollouts.parts import parts_of
 from tests.bench.measure import Figure
 

@@ -16,7 +16,7 @@ from scenarionet_pipelines.web.histograms import MAX_BINS, read_histogram
 from scenarionet_pipelines.web.questions import TIMELINE_EVENTS
 from scenarionet_pipelines.web.rows import columns
 from scenarionet_pipelines.web.runs import runs_of
-from scenarionet_sim.evaluation.evaluation import RULE
+from scenarionet_sim.evaluation.specification import RULE
 from tests.scenarionet_pipelines.web.test_packing import unpack
 from tests.scenarionet_pipelines.web.test_server import request, said
 

@@ -13,7 +13,8 @@ from scenarionet_data.errors import BadParameter, QueryError
 from scenarionet_data.schema import tables
 from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.evaluation.comparison import LOWER_IS_BETTER, METRICS, RunComparison, compare_runs, runs_in_words
-from scenarionet_sim.evaluation.evaluation import RULE, evaluate
+from scenarionet_sim.evaluation.evaluation import evaluate
+from scenarionet_sim.evaluation.specification import RULE
 from tests.fixtures.drives import make_drive
 from tests.fixtures.lakes import write_lake
 

@@ -15,7 +15,7 @@ from scenarionet_pipelines.cli.verb import EGO, MARGIN, OPTIONAL_DATABASE, Choos
 from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
-    from scenarionet_sim.evaluation.evaluation import Evaluation
+    from scenarionet_sim.evaluation.specification import Evaluation
 
 
 class SimVerb(Choosing, Distributed):
