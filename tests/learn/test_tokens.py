@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from scenarionet_data import Lake, convert
+from scenarionet_data.storage import checkpoints
+from scenarionet_pipelines.cli import cli
 
 pytestmark = pytest.mark.learn
 torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
@@ -220,6 +224,26 @@ def test_the_simulator_sees_the_map_as_in_training(lake, recordings):
     assert len(here) == len(there) and len(here) > 10
     order = [np.lexsort(np.round(each, 2).T) for each in (here, there)]
     np.testing.assert_allclose(here[order[0]], there[order[1]], atol=1e-2)
+
+
+def test_the_command_line_learns_the_same(lake):
+    settings = {"tokens": 64, "radius": 0.2, "size": 16, "heads": 2, "epochs": 2, "batch_size": 3}
+    words = ["traffic", "learn", str(lake.root), "recorded", "--kind", "tokens", "--json", "--test", "recorded"]
+    for name, value in settings.items():
+        words += ["-p", f"{name}={value}"]
+    result = CliRunner().invoke(cli, [*words, "--name", "typed"])
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert "--traffic model:typed" in told["next"]
+    assert [(row["test"], row["round"]) for row in told["curve"]] == [
+        (n, e) for e in (1, 2) for n in (None, "recorded")
+    ]
+    weights = [checkpoints.load(lake.files, run).arrays for run in ("clone", "typed")]
+    assert all(np.array_equal(weights[0][name], weights[1][name]) for name in weights[0] if name.startswith("model."))
+    result = CliRunner().invoke(
+        cli, ["traffic", "learn", str(lake.root), "recorded", "--name", "x", "--start", "clone"]
+    )
+    assert result.exit_code == 2 and "--start belongs to --kind tokens" in result.output
 
 
 def test_mistakes_are_said(lake):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -10,13 +9,12 @@ from typing import Any
 import click
 
 from scenarionet_data.errors import needing
-from scenarionet_pipelines.cli.interrupt import keeping
-from scenarionet_pipelines.cli.output import count
+from scenarionet_pipelines.cli.epochs import EpochsVerb
 from scenarionet_pipelines.cli.parameters import pairs
-from scenarionet_pipelines.cli.verb import PARAMETERS, DatabaseVerb, Progressing, option
+from scenarionet_pipelines.cli.verb import option
 
 
-class LearnVerb(DatabaseVerb, Progressing):
+class LearnVerb(EpochsVerb):
     """Train a model of traffic: where vehicles stand on lanes, how fast and how large they are, and how they move.
 
     With --kind tokens it is a model of motion alone, for `sim --traffic model:RUN`: every half second, each road user
@@ -43,9 +41,6 @@ class LearnVerb(DatabaseVerb, Progressing):
     )
     start: str | None = option("With --kind tokens: begin with the weights and tokens of this run.", metavar="RUN")
     name: str = option("Name of the run.", metavar="NAME")
-    seed: int = option("Seed of weights, order and contexts.", default=0)
-    parameters: tuple[str, ...] = PARAMETERS
-    tests: tuple[str, ...] = option("Measure on this database after each epoch; repeatable.", "--test", metavar="NAME")
 
     def run(self) -> None:
         if self.start is not None and self.kind != "tokens":
@@ -57,26 +52,9 @@ class LearnVerb(DatabaseVerb, Progressing):
         if self.kind == "tokens":
             tokens = token_recordings.make_config(given)
             epochs, train = tokens.epochs, partial(token_recordings.train, config=tokens, start=self.start)
+            following = f"scenarionet sim {self.lake} DATABASE --policy idm --traffic model:{self.name}"
         else:
             config = training.make_config(given)
             epochs, train = config.epochs, partial(training.train, config=config)
-        curve: list[dict[str, Any]] = []
-        kept = keeping(lambda: f"checkpoints are kept in run {self.name}")
-        with self.progress(f"learn {self.name}", "epoch") as progress, kept:
-
-            def note(rows: list[dict[str, Any]]) -> None:
-                curve.extend(rows)
-                progress.update(rows[0]["round"], epochs, 0)
-
-            train(self.open(), self.database, run=self.name, seed=self.seed, tests=self.tests, on_epoch=note)
-        lines = []
-        for row in curve:
-            numbers = ", ".join(f"{name} {value:.3f}" for name, value in json.loads(row["learned"]).items())
-            lines.append(f"epoch {row['round']}/{epochs}  {row['test'] or 'training'}: {numbers}")
-        following = f"scenarionet traffic generate {self.lake} DATABASE --model {self.name} --name NAME"
-        if self.kind == "tokens":
-            following = f"scenarionet sim {self.lake} DATABASE --policy idm --traffic model:{self.name}"
-        self.say(
-            {"run": self.name, "curve": curve, "next": following},
-            [*lines, f"run {self.name}: {count(epochs, 'epoch')}. Use it: {following}"],
-        )
+            following = f"scenarionet traffic generate {self.lake} DATABASE --model {self.name} --name NAME"
+        self.fit(self.name, epochs, train, following)
