@@ -154,7 +154,7 @@ def test_score_of_a_forecaster_has_a_receipt(lake):
     rows = ({**receipt.rows[0], "min_ade": receipt.rows[0]["min_ade"] + 1e-9}, *receipt.rows[1:])
     assert str(verify_score(lake, replace(receipt, rows=rows)).first).startswith("told: min_ade is ")
     train(lake, "driven", replace(CONFIG, epochs=1), run="shorter")
-    with pytest.raises(BadParameter, match="other is not what was scored for this receipt"):
+    with pytest.raises(BadParameter, match="shorter is not what was scored for this receipt"):
         verify_score(lake, replace(receipt, description={**receipt.description, "run": "shorter"}))
 
 
