@@ -100,7 +100,8 @@ class SceneCache:
         """Place the first of some scenarios, as many as there is room for at once; returns their places [words]."""
         if sizes[0] > self.num_bytes:
             self._displace(0, self.num_bytes, set())
-            self.memory, self._end = _memory(max(self._limit, int(sizes[0]))), 0
+            enough = int(sizes.max()) * len(self._blocks)  # for all scenarios, if those are the largest
+            self.memory, self._end = _memory(max(min(self._limit, enough), int(sizes[0]))), 0
         placed: list[int] = []
         new: set[int] = set()
         for scenario, size in zip(scenarios.tolist(), sizes.tolist(), strict=True):

@@ -9,7 +9,7 @@ venv=.venv-ros
     'cyclonedds>=11,<12' 'eclipse-zenoh>=1.10,<2' 'rosbags>=0.11,<0.12'
 # ROS 1, with a real master, is Debian's; without it its tests are skipped.
 if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null; then
-    apt-get install --yes --quiet python3-rospy python3-rosmaster python3-nav-msgs || echo "ROS 1 is not tested"
+    apt-get install --yes --quiet python3-rospy python3-rosmaster python3-nav-msgs python3-geometry-msgs || echo "ROS 1 is not tested"
 fi
 site() { "$1/bin/python" -c 'import site; print(site.getsitepackages()[0])'; }
 # Its own packages first: a path file adds those of .venv behind them, and addsitedir reads their path files, too.

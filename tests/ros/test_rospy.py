@@ -1,6 +1,7 @@
 """A real rosmaster, and a process with Debian's rospy and messages alone, which drives a recorded scene to success.
 
-Needs Debian's packages, which ROS1 may name the root of: python3-rospy, python3-rosmaster, python3-nav-msgs.
+Needs packages of Debian, which ROS1 may name the root of: python3-rospy, python3-rosmaster, python3-nav-msgs and
+python3-geometry-msgs.
 """
 
 from __future__ import annotations

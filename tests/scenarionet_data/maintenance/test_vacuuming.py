@@ -188,17 +188,17 @@ def test_file_missing_for_another_reason_is_not_reported_as_expired(root):
 
 
 def test_opening_the_newest_snapshot_while_it_expires_returns_the_next(raw, root, monkeypatch):
-    numbers, seen = snapshots.numbers, []
+    numbers, seen = LocalLakeFiles.numbers, []
 
-    def late(files):
+    def late(files, *words):
         if seen:
-            return numbers(files)
+            return numbers(files, *words)
         seen.append(files)
         compact(root, "analytics")
         vacuum(root, keep_last=1)
         return [1]
 
-    monkeypatch.setattr(snapshots, "numbers", late)
+    monkeypatch.setattr(LocalLakeFiles, "numbers", late)
     assert snapshots.read(LocalLakeFiles(root)).number == 2
 
 
