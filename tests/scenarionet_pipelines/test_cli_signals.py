@@ -107,7 +107,7 @@ def test_sigterm_during_an_import_ends_the_verb_after_it(lake, tmp_path):
         "sys.meta_path.insert(0, Finder())\n"
     )
     paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    running = start("list", lake, env=os.environ | {"PYTHONPATH": paths})
+    running = start("filter", lake, "--where", UNENDING, "--name", "x", env=os.environ | {"PYTHONPATH": paths})
     output, errors = running.communicate(timeout=HANGS_AFTER)
     assert (running.returncode, output) == (143, "")
     assert errors == "not interrupted\nterminated: stopped before the end\n"
