@@ -11,7 +11,7 @@ import pytest
 from scenarionet_data import Lake
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.drivers.by_name import resolve_drivers
-from scenarionet_sim.evaluation import evaluation as evaluations
+from scenarionet_sim.evaluation import parts
 from scenarionet_sim.evaluation.evaluation import evaluate
 from scenarionet_sim.rollouts.batch import RolloutBatch, RolloutJob
 from scenarionet_sim.rollouts.rollout import Rollout
@@ -101,7 +101,7 @@ EVALUATIONS = {
 )
 def test_tables_of_a_batch_equal_those_of_one_world_after_another(lake, monkeypatch, name):
     for slots in (1, 3):
-        monkeypatch.setattr(evaluations, "SLOTS", slots)
+        monkeypatch.setattr(parts, "SLOTS", slots)
         evaluate(lake, **EVALUATIONS[name], name=f"{name}-{slots}")
     for one, several in zip(tables(lake, f"{name}-1"), tables(lake, f"{name}-3"), strict=True):
         assert len(one) and one.equals(several)
