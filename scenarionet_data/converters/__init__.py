@@ -34,7 +34,7 @@ _BUILTIN = {
     "waymo": "scenarionet_data.converters.waymo:Waymo",
 }
 
-_ALIASES = {"av2": "argoverse2", "nuscenes-mini": "nuscenes"}
+_ALIASES = {"av1": "argoverse1", "av2": "argoverse2", "nuscenes-mini": "nuscenes"}
 """Other names of datasets that people type."""
 
 
@@ -58,7 +58,7 @@ def get(name: str) -> Converter[Any]:
             return _instance(point.value)
     name = _ALIASES.get(name, name)
     if name not in _BUILTIN:
-        near = difflib.get_close_matches(name, names(), n=3) or names()
+        near = difflib.get_close_matches(name, [*names(), *_ALIASES], n=3) or names()
         raise SourceNotFound(f"no converter {name!r}; did you mean {', '.join(near)}?")
     return _instance(_BUILTIN[name])
 

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 
 import pyarrow as pa
 
+from scenarionet_data.storage import checkpoints
+
 _SHOWN = 3
 _OF_FOLDER = {
     "databases": "restore it from a copy of the lake, or `scenarionet db drop LAKE {reference} --force` and create it "
@@ -15,6 +17,7 @@ _OF_FOLDER = {
     "again",
     "results": "remove the run's folder and simulate again",
     "checkpoints": "remove it: training goes on from the checkpoint before it",
+    "strays": "remove it: training does not read it",
     "origins.json": "restore it from a copy of the pack",
     "lake.json": "restore it from a copy of the lake; without it nothing else can be verified",
 }
@@ -67,6 +70,6 @@ def remedy(file: str, newest: Inputs) -> str:
             f"{', '.join(listed[:_SHOWN])}{more}"
         )
     if folder == "results" and "/checkpoints/" in rest:
-        folder = "checkpoints"
+        folder = "checkpoints" if checkpoints.is_name(rest.rpartition("/")[2]) else "strays"
     name, _, version = rest.removesuffix(".parquet").partition("/")
     return _OF_FOLDER.get(folder, _OLDER).format(reference=f"{name}@{version}")

@@ -173,8 +173,13 @@ def verify_file(files: LakeFiles, name: str) -> None:
     found = _FILE.fullmatch(file)
     if found:
         load(files, run, int(found[1] or found[2]))
-    elif not re.fullmatch(r"\d+\.safetensors", file):  # the first file of two in an earlier version
+    elif not is_name(file):
         raise LakeError("not a file of a checkpoint; remove it")
+
+
+def is_name(file: str) -> bool:
+    """Return whether a file among checkpoints has the name of one; an earlier version wrote two, tensors first."""
+    return bool(_FILE.fullmatch(file) or re.fullmatch(r"\d+\.safetensors", file))
 
 
 def encode(arrays: Mapping[str, Array], metadata: Mapping[str, str] | None = None) -> bytes:

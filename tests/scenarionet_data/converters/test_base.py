@@ -89,7 +89,9 @@ def test_accepted_names_of_splits():
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(("alias", "name"), [("av2", "argoverse2"), ("nuscenes-mini", "nuscenes")])
+@pytest.mark.parametrize(
+    ("alias", "name"), [("av1", "argoverse1"), ("av2", "argoverse2"), ("nuscenes-mini", "nuscenes")]
+)
 def test_names_that_people_type_are_understood(alias, name):
     assert type(converters.get(alias)) is type(converters.get(name))
     assert alias not in converters.names()

@@ -61,6 +61,8 @@ def test_stray_file_and_folder_among_checkpoints(lake):
         f"{FOLDER}/notes.json": "not a file of a checkpoint",
         f"{FOLDER}/more": "a folder, expected a file",
     }
+    found = fsck(lake.root, is_deep=True).problems
+    assert {problem.remedy for problem in found} == {"remove it: training does not read it"}
     assert checkpoints.numbers(lake.files, "run") == [1, 2]
 
 

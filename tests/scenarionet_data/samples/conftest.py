@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from tests.fixtures.lakes import write_lake
@@ -11,8 +12,9 @@ COUNT = 6
 
 
 def made(seed):
-    """Without heights for every third one; the fourth has no map, the last is short."""
-    return make_scenario(seed, num_steps=12 if seed == 5 else 31, has_z=seed % 3 > 0, has_map=seed != 4)
+    """Without heights for every third one; the fourth has no map, the last is short; the ego is in the row ``seed``."""
+    scenario = make_scenario(seed, num_steps=12 if seed == 5 else 31, has_z=seed % 3 > 0, has_map=seed != 4)
+    return scenario.with_tracks(scenario.tracks.take(np.roll(np.arange(len(scenario.tracks)), seed)))
 
 
 @pytest.fixture(scope="session")

@@ -157,9 +157,9 @@ def test_a_scene_has_the_ego_in_its_origin(lake):
     assert [key.track_ids for key in map(scenes.key, range(len(scenes)))] == [("t0", "t1")] * len(scenes)
     for index in range(len(scenes)):
         sample, tracks = scenes[index], made(seed_of(scenes, index)).tracks
-        ego = np.flatnonzero(sample["agent_row"] == 0)[0]
+        ego = np.flatnonzero(sample["agent_row"] == tracks.index("t0"))[0]
         np.testing.assert_allclose(sample["history"][ego, -1, :3], 0, atol=1e-6)
-        wanted = [row for row in (0, 1) if tracks.valid[row, 10]]
+        wanted = [row for row in map(tracks.index, ("t0", "t1")) if tracks.valid[row, 10]]
         assert sample["agent_row"][sample["is_target"]].tolist() == wanted
 
 
