@@ -24,7 +24,7 @@ from scenarionet_sim.bridges.autoware_topics import (
 )
 from scenarionet_sim.bridges.commands import Command, Push, Steer
 from scenarionet_sim.bridges.dds_wire import DdsWire
-from scenarionet_sim.bridges.inbox import Inbox
+from scenarionet_sim.bridges.inbox import ROOM, Inbox
 from scenarionet_sim.bridges.link import AGAIN, NS, StackMoment
 from scenarionet_sim.bridges.ros_topics import decoded, nanoseconds
 
@@ -94,7 +94,9 @@ class AutowareTransport:
                 stamp += round(_TICK * NS)
                 self.send(replace(moment, stamp=stamp, is_ready=False))
                 end = now + _TICK
-                while not is_done() and (received := self._inbox.take(end)) is not None:
+                for _ in range(ROOM):
+                    if is_done() or (received := self._inbox.take(end)) is None:
+                        break
                     self._note(*received)
         return stamp + round(_TICK * NS)
 
@@ -105,10 +107,12 @@ class AutowareTransport:
 
     def take(self, until: float) -> tuple[int, Command] | None:
         """Return the oldest control command that comes in time; what else comes before it is taken note of."""
-        while (received := self._inbox.take(until)) is not None:
+        num_late = 0
+        while num_late < ROOM and (received := self._inbox.take(until)) is not None:
             control = self._note(*received)
             if control is not None:
                 return nanoseconds(control.stamp), self._command(control)
+            num_late += time.monotonic() > until  # a flood does not end
         return None
 
     def close(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,6 +23,7 @@ from scenarionet_data.interchange.ros.messages import messages
 from scenarionet_data.scenario.description import ScenarioDescription
 from scenarionet_sim.bridges import dds_wire, stacks
 from scenarionet_sim.bridges.autoware_topics import TOPICS, RearAxle, VehicleReports, moment_messages
+from scenarionet_sim.bridges.autoware_transport import AutowareTransport
 from scenarionet_sim.bridges.dds_wire import idl_type
 from scenarionet_sim.bridges.link import Link, StackMoment
 from scenarionet_sim.evaluation.evaluation import evaluate
@@ -135,6 +137,26 @@ def test_without_a_node_it_says_so(tmp_path: Path, link: Link, monkeypatch: pyte
     write_lake(tmp_path / "lake", [make_drive("lane")])
     ((_, error),) = evaluate(tmp_path / "lake", policy=POLICY, name="none").broken
     assert "/api/operation_mode/change_to_stop is not answered; is it running" in error
+
+
+@pytest.mark.parametrize("is_ready", [False, True])
+def test_a_flood_of_other_messages_ends_at_the_time_limit(
+    tmp_path: Path, link: Link, monkeypatch: pytest.MonkeyPatch, is_ready: bool
+) -> None:
+    """Messages come faster than they are read, and none is a control command."""
+    transport = link.transport
+    assert isinstance(transport, AutowareTransport)
+    gear = ROS.encode(ROS.make("autoware_vehicle_msgs/GearCommand", stamp=ROS.time(0), command=2))
+    monkeypatch.setattr(link, "limit", 0.5)
+    monkeypatch.setattr(transport._inbox, "take", lambda until: ("control/command/gear_cmd", gear))
+    if is_ready:
+        monkeypatch.setattr(transport, "begin", lambda moment, until: moment.stamp)
+    transport._states.clear()  # those of the test before
+    write_lake(tmp_path / "lake", [make_drive("lane")])
+    started = time.monotonic()
+    ((_, error),) = evaluate(tmp_path / "lake", policy=POLICY, name="flood").broken
+    assert ("did not answer the moment" if is_ready else "does not get ready") in error
+    assert time.monotonic() - started < 30.0
 
 
 @pytest.fixture(scope="module")
