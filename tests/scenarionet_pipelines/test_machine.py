@@ -93,6 +93,16 @@ def test_requirements_of_a_checkout_match_the_package(monkeypatch):
     assert [f for f in local.examine_installation() if "scenarionet-lake is not" in f.found] == []
 
 
+def test_rospy_is_found_where_debian_has_it(monkeypatch, tmp_path):
+    from scenarionet_sim.bridges import rospy_wire
+
+    monkeypatch.setattr(rospy_wire, "DEBIAN", str(tmp_path))
+    assert local.examine_ros1().remedy == "apt-get install python3-rospy python3-rosmaster"
+    (tmp_path / "rospy").mkdir()
+    (tmp_path / "rospy" / "__init__.py").touch()
+    assert local.examine_ros1().state == "ok"
+
+
 def test_converter_that_fails_to_load_is_named(monkeypatch):
     from scenarionet_data import converters
 

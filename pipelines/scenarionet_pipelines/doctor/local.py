@@ -6,10 +6,12 @@ import importlib
 import os
 import platform
 import re
+import sys
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import metadata
+from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Literal
 
@@ -165,15 +167,25 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(map(int, found.group().split("."))) if found else ()
 
 
+def examine_ros1() -> Finding:
+    """Check rospy, which no extra can install."""
+    from scenarionet_sim.bridges.rospy_wire import DEBIAN
+
+    if PathFinder.find_spec("rospy", [*sys.path, DEBIAN]):
+        return Finding("packages", "rospy", "ok", "for driving stacks over ROS 1")
+    remedy = "apt-get install python3-rospy python3-rosmaster"
+    return Finding("packages", "rospy", "missing", "for driving stacks over ROS 1: rospy is not installed", remedy)
+
+
 # --- machine, lake --------------------------------------------------------------------------------------------
 
 
 def examine_machine(folder: str) -> Iterator[Finding]:
     """Check cores, memory, and the free disk space of a folder."""
     free = machine.free_disk(folder)
-    yield Finding("machine", "cores", "ok", f"{machine.num_cores()}")
+    workers = f"{machine.default_workers()} workers by default (--workers)"
+    yield Finding("machine", "cores", "ok", f"{machine.num_cores()}: {workers}")
     yield Finding("machine", "memory", "ok", f"{machine.memory() / 2**30:.1f} GiB")
-    yield Finding("machine", "workers", "ok", f"{machine.default_workers()} by default (--workers)")
     is_enough = free >= _ENOUGH_DISK
     remedy = "" if is_enough else "free disk space: the training split of Waymo needs more than 1 TB"
     in_advance = "compiled on first use; `scenarionet maintain compile` compiles all in advance"
