@@ -141,8 +141,7 @@ def folder(tmp_path_factory):
 def test_a_verb_works_in_little_address_space(folder, words):
     if words.startswith("forecast"):
         predict(folder)
-    is_large = words == "maintain compile"  # all kernels in one process; where they are compiled already it needs less
-    process = start(folder, words, 2 * NEEDED if is_large else NEEDED)
+    process = start(folder, words)
     out, err = process.communicate(timeout=HANGS_AFTER)
     if "pip install" in err:
         pytest.skip(err)
