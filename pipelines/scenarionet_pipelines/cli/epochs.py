@@ -8,10 +8,10 @@ from typing import Any
 
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count
-from scenarionet_pipelines.cli.verb import PARAMETERS, DatabaseVerb, Progressing, option
+from scenarionet_pipelines.cli.verb import PARAMETERS, Choosing, DatabaseVerb, Progressing, option
 
 
-class EpochsVerb(DatabaseVerb, Progressing):
+class EpochsVerb(DatabaseVerb, Choosing, Progressing):
     """A verb that trains a network for some epochs."""
 
     seed: int = option("Seed of weights, order and random changes of samples.", default=0)
@@ -35,7 +35,7 @@ class EpochsVerb(DatabaseVerb, Progressing):
                 curve.extend(rows)
                 progress.update(rows[0]["round"], epochs)
 
-            train(self.open(), self.database, run=run, seed=self.seed, tests=self.tests, on_epoch=note)
+            train(self.open(), self.saved(self.database), run=run, seed=self.seed, tests=self.tests, on_epoch=note)
         lines = []
         for row in curve:
             numbers = ", ".join(f"{name} {value:.3f}" for name, value in json.loads(row["learned"]).items())

@@ -6,13 +6,14 @@ rest: ``bool`` is a flag, ``tuple`` may be repeated, and a type without ``None``
 
 from __future__ import annotations
 
+import re
 import types
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from inspect import signature
 from itertools import islice
-from typing import TYPE_CHECKING, Any, ClassVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import click
 
@@ -85,6 +86,9 @@ def option(text: str, *spellings: str, choices: tuple[str, ...] = (), **settings
     kind = {"type": click.Choice(choices)} if choices else {}
     return Parameter(click.Option, spellings, {"help": text} | kind | settings)
 
+
+DatabaseName = TypeVar("DatabaseName", str, "str | None")
+"""Name of a database, or None for the whole lake where it may be left out."""
 
 OPTIONAL_DATABASE = argument("[DATABASE]")
 DATABASES = argument("DATABASE...")
@@ -165,17 +169,38 @@ class DatabaseVerb(LakeVerb):
     database: str = argument()
 
 
-class Choosing(LakeVerb):
+class Choosing(Verb):
     """A verb about the scenarios of a database, or the first of them in an order."""
 
+    lake: str
     order_by: str | None = ORDER_BY
     limit: int | None = LIMIT
 
-    def chosen(self, database: str | None) -> list[str] | str | None:
-        """Return the database, or the ids of its first scenarios where an order or a limit is given."""
+    def selection(self, database: str | None) -> Database | str | None:
+        """Return the database, or a selection of its first scenarios where an order or a limit is given."""
         if self.order_by is None and self.limit is None:
             return database
-        return self.open().select(database=database, order_by=self.order_by, limit=self.limit).scenario_ids
+        from scenarionet_data import Lake
+
+        return Lake(self.lake).select(database=database, order_by=self.order_by, limit=self.limit)
+
+    def chosen(self, database: str | None) -> list[str] | str | None:
+        """Return the database, or the ids of its first scenarios where an order or a limit is given."""
+        found = self.selection(database)
+        return found if found is None or isinstance(found, str) else found.scenario_ids
+
+    def saved(self, database: DatabaseName) -> DatabaseName:
+        """Return the name of the database, or of one with its first scenarios, which is saved unless there is one."""
+        first = self.selection(database)
+        if first is None or isinstance(first, str):
+            return database
+        words = [self.source(database), *([] if self.order_by is None else ["by", self.order_by])]
+        name = re.sub(r"[^A-Za-z0-9._]+", "-", " ".join(words)).strip("-")
+        if name in first.view.databases and first.view.record(name).scenario_ids == first.scenario_ids:
+            return name
+        made = first.save(name, replace=True)
+        click.echo(f"saved {made.reference}, {len(made):,} scenarios", err=True)
+        return made.reference
 
     def source(self, name: str | None) -> str:
         """Return what a run over these scenarios of a database is called."""

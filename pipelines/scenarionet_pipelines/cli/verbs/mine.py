@@ -11,9 +11,20 @@ import click
 from scenarionet_pipelines.cli.named import show_named
 from scenarionet_pipelines.cli.output import count, print_json, print_table
 from scenarionet_pipelines.cli.parameters import pairs
-from scenarionet_pipelines.cli.verb import DATABASE, PARAMETERS, SNAPSHOT, LakeVerb, Progressing, argument, option
+from scenarionet_pipelines.cli.verb import (
+    DATABASE,
+    ORDER_BY,
+    PARAMETERS,
+    SNAPSHOT,
+    LakeVerb,
+    Progressing,
+    argument,
+    option,
+)
 
 if TYPE_CHECKING:
+    import polars as pl
+
     from scenarionet_data import Lake
 
 _MAX_ROWS = 50
@@ -35,6 +46,7 @@ class MineVerb(LakeVerb, Progressing):
     examples = (
         "scenarionet mine lake cut_in",
         "scenarionet mine lake time_to_collision -p max=2.5 --database busy --limit 20",
+        "scenarionet mine lake time_to_collision --order-by value --limit 20",
         "scenarionet mine lake hard_braking -p ego_only=true --json",
         "scenarionet mine lake close_behind --definitions moments.toml",
         "scenarionet mine lake close_behind --definitions moments.toml --explain",
@@ -50,6 +62,7 @@ class MineVerb(LakeVerb, Progressing):
     )
     name: str | None = option("Keep the moments in the lake under this name.", metavar="NAME")
     explain: bool = option("Print the one SELECT that runs, and do not run it.", is_flag=True)
+    order_by: str | None = ORDER_BY
     limit: int | None = option(
         "Print at most N occurrences. [default: 50 in a table]", type=click.IntRange(0), metavar="N"
     )
@@ -110,6 +123,7 @@ class MineVerb(LakeVerb, Progressing):
         from scenarionet_data.operations.rates import poisson_rate
 
         hits, scenarios = len(found), found["scenario_id"].n_unique()
+        found = found if self.order_by is None else in_order(lake, found, self.order_by)
         view = lake if self.database is None else lake.restrict_to(self.database)
         meters, seconds = view.sql("SELECT sum(ego_distance), sum(duration) FROM metadata").row(0)
         exposures = {"per_1000_km": (meters or 0) / 1e6, "per_hour": (seconds or 0) / 3600}
@@ -126,3 +140,14 @@ class MineVerb(LakeVerb, Progressing):
         for name, rate in rates.items():
             unit = "1,000 km of the egos" if name == "per_1000_km" else "hour"
             click.echo(f"{rate.rate:,.4g} per {unit} (95 %: {rate.low:,.4g} to {rate.high:,.4g})", err=True)
+
+
+def in_order(lake: Lake, found: pl.DataFrame, order_by: str) -> pl.DataFrame:
+    """Return occurrences ordered by an expression over their columns and those of ``metadata``."""
+    import polars
+
+    from scenarionet_data.operations.filter import IN_ORDER, ranked
+
+    numbered = found.with_row_index(IN_ORDER).to_arrow()
+    sql = f"SELECT numbered.* EXCLUDE ({IN_ORDER}) FROM numbered JOIN metadata USING (scenario_id) ORDER BY "
+    return polars.DataFrame(lake.engine.arrow(sql + ranked(order_by), tables={"numbered": numbered}))

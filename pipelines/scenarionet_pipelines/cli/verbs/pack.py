@@ -7,15 +7,16 @@ from dataclasses import asdict
 import click
 
 from scenarionet_pipelines.cli.output import count, size, table
-from scenarionet_pipelines.cli.verb import Progressing, argument, option
+from scenarionet_pipelines.cli.verb import Choosing, Progressing, argument, option
 from scenarionet_pipelines.messages import one_line
 
 
-class PackVerb(Progressing):
+class PackVerb(Choosing, Progressing):
     """Write a database and everything its scenarios need to OUT, a self-contained lake.
 
     OUT can be moved anywhere and is read by every verb and by the loader, also from read-only media. It contains the
     scenarios, the tiles of shared maps that they use, and user columns, but no quarantined scenarios.
+    With --order-by and --limit, the first scenarios are saved as a database, and packed.
     OUT/SHA256SUMS lists every file for `sha256sum -c`, OUT/README.md is a card for Hugging Face with the tables as
     configurations of `datasets.load_dataset(OUT)`.
 
@@ -25,6 +26,7 @@ class PackVerb(Progressing):
     examples = (
         "scenarionet pack lake busy busy_pack",
         "scenarionet pack lake busy_val busy_val.tar --tar",
+        "scenarionet pack lake busy hardest --order-by 'difficulty DESC' --limit 20",
         "scenarionet pack --verify busy_pack",
     )
     words: tuple[str, ...] = argument("LAKE DATABASE OUT", required=False)
@@ -34,17 +36,17 @@ class PackVerb(Progressing):
 
     def run(self) -> bool:
         if self.pack is not None:
-            if self.words or self.tar or self.publishable:
+            if self.words or self.tar or self.publishable or self.order_by or self.limit:
                 raise click.UsageError("--verify PATH takes no other arguments")
             return self.verify(self.pack)
         if len(self.words) != 3:
             raise click.UsageError("expected LAKE DATABASE OUT, or --verify PATH")
         from scenarionet_data import Lake
 
-        lake, database, out = self.words
+        self.lake, database, out = self.words
         with self.progress(f"pack {database}", "step") as progress:
-            done = Lake(lake).pack(
-                database, out, tar=self.tar, publishable=self.publishable, on_progress=progress.update
+            done = Lake(self.lake).pack(
+                self.saved(database), out, tar=self.tar, publishable=self.publishable, on_progress=progress.update
             )
         content = f"{count(done.num_scenarios, 'scenario')}, {count(done.num_files, 'file')}"
         self.say(asdict(done), f"{done.path}: {done.reference}, {content}, {size(done.num_bytes)}")

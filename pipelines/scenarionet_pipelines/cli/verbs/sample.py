@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from scenarionet_pipelines.cli.databases import described
-from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, LakeVerb, Saving, option
+from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, Choosing, LakeVerb, Saving, option
 
 
-class SampleVerb(LakeVerb, Saving):
+class SampleVerb(LakeVerb, Choosing, Saving):
     """Save a random sample of a database, or of the whole lake, drawn without replacement.
 
     The same seed draws the same scenarios on every machine. They keep the order of the database; with --levels, a
@@ -18,6 +18,7 @@ class SampleVerb(LakeVerb, Saving):
         "scenarionet sample lake --fraction 0.01 --stratify dataset --name tiny",
         "scenarionet sample lake busy -n 500 --balance city --weights difficulty --seed 3 --name hard",
         "scenarionet sample lake busy -n 500 --levels 5 --name curriculum",
+        "scenarionet sample lake busy --order-by 'difficulty DESC' --limit 1000 -n 100 --name hard_ones",
     )
     database: str | None = OPTIONAL_DATABASE
     n: int | None = option("Number of scenarios.", "-n", metavar="N")
@@ -34,4 +35,4 @@ class SampleVerb(LakeVerb, Saving):
 
     def run(self) -> None:
         lake = self.open()
-        self.say(*described(lake.sample(**self.given(lake.sample))))
+        self.say(*described(lake.sample(**self.given(lake.sample) | {"database": self.selection(self.database)})))

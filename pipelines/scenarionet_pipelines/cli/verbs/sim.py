@@ -11,14 +11,14 @@ from scenarionet_pipelines.cli.execution import worker_facts, worker_rows
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count, duration, table
 from scenarionet_pipelines.cli.parameters import look_in_current_folder
-from scenarionet_pipelines.cli.verb import EGO, MARGIN, OPTIONAL_DATABASE, Choosing, Distributed, option
+from scenarionet_pipelines.cli.verb import EGO, MARGIN, OPTIONAL_DATABASE, Choosing, Distributed, LakeVerb, option
 from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_sim.evaluation.specification import Evaluation
 
 
-class SimVerb(Choosing, Distributed):
+class SimVerb(LakeVerb, Choosing, Distributed):
     """Evaluate a policy on every scenario of a database, or of the whole lake.
 
     The view `results` has one row per scenario and rollout with every metric, the view `rollouts` the driven

@@ -5,10 +5,10 @@ from __future__ import annotations
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.output import count
 from scenarionet_pipelines.cli.parameters import pairs
-from scenarionet_pipelines.cli.verb import ALLOW_EMPTY, NEW_VERSION, OPTIONAL_DATABASE, LakeVerb, option
+from scenarionet_pipelines.cli.verb import ALLOW_EMPTY, NEW_VERSION, OPTIONAL_DATABASE, Choosing, LakeVerb, option
 
 
-class SplitVerb(LakeVerb):
+class SplitVerb(LakeVerb, Choosing):
     """Split a database, or the whole lake, into disjoint parts such as train and val.
 
     Together the parts contain every scenario. With fractions alone, a hash of the scenario id and the seed decides the
@@ -52,13 +52,13 @@ class SplitVerb(LakeVerb):
         return repeated
 
     def run(self) -> None:
-        lake, wanted = self.open(), {}
+        lake, wanted, database = self.open(), {}, self.selection(self.database)
         for part, word in pairs(self.fractions, "--fractions").items():
             try:
                 wanted[part] = float(word)
             except ValueError as error:
                 raise BadParameter(f"--fractions {part} expects a number such as 0.9, found {word!r}") from error
-        made = lake.split(**self.given(lake.split) | {"fractions": wanted or None})
+        made = lake.split(**self.given(lake.split) | {"database": database, "fractions": wanted or None})
         total = max(1, sum(map(len, made.values())))
         self.say(
             {part: {"reference": db.reference, "count": len(db)} for part, db in made.items()},

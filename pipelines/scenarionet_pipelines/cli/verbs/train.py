@@ -9,14 +9,14 @@ from scenarionet_data.errors import needing
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count, duration, size, table
 from scenarionet_pipelines.cli.parameters import pairs
-from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, PARAMETERS, Progressing, argument, option
+from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, PARAMETERS, Choosing, Progressing, argument, option
 from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_sim.learning.training import TrainingReport
 
 
-class TrainVerb(Progressing):
+class TrainVerb(Choosing, Progressing):
     """Train a driver on the scenarios of a database, or of the whole lake.
 
     ALGORITHM is ppo, td3, ippo, copo, gail, airl, dagger, or module:Class for settings of your own.
@@ -34,6 +34,7 @@ class TrainVerb(Progressing):
         "scenarionet train ppo lake busy_train --seed 0 --size small --test busy_val",
         "scenarionet train ppo lake busy_train -p steps=200_000 -p levels=10 -p traffic=idm --name curriculum",
         "scenarionet train copo lake busy_train --size small",
+        "scenarionet train ppo lake busy_train --order-by 'difficulty DESC' --limit 1000 --size small",
         "scenarionet train gail lake busy_train --size small --observations busy_train-vehicles-observed",
     )
     algorithm: str = argument()
@@ -59,8 +60,8 @@ class TrainVerb(Progressing):
         config = make_learner_config(self.algorithm, self.size, pairs(self.parameters, "-p"))
         with needing("learning needs torch", "learn"):
             from scenarionet_sim.learning.training import plan_training, run_training
-        training = plan_training(**self.given(plan_training), config=config)
-        named = f"{self.database or 'all'}-{self.algorithm}-seed{self.seed}"
+        training = plan_training(**self.given(plan_training) | {"database": self.saved(self.database)}, config=config)
+        named = f"{self.source(self.database)}-{self.algorithm}-seed{self.seed}"
         run = self.name or named.replace("@", ".").replace(":", ".")
         with self.progress(f"train {run}", "step") as progress, keeping(lambda: f"checkpoints are kept in run {run}"):
             report = run_training(training, run, lambda row: progress.update(row["steps"], config.steps))

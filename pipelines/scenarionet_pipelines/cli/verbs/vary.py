@@ -6,13 +6,15 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import click
+
 from scenarionet_data.errors import BadParameter
 from scenarionet_pipelines.cli.conversion_report import report_content
 from scenarionet_pipelines.cli.parameters import pairs
-from scenarionet_pipelines.cli.verb import REPLACE, Distributed, argument, option
+from scenarionet_pipelines.cli.verb import REPLACE, Choosing, Distributed, argument, option
 
 
-class VaryVerb(Distributed):
+class VaryVerb(Choosing, Distributed):
     """Make variations of a scenario, or of each scenario of a database, and store them in the lake.
 
     moments:NAME varies each of the moments that `scenarionet mine --name NAME` has kept.
@@ -51,15 +53,21 @@ class VaryVerb(Distributed):
 
     def run(self) -> bool:
         from scenarionet_data.variations import VariationSpace, vary
+        from scenarionet_data.variations.moment_windows import MOMENTS
 
+        if (self.order_by or self.limit) and self.scenarios.startswith(MOMENTS):
+            raise click.UsageError(
+                "--order-by and --limit are of databases; `filter --moments` saves the first moments"
+            )
         settings = read_settings(self.file) if self.file else {}
         given = settings.pop("parameters", {}) | pairs(self.parameters, "-p")
         typed = {"number": self.number, "seed": self.seed, "method": self.method}
         settings |= {key: value for key, value in typed.items() if value is not None}
         with self.execution() as execution, self.progress(f"vary {self.scenarios}", "shard") as progress:
             report = vary(
-                self.lake, self.scenarios, VariationSpace(given, **settings), name=self.name, replace=self.replace,
-                workers=self.num_workers, executor=execution.executor, on_progress=progress.update,
+                self.lake, self.chosen(self.scenarios) or (), VariationSpace(given, **settings), name=self.name,
+                replace=self.replace, workers=self.num_workers, executor=execution.executor,
+                on_progress=progress.update,
             )  # fmt: skip
         self.say(*report_content(report, self.lake))
         return not report.failed

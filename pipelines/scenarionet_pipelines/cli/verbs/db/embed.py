@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from scenarionet_pipelines.cli.output import count
-from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, LakeVerb, Progressing, option
+from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, Choosing, LakeVerb, Progressing, option
 
 
-class EmbedVerb(LakeVerb, Progressing):
+class EmbedVerb(LakeVerb, Choosing, Progressing):
     """Write a vector for each scenario of a database, or of the whole lake, as a user column.
 
     `db similar` finds the scenarios with the nearest vectors, `db overlap --embedding` near-duplicates, and in SQL
@@ -34,7 +34,11 @@ class EmbedVerb(LakeVerb, Progressing):
         opened = self.open()
         with self.progress("embed") as progress:
             column = opened.embed(
-                self.name, self.database, model=self.model, replace=self.replace, on_progress=progress.update
+                self.name,
+                self.selection(self.database),
+                model=self.model,
+                replace=self.replace,
+                on_progress=progress.update,
             )
         what = f"{column.reference}: {column.source}, {column.type} for {count(column.count, 'scenario')}"
         self.say(asdict(column) | {"reference": column.reference}, what)

@@ -27,6 +27,7 @@ class FitVerb(EpochsVerb):
     examples = (
         "scenarionet forecast fit lake driven_train --test driven_val -p epochs=20",
         "scenarionet forecast fit lake driven_train --name small -p size=32 -p layers=1 --seed 1",
+        "scenarionet forecast fit lake driven_train --order-by 'difficulty DESC' --limit 1000",
     )
     name: str | None = option("Name of the run. [default: DATABASE-forecaster-seedN]", metavar="NAME")
 
@@ -34,6 +35,6 @@ class FitVerb(EpochsVerb):
         with needing("a forecaster needs torch", "learn"):
             from scenarionet_data.forecasts.forecaster import make_config, train
         config: ForecasterConfig = make_config(pairs(self.parameters, "-p"))
-        run = self.name or f"{self.database}-forecaster-seed{self.seed}".replace("@", ".")
+        run = self.name or f"{self.source(self.database)}-forecaster-seed{self.seed}".replace("@", ".")
         following = f"scenarionet forecast score {self.lake} --model {run} --database NAME"
         self.fit(run, config.epochs, partial(train, config=config), following)

@@ -10,14 +10,14 @@ import click
 
 from scenarionet_data.errors import needing
 from scenarionet_pipelines.cli.output import count, table
-from scenarionet_pipelines.cli.verb import Distributed, LakeVerb, argument, option
+from scenarionet_pipelines.cli.verb import Choosing, Distributed, LakeVerb, argument, option
 from scenarionet_pipelines.messages import one_line
 
 if TYPE_CHECKING:
     from scenarionet_sim.metrics.wosac import Score
 
 
-class ScoreVerb(LakeVerb, Distributed):
+class ScoreVerb(LakeVerb, Choosing, Distributed):
     """Score predicted trajectories, or rollouts of simulated agents, against the recordings.
 
     PREDICTIONS is a Parquet file with a row per target and mode (schemas/predictions.toml); the scores are those of
@@ -82,8 +82,10 @@ class ScoreVerb(LakeVerb, Distributed):
             raise click.UsageError("--receipt of --run needs -o, as it is about the rollouts that are written")
         if (self.model is None) != (self.database is None):
             raise click.UsageError("--model and --database belong together")
+        if self.model is None and (self.order_by or self.limit):
+            raise click.UsageError("--order-by and --limit choose scenarios of --database, which belongs to --model")
         if self.model is not None and self.database is not None:
-            self.score_model(self.model, self.database)
+            self.score_model(self.model, self.saved(self.database))
             return True
         if self.by and self.event:
             raise click.UsageError("give one of --by and --event")

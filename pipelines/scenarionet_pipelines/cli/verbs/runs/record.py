@@ -8,10 +8,10 @@ import click
 
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count, duration
-from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, Choosing, Distributed, option
+from scenarionet_pipelines.cli.verb import OPTIONAL_DATABASE, Choosing, Distributed, LakeVerb, option
 
 
-class RecordVerb(Choosing, Distributed):
+class RecordVerb(LakeVerb, Choosing, Distributed):
     """Record what every vehicle observes along its logged trajectory, for imitation learning.
 
     The view `observations` has one row per vehicle and timestep, with the paper's observation as a list. The rows are

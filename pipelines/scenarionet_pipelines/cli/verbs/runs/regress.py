@@ -11,7 +11,7 @@ import click
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count, table
 from scenarionet_pipelines.cli.parameters import look_in_current_folder
-from scenarionet_pipelines.cli.verb import DatabaseVerb, Progressing, option
+from scenarionet_pipelines.cli.verb import Choosing, DatabaseVerb, Progressing, option
 
 if TYPE_CHECKING:
     from scenarionet_sim.regression.judgement import MeasuredChange
@@ -22,7 +22,7 @@ _LISTED = 5
 """Scenarios of a kind of failures that are listed."""
 
 
-class RegressVerb(DatabaseVerb, Progressing):
+class RegressVerb(DatabaseVerb, Choosing, Progressing):
     """Simulate an old and a new policy on the same scenarios with the same seeds, and judge the new one.
 
     Policies are those of `scenarionet sim`. One measure decides, chosen before: --primary. The others are corrected for
@@ -73,7 +73,7 @@ class RegressVerb(DatabaseVerb, Progressing):
         with self.progress(f"regress {self.database}", "part") as progress, keeping(lambda: "finished parts are kept"):
             found = regress(
                 self.open(),
-                self.database,
+                self.saved(self.database),
                 plan,
                 workers=self.workers,
                 fresh=self.fresh,

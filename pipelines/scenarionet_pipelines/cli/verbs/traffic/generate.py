@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from scenarionet_pipelines.cli.conversion_report import report_content
-from scenarionet_pipelines.cli.verb import REPLACE, DatabaseVerb, Distributed, option
+from scenarionet_pipelines.cli.verb import REPLACE, Choosing, DatabaseVerb, Distributed, option
 
 
-class GenerateVerb(DatabaseVerb, Distributed):
+class GenerateVerb(DatabaseVerb, Choosing, Distributed):
     """Make scenarios with a model of traffic on the maps of a database, and store them in the lake.
 
     They are version NAME of the dataset generated. Around the ego of each scenario of DATABASE, the model places
@@ -41,8 +41,8 @@ class GenerateVerb(DatabaseVerb, Distributed):
             raise MissingDependency("a model of traffic needs torch", "learn") from error
         with self.execution() as execution, self.progress(f"generate {self.name}", "shard") as progress:
             report = generate(
-                self.lake, self.database, self.model, GenerationChoice(**self.given(GenerationChoice)), name=self.name,
-                replace=self.replace, executor=execution.executor or executor_for(self.num_workers),
+                self.lake, self.saved(self.database), self.model, GenerationChoice(**self.given(GenerationChoice)),
+                name=self.name, replace=self.replace, executor=execution.executor or executor_for(self.num_workers),
                 on_progress=progress.update,
             )  # fmt: skip
         self.say(*report_content(report, self.lake))

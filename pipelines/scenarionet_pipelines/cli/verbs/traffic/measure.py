@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from scenarionet_pipelines.cli.output import table
-from scenarionet_pipelines.cli.verb import DatabaseVerb, option
+from scenarionet_pipelines.cli.verb import Choosing, DatabaseVerb, option
 
 
-class MeasureVerb(DatabaseVerb):
+class MeasureVerb(DatabaseVerb, Choosing):
     """Compare the vehicles that a model of traffic places with the recorded ones, at all moments of a database.
 
     The numbers are the maximum mean discrepancies of TrafficGen, of position, heading, speed and size, means over the
@@ -31,7 +31,7 @@ class MeasureVerb(DatabaseVerb):
             from scenarionet_data.errors import MissingDependency
 
             raise MissingDependency("a model of traffic needs torch", "learn") from error
-        scores = score_placement(self.open(), self.model, self.database, seed=self.seed)
+        scores = score_placement(self.open(), self.model, self.saved(self.database), seed=self.seed)
         rows = []
         for each in scores:
             values = [f"{each.means[attribute]:.4f}" for attribute in ATTRIBUTES]
