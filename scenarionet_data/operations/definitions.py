@@ -18,12 +18,13 @@ methods are those of :mod:`scenarionet_data.operations.moments`.
 from __future__ import annotations
 
 import ast
+import difflib
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.errors import BadParameter, UnknownRelation
 from scenarionet_data.operations.moments import Moments, RelationSteps, event, relation, selected
 from scenarionet_data.query.named_sql import EVENTS, RELATIONS
 
@@ -144,7 +145,16 @@ class _ExpressionReader:
 
     def _named(self, name: str, parameters: dict[str, Any], node: ast.expr) -> RelationSteps | Moments:
         if name not in self._texts:
-            return event(name, parameters) if name in EVENTS.names() else relation(name, parameters)
+            if name not in (*RELATIONS.names(), *EVENTS.names()):
+                known = sorted({*self._texts, *RELATIONS.names(), *EVENTS.names()})
+                near = difflib.get_close_matches(name, known) or known
+                raise UnknownRelation(
+                    f"{self._where}: no definition, relation or event {name!r}; did you mean {', '.join(near)}?"
+                )
+            try:
+                return event(name, parameters) if name in EVENTS.names() else relation(name, parameters)
+            except BadParameter as error:
+                raise self._refused(str(error)) from error
         if parameters:
             raise self._refused(f"{ast.unparse(node)!r}: definitions have no parameters")
         if name in self._path:
@@ -165,7 +175,7 @@ class _ExpressionReader:
         given = [arg.lasting() if isinstance(arg, RelationSteps) else arg for arg in args]
         try:
             return getattr(owner, method)(*given, **keywords)
-        except (TypeError, AttributeError) as error:
+        except (TypeError, AttributeError, BadParameter) as error:
             raise self._refused(f".{method}(): {error}") from error
 
     def _steps(self, node: ast.expr) -> RelationSteps:
@@ -183,4 +193,9 @@ class _ExpressionReader:
         return {str(keyword.arg): self.value(keyword.value) for keyword in keywords}
 
     def _refused(self, why: str) -> BadParameter:
-        return BadParameter(f"{self._definitions.path}: [{self._path[-1]}]: {why}")
+        return BadParameter(f"{self._where}: {why}")
+
+    @property
+    def _where(self) -> str:
+        """The file, and the definition in it that is being read."""
+        return f"{self._definitions.path}: [{self._path[-1]}]"

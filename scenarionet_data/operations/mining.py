@@ -20,6 +20,7 @@ from scenarionet_data.databases.record import DatabaseRecord
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.execution.progress import Progress
 from scenarionet_data.operations import moments as composed
+from scenarionet_data.operations.cautions import caution
 from scenarionet_data.operations.moments import Moments
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.query.named_sql import EVENTS, RELATIONS
@@ -140,6 +141,12 @@ def keep_moments(
     view = view if database is None else view.restrict_to(database)
     kept = {each: kept_moments.claim(view.files, name, each, definitions[each].description()) for each in definitions}
     batches = list(_batches(view, kept))
+    if batches:
+        caution(
+            view,
+            "\n".join(each.moments.sql for each in definitions.values()),
+            pa.concat_tables([wanted for _, wanted in batches]),
+        )
     total, done = sum(len(wanted) for _, wanted in batches), 0
     waiting: dict[str, list[pa.Table]] = {each: [] for each in kept}
     mined, moments = dict.fromkeys(kept, 0), dict.fromkeys(kept, 0)
@@ -172,7 +179,7 @@ def keep_moments(
 
 def _batches(view: LakeView, kept: Mapping[str, KeptMoments]) -> Iterator[tuple[list[str], pa.Table]]:
     """Yield the definitions that some scenarios miss, and these scenarios, about MAX_STATES of states together."""
-    columns = "scenario_id, content_hash, num_states"
+    columns = "scenario_id, content_hash, num_states, dt"
     scenarios = view.arrow(f"SELECT {columns} FROM metadata_rows ORDER BY scenario_id")
     missing = np.zeros((len(kept), len(scenarios)), np.bool_)
     for row, each in enumerate(kept.values()):
@@ -220,7 +227,8 @@ def find_moments(view: LakeView, found: Moments) -> pl.DataFrame:
     sql = f"SELECT * FROM (\n{found.sql}\n) ORDER BY {order}"
     is_small = (pc.sum(manifests.column(view.files, view.snapshot, "num_scenarios")).as_py() or 0) <= _KEPT_WHOLE
     asked = view.keeping if is_small else view
-    scenarios = asked.arrow("SELECT scenario_id, num_states FROM metadata_rows ORDER BY scenario_id")
+    scenarios = asked.arrow("SELECT scenario_id, num_states, dt FROM metadata_rows ORDER BY scenario_id")
+    caution(view, sql, scenarios)
     parts = list(cut(scenarios["num_states"].to_numpy()))
     if len(parts) < 2:
         return polars.DataFrame(CompiledRelations(view.keeping).arrow(sql))

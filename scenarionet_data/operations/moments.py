@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from scenarionet_data.arrays.dtypes import is_count
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.operations.narrowing import OTHER as _OTHER
 from scenarionet_data.operations.narrowing import TRACK as _TRACK
@@ -157,7 +158,7 @@ class RelationSteps:
         Raises:
             BadParameter: There are no others, or the number is not positive.
         """
-        if len(self.roles) < 2 or count < 1:
+        if len(self.roles) < 2 or not is_count(count, 1):
             raise BadParameter(f"at_least({count}) of {_named(self.roles)}: wanted 1 or more, of a relation of two")
         sql = f"SELECT scenario_id, track_id, timestep\nFROM (\n{self.sql}\n)\nGROUP BY ALL HAVING count(*) >= {count}"
         return RelationSteps(sql, (_TRACK,))
@@ -253,8 +254,24 @@ def selected(sql: str) -> Moments:
             f"SQL of moments selects scenario_id, {_TRACK}, first_timestep, ...; it lacks {lacks}: {sql}"
         )
     measures = ("value",) if "value" in named else ()
-    columns = ", ".join(("scenario_id", *roles, "first_timestep", "last_timestep", *measures))
-    return Moments(_timed(f"SELECT {columns} FROM (\n{sql}\n)"), roles, measures)
+    columns = ", ".join(("scenario_id", *roles, *measures))
+    there = "FROM tracks WHERE tracks.scenario_id = found.scenario_id AND track_id ="
+    wrong = "\n".join(
+        f"WHEN found.{role} IS NOT NULL AND NOT EXISTS (SELECT 1 {there} found.{role}) "
+        f"THEN concat('there is no track ', found.{role})"
+        for role in roles
+    )
+    checked = (
+        f"SELECT {columns}, last_timestep, CASE WHEN wrong IS NULL THEN first_timestep ELSE error(concat("
+        "'SQL of moments: ', scenario_id, ', timesteps ', first_timestep, ' to ', last_timestep, ': ', wrong"
+        f")) END AS first_timestep\nFROM (SELECT found.*, CASE\n{wrong}\n"
+        "WHEN first_timestep IS NULL OR last_timestep IS NULL THEN 'a moment has a first and a last one'\n"
+        "WHEN last_timestep < first_timestep THEN 'a moment does not end before it begins'\n"
+        "WHEN first_timestep < 0 OR last_timestep >= num_timesteps THEN concat('there are 0 to ', num_timesteps - 1)\n"
+        f"END AS wrong\nFROM (\n{sql}\n) AS found\n"
+        "JOIN (SELECT scenario_id, num_timesteps FROM metadata_rows) USING (scenario_id))"
+    )
+    return Moments(_timed(checked), roles, measures)
 
 
 def _timed(spans: str) -> str:

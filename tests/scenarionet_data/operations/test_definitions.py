@@ -89,8 +89,10 @@ def test_sql_that_is_no_definition_is_refused(tmp_path, text, message):
         ("hard_braking.reversed()", r"\.reversed\(\) wants single steps"),
         ("hard_braking & stationary", r"&, \| and ~ combine relations at single steps, found 'hard_braking'"),
         ("near_objects.at_least()", r"\.at_least\(\): .*missing"),
-        ("near_objects.lasting(-1)", "wanted a number of seconds from 0 on"),
-        ("near_objects(distance=3)", "has no parameter 'distance'"),
+        ("near_objects.at_least(1.5)", r"\[found\]: \.at_least\(\): at_least\(1.5\) of track and other: wanted"),
+        ("near_objects.lasting(-1)", r"\[found\]: \.lasting\(\): wanted a number of seconds from 0 on"),
+        ("near_objects(distance=3)", r"\[found\]: near_objects has no parameter 'distance'"),
+        ("near_object", r"\[found\]: no definition, relation or event 'near_object'; did you mean near_objects"),
         ("second(x=1)", "definitions have no parameters"),
     ],
 )  # fmt: skip

@@ -5,22 +5,27 @@ from __future__ import annotations
 import os
 import shutil
 import time
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from scenarionet_data import Lake
-from scenarionet_data.errors import BadParameter, LakeError
+from scenarionet_data.building import cut_steps
+from scenarionet_data.errors import BadParameter, LakeError, QueryError
 from scenarionet_data.maintenance.fsck import fsck
 from scenarionet_data.maintenance.vacuuming import plan_vacuum, vacuum
 from scenarionet_data.operations import mining
+from scenarionet_data.operations.cautions import MissedMomentsWarning
 from scenarionet_data.operations.compiled_relations import CompiledRelations
 from scenarionet_data.operations.mining import Mined
-from scenarionet_data.operations.moments import event, relation
+from scenarionet_data.operations.moments import event, relation, selected
+from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_data.storage import kept_moments
 from scenarionet_data.storage.snapshots import commit as commits
 from tests.fixtures.lakes import write_lake, write_shard
-from tests.fixtures.moments import along, moment, walking
+from tests.fixtures.moments import STEPS, along, moment, walking
 
 STANDING = along(0, 0)
 SCENARIOS = [
@@ -207,3 +212,64 @@ def test_names_that_are_none_are_refused(lake, name, definition):
 def test_unknown_names_are_refused(lake):
     with pytest.raises(BadParameter, match=r"no moments are kept under the name 'some'; there are: none yet"):
         lake.keep_moments("some")
+
+
+BAD_SQL = {
+    "5 AS first_timestep, 3 AS last_timestep": "timesteps 5 to 3: a moment does not end before it begins",
+    "5 AS first_timestep, 101 AS last_timestep": "timesteps 5 to 101: there are 0 to 100",
+    "-1 AS first_timestep, 3 AS last_timestep": "timesteps -1 to 3: there are 0 to 100",
+    "5 AS first_timestep, NULL::INTEGER AS last_timestep": "a moment has a first and a last one",
+    "5 AS first_timestep, 7 AS last_timestep, 'nobody' AS other_id": "there is no track nobody",
+}
+
+
+@pytest.mark.parametrize("columns", BAD_SQL)
+def test_windows_and_roles_that_cannot_be_are_refused(lake, columns):
+    found = selected(f"SELECT scenario_id, track_id, {columns} FROM objects")
+    with pytest.raises(QueryError, match=BAD_SQL[columns]):
+        lake.moments(found)
+    with pytest.raises(QueryError, match=BAD_SQL[columns]):
+        lake.keep_moments("all", {"bad": found})
+
+
+def test_a_window_of_one_timestep_and_nobody_in_a_role_are_moments(lake):
+    columns = "track_id, NULL::VARCHAR AS other_id, 100 AS first_timestep, 100 AS last_timestep"
+    assert len(lake.moments(selected(f"SELECT scenario_id, {columns} FROM objects"))) == 5
+
+
+def test_gaps_and_ends_of_an_actor_end_its_moments(tmp_path):
+    gone, ends = [*range(30), *range(50, STEPS)], slice(0, 40)
+    made = [
+        moment(name, STANDING, who=along(3, 0, kind=ObjectType.PEDESTRIAN, seen=seen))
+        for name, seen in (("gap", gone), ("end", ends))
+    ]
+    found = write_lake(tmp_path / "lake", made).moments(NEAR.lasting(0.5))
+    spans = found.select("scenario_id", "track_id", "first_timestep", "last_timestep").rows()
+    assert sorted((name.rpartition("/")[2], *span) for name, track, *span in spans if track == "who") == [
+        ("end", 0, 39), ("gap", 0, 29), ("gap", 50, 100),
+    ]  # fmt: skip
+
+
+def test_long_timesteps_are_told(lake, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        lake.moments(FAST)
+    every = slice(None, None, 5)
+    coarse = [replace(cut_steps(each, every), dt=0.5) for each in SCENARIOS[:1]]
+    slow = write_lake(tmp_path / "slow", [*coarse, *SCENARIOS[1:]])
+    said = r"1 of 3 scenarios have timesteps of up to 0\.5 s; .*shorter than 2 s are missed"
+    with pytest.warns(MissedMomentsWarning, match=said):
+        slow.moments(FAST)
+    with pytest.warns(MissedMomentsWarning, match=said):
+        slow.keep_moments("all", {"fast": FAST})
+    with warnings.catch_warnings():  # events do not smooth
+        warnings.simplefilter("error")
+        slow.moments(event("closest_approach"))
+
+
+def test_a_category_that_no_object_has_is_told(lake):
+    with pytest.warns(MissedMomentsWarning, match=r"no object is of category 'ELEPHANT'; there are ANY, .*VEHICLE"):
+        lake.moments(relation("is_category", {"category": "elephant"}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        lake.moments(relation("is_category", {"category": "pedestrian"}))
