@@ -34,6 +34,8 @@ class TokenConfig:
         flip: Share of scenarios that are mirrored in training.
         choices: Closed-loop training: of so many of the most probable tokens, the nearest to the recording is taken
             (CAT-K, Zhang et al. 2025, https://arxiv.org/abs/2412.05334); 0 for behaviour cloning.
+        lost: Training: who comes further than this from the recording is put back on it [m]; to come back from 1 m
+            within a token takes 8 m/s², which is not to be learned.
     """
 
     tokens: int = 2048
@@ -50,6 +52,7 @@ class TokenConfig:
     noise: float = 0.1
     flip: float = 0.5
     choices: int = 0
+    lost: float = 1.0
 
 
 class TokenScene(NamedTuple):
@@ -160,16 +163,14 @@ class TokenModel(nn.Module):
         )
         ahead = speed[group, number, None].clamp(min=5.0) * torch.stack([poses[:, 2].cos(), poses[:, 2].sin()], dim=-1)
         on = scene.on[group]
+        middle, of = scene.pieces[..., :2][on], scene.pieces[..., 4][on]
         found = []
-        for count, centre, is_lane in (
-            (self.config.near_lanes, poses[:, :2] + ahead, True),
-            (self.config.near_lines, poses[:, :2] + 0.5 * ahead, False),
+        for count, centre, is_seen in (
+            (self.config.near_lanes, poses[:, :2] + ahead, of == LANE),
+            (self.config.near_lines, poses[:, :2] + 0.5 * ahead, of > LANE),
         ):
-            far = poses.new_empty(len(poses), scene.pieces.shape[1])
-            for number, pieces in enumerate(scene.pieces):
-                is_seen = pieces[:, 4] == LANE if is_lane else pieces[:, 4] > LANE
-                far[on == number] = torch.cdist(centre[on == number], pieces[:, :2]).masked_fill(~is_seen, torch.inf)
-            found.append(_least(far, count))
+            far = (middle - centre[:, None]).norm(dim=-1)
+            found.append(_least(far.masked_fill(~is_seen, torch.inf), count))
         far, which_piece = (torch.cat(each, dim=1) for each in zip(*found, strict=True))
         pieces = scene.pieces[on[:, None], which_piece]
         types = nn.functional.one_hot(pieces[..., 4].long().clamp(min=0), 3)

@@ -98,7 +98,9 @@ def fill_tokens(model: TokenModel, recordings: Recordings, generator: torch.Gene
             raise BadParameter(f"no vehicle is there for {STEPS * STEP:g} s; give a database with longer recordings")
 
 
-def roll(model: TokenModel, recordings: Recordings, first: int, pick: Pick, *, sees: bool) -> Rolled:
+def roll(
+    model: TokenModel, recordings: Recordings, first: int, pick: Pick, *, sees: bool, lost: float = torch.inf
+) -> Rolled:
     """Let the road users of scenarios take tokens one after the other; each is there while the recording has it.
 
     Args:
@@ -107,6 +109,7 @@ def roll(model: TokenModel, recordings: Recordings, first: int, pick: Pick, *, s
         first: Timestep of the first moment.
         pick: Which tokens they take.
         sees: Whether that needs log probabilities; otherwise these are zeros.
+        lost: Who comes further than this from the recording goes on from there [m].
     """
     states = recordings.states[:, :, first::STEPS].transpose(1, 2)
     recorded, ok = states[..., :3], recordings.ok[:, :, first::STEPS].transpose(1, 2)
@@ -118,11 +121,12 @@ def roll(model: TokenModel, recordings: Recordings, first: int, pick: Pick, *, s
         goes_on = ok[:, moment] & (ok[:, moment + 1] if moment + 1 < ok.shape[1] else False)
         where = torch.nonzero(goes_on)
         group, number = where.unbind(dim=1)
-        target = torch.full(goes_on.shape, -1, device=ok.device)
+        target, is_moved = torch.full(goes_on.shape, -1, device=ok.device), torch.zeros_like(goes_on)
         taken, after = target.clone(), recorded[:, min(moment + 1, ok.shape[1] - 1)].clone()
         if len(where):
             pose, kind = poses[-1][group, number], recordings.kind[group, number]
-            misses = model.misses(kind, relative(pose, after[group, number]))
+            wanted = after[group, number]
+            misses = model.misses(kind, relative(pose, wanted))
             logits = torch.zeros_like(misses)
             if sees:
                 scene = _scene(recordings, poses[-1], ok[:, moment], before[-1])
@@ -136,11 +140,14 @@ def roll(model: TokenModel, recordings: Recordings, first: int, pick: Pick, *, s
                 logits = model.decide(seen, sight)[row[group, number]]
             chosen = pick(moment, logits, misses)
             target[group, number], taken[group, number] = misses.argmin(dim=1), chosen
-            after[group, number] = composed(pose, model.paths[kind, chosen, -1])
+            ends = composed(pose, model.paths[kind, chosen, -1])
+            is_near = (ends - wanted)[:, :2].norm(dim=1) <= lost
+            after[group, number] = torch.where(is_near[:, None], ends, wanted)
+            is_moved[group, number] = is_near
         targets.append(target)
         takens.append(taken)
         if moment + 1 < ok.shape[1]:
-            before.append(torch.where(goes_on[..., None], poses[-1], earlier[:, moment + 1]))
+            before.append(torch.where(is_moved[..., None], poses[-1], earlier[:, moment + 1]))
             poses.append(after)
     return Rolled(
         torch.stack(poses, 1), torch.stack(before, 1), recorded, ok, torch.stack(targets, 1), torch.stack(takens, 1)
@@ -250,7 +257,7 @@ def fit_tokens(
             first = int(torch.randint(STEPS, (), generator=generator))
             batch = batch.mirrored((torch.rand(len(batch.kind), generator=generator) < config.flip).to(device))
             with torch.no_grad():
-                rolled = roll(model, batch, first, pick, sees=config.choices > 0)
+                rolled = roll(model, batch, first, pick, sees=config.choices > 0, lost=config.lost)
             yield {"likelihood": -likelihood(model, batch, rolled).mean()}
 
     @torch.no_grad()

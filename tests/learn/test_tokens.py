@@ -93,7 +93,7 @@ def test_motions_are_in_the_frame_of_their_beginning():
 
 
 def test_frames_are_inverted():
-    frames, poses = torch.randn(20, 3), torch.randn(20, 3)
+    frames, poses = torch.rand(2, 20, 3, generator=torch.Generator().manual_seed(0)) * 6 - 3  # headings as returned
     torch.testing.assert_close(composed(frames, relative(frames, poses)), poses, atol=1e-5, rtol=0)
 
 
@@ -109,6 +109,19 @@ def test_loss_by_hand():
     assert rolled.poses[0, :, 0, 0].tolist() == pytest.approx([0.0, 5.0, 10.0])
     assert rolled.before[0, :, 0, 0].tolist() == pytest.approx([-5.0, 0.0, 5.0])
     assert likelihood(model, given, rolled).tolist() == pytest.approx([math.log(0.75)] * 2)
+
+
+def test_who_is_lost_goes_on_from_the_recording():
+    """A token of rest is all there is: a vehicle at 10 m/s is 5 m behind after one, and 10 m after two."""
+    model, given = TokenModel(replace(CONFIG, tokens=1)), straight(10.0, steps=16)
+    model.has_token[0] = True
+    for lost, places, earlier in (
+        (6.0, [0.0, 0.0, 10.0, 10.0], [-5.0, 0.0, 5.0, 10.0]),
+        (math.inf, [0.0] * 4, [-5.0, 0.0, 0.0, 0.0]),
+    ):
+        rolled = roll(model, given, 0, nearest_of_probable(1), sees=False, lost=lost)
+        assert rolled.poses[0, :, 0, 0].tolist() == pytest.approx(places)
+        assert rolled.before[0, :, 0, 0].tolist() == pytest.approx(earlier)
 
 
 def test_whole_training_sees_what_single_moments_see(lake, recordings):
