@@ -12,11 +12,15 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
+from scenarionet_data.errors import BadParameter
 from scenarionet_data.generation.frames import place, two_layers
 from scenarionet_data.generation.tokens import BOXES, KINDS, STEP, STEPS, corners
 
 LANE, LINE, EDGE = range(3)
 """Kinds of pieces of the map."""
+
+NEAR = 8
+"""Tokens that are near to the recording, when tokens are changed in training."""
 
 _SPEED, _LENGTH, _WIDTH = 10.0, 5.0, 2.0  # scales of inputs
 
@@ -30,12 +34,15 @@ class TokenConfig:
         size, heads: Width of features, and heads of attention.
         near_lanes, near_lines, near_cars: Neighbours that are attended to.
         epochs, batch_size, rate, decay: Training, in batches of scenarios; the rate falls along a cosine to 0.
-        noise: Share of tokens that are not the nearest one to the recording, but one of the eight nearest, in training.
+        noise: Share of tokens in training that are not the nearest to the recording, but one of the ``NEAR`` nearest.
         flip: Share of scenarios that are mirrored in training.
         choices: Closed-loop training: of so many of the most probable tokens, the nearest to the recording is taken
             (CAT-K, Zhang et al. 2025, https://arxiv.org/abs/2412.05334); 0 for behaviour cloning.
         lost: Training: who comes further than this from the recording is put back on it [m]; to come back from 1 m
             within a token takes 8 m/s², which is not to be learned.
+
+    Raises:
+        BadParameter: Settings do not go together.
     """
 
     tokens: int = 2048
@@ -53,6 +60,13 @@ class TokenConfig:
     flip: float = 0.5
     choices: int = 0
     lost: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.size % self.heads:
+            raise BadParameter(f"size: wanted a multiple of heads, {self.heads}, found {self.size}")
+        least = max(NEAR, self.choices)
+        if self.tokens < least:
+            raise BadParameter(f"tokens: wanted at least {least}, as many as choices, found {self.tokens}")
 
 
 class TokenScene(NamedTuple):

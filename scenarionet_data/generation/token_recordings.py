@@ -23,6 +23,8 @@ from scenarionet_data.storage.fitting import FitRun, OnEpoch, parse_settings, we
 LONGEST = 5.0
 """Length of the longest piece of a map [m]."""
 
+_NETWORK = ("tokens", "size", "heads", "near_lanes", "near_lines", "near_cars")  # settings that weights belong to
+
 OBJECTS = 64
 """Most road users of a scenario: those that are there longest."""
 
@@ -96,12 +98,9 @@ def make_config(given: Mapping[str, str]) -> TokenConfig:
     """Return settings with some values as texts.
 
     Raises:
-        BadParameter: There is no such setting, or a value is not a positive number of its type.
+        BadParameter: There is no such setting, a value is not a positive number of its type, or they contradict.
     """
-    config = TokenConfig(**parse_settings(given, asdict(TokenConfig()), "a model of tokens"))
-    if config.size % config.heads:
-        raise BadParameter(f"size: wanted a multiple of heads, {config.heads}, found {config.size}")
-    return config
+    return TokenConfig(**parse_settings(given, asdict(TokenConfig()), "a model of tokens"))
 
 
 def train(
@@ -128,10 +127,16 @@ def train(
         on_epoch: Called after each epoch.
 
     Raises:
-        BadParameter: No road user is there for the time of a token.
+        BadParameter: No road user is there for the time of a token, or the run to begin with has another network.
         LakeError: The run to begin with cannot be loaded.
     """
     begun = None if start is None else load_tokens(lake.files, start)
+    own, given = asdict(config if begun is None else begun.config), asdict(config)
+    others = [f"{name}={own[name]}" for name in _NETWORK if own[name] != given[name]]
+    if others:
+        raise BadParameter(
+            f"the network of run {start} has {', '.join(others)}; give the same: -p {' -p '.join(others)}"
+        )
     recordings, device = read_recordings(lake, database), torch.device("cuda" if torch.cuda.is_available() else "cpu")
     model = make_model(config, recordings, seed, device, begun)
     description = {"database": lake.record(database).reference, "token model": asdict(config), "seed": seed}

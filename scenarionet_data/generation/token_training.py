@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.generation.frames import composed, relative
-from scenarionet_data.generation.token_model import TokenConfig, TokenModel, TokenScene
+from scenarionet_data.generation.token_model import NEAR, TokenConfig, TokenModel, TokenScene
 from scenarionet_data.generation.tokens import BOXES, KINDS, STEP, STEPS, apart, choose_tokens, corners, motions
 from scenarionet_data.storage.files.lake_files import LakeFiles
 from scenarionet_data.storage.fitting import BatchLosses, FitRun, OnEpoch, fit, load_model
@@ -183,12 +183,12 @@ def _scene(recordings: Recordings, poses: Tensor, ok: Tensor, before: Tensor) ->
 
 
 def nearest(noise: float, generator: torch.Generator) -> Pick:
-    """Take the token nearest to the recording, or, of a share ``noise``, one of the eight nearest."""
+    """Take the token nearest to the recording, or, of a share ``noise``, one of the ``NEAR`` nearest."""
 
     def pick(moment: int, logits: Tensor, misses: Tensor) -> Tensor:
         del moment, logits
-        near = misses.topk(8, dim=1, largest=False).indices
-        draw = torch.randint(8, (len(misses),), generator=generator).to(misses.device)
+        near = misses.topk(NEAR, dim=1, largest=False).indices
+        draw = torch.randint(NEAR, (len(misses),), generator=generator).to(misses.device)
         is_off = (torch.rand(len(misses), generator=generator) < noise).to(misses.device)
         return near.gather(1, torch.where(is_off, draw, 0)[:, None]).squeeze(1)
 

@@ -264,8 +264,27 @@ def test_mistakes_are_said(lake):
         make_config({"sise": "3"})
     with pytest.raises(BadParameter, match="size: wanted a multiple of heads"):
         make_config({"size": "15"})
+    with pytest.raises(BadParameter, match="tokens: wanted at least 100, as many as choices, found 64"):
+        replace(CONFIG, choices=100)
+    with pytest.raises(BadParameter, match="tokens: wanted at least 8"):
+        make_config({"tokens": "5"})
+    with pytest.raises(BadParameter, match="run clone has size=16, heads=2; give the same: -p size=16 -p heads=2"):
+        train(lake, "recorded", replace(CONFIG, size=32, heads=4), run="other", start="clone")
     with pytest.raises(LakeError, match="has no run nobody; train one: scenarionet traffic learn --kind tokens"):
         evaluate(lake, "recorded", policy="idm", traffic="model:nobody")
     lake.filter("FALSE", name="empty", allow_empty=True)
     with pytest.raises(BadParameter, match="no road user is there"):
         train(lake, "empty", CONFIG, run="none")
+
+
+def test_one_scenario_is_enough_and_damaged_weights_are_said(lake):
+    lake.filter("scenario_id = 'pg/v2/1'", name="single")
+    train(lake, "single", replace(CONFIG, epochs=1), run="single", tests=("single",))
+    evaluate(lake, "single", policy="idm", traffic="model:single", name="of_one")
+    found = checkpoints.load(lake.files, "single")
+    for number, values, said in ((2, np.float32("nan"), "weights are not finite"), (3, None, "of another layout")):
+        arrays = dict(found.arrays)
+        arrays["model.norm.weight"] = arrays["model.norm.weight"][:5] if values is None else np.full(16, values)
+        checkpoints.save(lake.files, "single", checkpoints.Checkpoint(number, found.facts, arrays))
+        with pytest.raises(LakeError, match=f"run single.*{said}"):
+            load_tokens(lake.files, "single")
