@@ -12,8 +12,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("scenarionet_data", "scenarionet_sim", "pipelines")
 TOP = {
-    "pyproject.toml", "Makefile", "README.md", "LICENSE", ".gitignore", "docs", "pipelines", "scenarionet_data",
-    "scenarionet_sim", "schemas", "sql", "tests", ".ci",
+    "build_backend.py", "pyproject.toml", "Makefile", "README.md", "LICENSE", ".gitignore", "docs", "pipelines",
+    "scenarionet_data", "scenarionet_sim", "schemas", "sql", "tests", ".ci",
 }  # fmt: skip
 ALSO_ALLOWED = {"CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "SECURITY.md", "mkdocs.yml", ".github"}
 LAYERS = (

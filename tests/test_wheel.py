@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 
+from scenarionet_data.compiled.shipped import levels_of_host
 from scenarionet_data.version import __version__
 
 ROOT = Path(__file__).parents[1]
@@ -49,7 +50,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the source distribution and the wheel built from it."""
     folder = tmp_path_factory.mktemp("built")
     copy = folder / "checkout"
-    names = (*PARTS, "tests", "docs", "Makefile", "README.md", "LICENSE", "pyproject.toml")
+    names = (*PARTS, "tests", "docs", "Makefile", "README.md", "LICENSE", "build_backend.py", "pyproject.toml")
     for name in names:  # a copy, without outputs of earlier builds
         source = ROOT / name
         if source.is_dir():
@@ -57,8 +58,13 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
         else:
             copy.mkdir(exist_ok=True)
             shutil.copy(source, copy)
-    call(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, copy, cwd=folder)
+    build(copy, "-C", "machine-code=no", "--outdir", folder)
     return folder
+
+
+def build(checkout: Path, *words: str | Path) -> None:
+    """Build distributions of a checkout."""
+    call(sys.executable, "-m", "build", "--no-isolation", *words, checkout, cwd=checkout.parent)
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +115,20 @@ def test_source_distribution_contains_the_project(built):
         "sql/views/metadata.sql",
         "pipelines/scenarionet_pipelines/cli/__init__.py",
     } <= names
+
+
+def test_a_wheel_that_pip_builds_carries_machine_code_unless_compiling_fails(built, tmp_path):
+    """Nothing of it stays in the checkout."""
+    folder, checkout = "scenarionet_data/compiled/machine_code", built / "checkout"
+    for kind in ("whole", "failing"):
+        if kind == "failing":
+            (checkout / "pipelines/scenarionet_pipelines/compiling.py").write_text("raise SystemExit(1)")
+        build(checkout, "--wheel", "--outdir", tmp_path / kind)
+        (wheel,) = (tmp_path / kind).glob("*.whl")
+        found = {Path(name).parts[3] for name in zipfile.ZipFile(wheel).namelist() if name.startswith(folder)}
+        levels = [level.cpu for level in levels_of_host()[:1]]
+        assert found == (set(levels) if kind == "whole" else set())
+        assert not (checkout / folder).exists()
 
 
 def test_installed_command_works_anywhere(installed, tmp_path):
