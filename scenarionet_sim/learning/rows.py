@@ -14,6 +14,9 @@ from scenarionet_data.arrays.dtypes import Bool, Float32, Float64
 from scenarionet_data.errors import LakeError
 from scenarionet_sim.task.scoring_kernels import NUMBERS
 
+CRASHES = ("vehicle_crashes", "human_crashes", "object_crashes")
+_CRASH_ROWS = [NUMBERS.index(name) for name in CRASHES]
+
 
 class AgentRows(Protocol):
     """The part of ``FlatEnv`` that the algorithms need; attributes as there."""
@@ -75,8 +78,14 @@ class Outcomes:
             self._arrived += int(env.arrivals[rows].sum())
             self._late += int(env.truncations[rows].sum())
             self._numbers += env.last_numbers[rows].sum(axis=0)
+            self._crashed += int((env.last_numbers[rows][:, _CRASH_ROWS] > 0.0).any(axis=1).sum())
             self._returned += float(self.returns[rows].sum())
             self.returns[ended] = 0.0
+
+    @property
+    def episodes(self) -> int:
+        """Number of episodes that ended since the last :meth:`take`."""
+        return self._count
 
     def take(self) -> dict[str, Any]:
         """Return means over the episodes since the last call, null without any, and forget them."""
@@ -86,17 +95,19 @@ class Outcomes:
             "success": self._arrived,
             "out_of_road": count - self._arrived - self._late,
             "timeout": self._late,
+            "crashed": self._crashed,
             "reward": self._returned,
         }
         means = {name: value / max(count, 1) for name, value in sums.items()}
         means |= {"route_completion": mean["route_completion"], "speed": mean["mean_speed"]}
         means["distance_to_log"] = mean["mean_distance_to_log"]
-        means["cost"] = mean["vehicle_crashes"] + mean["human_crashes"] + mean["object_crashes"]
+        means["final_distance"] = mean["distance_to_log"]
+        means["cost"] = sum(mean[name] for name in CRASHES)
         self._clear()
         return {"episodes": count} | {name: value if count else None for name, value in means.items()}
 
     def _clear(self) -> None:
-        self._count = self._arrived = self._late = 0
+        self._count = self._arrived = self._late = self._crashed = 0
         self._returned, self._numbers = 0.0, np.zeros(len(NUMBERS))
 
 

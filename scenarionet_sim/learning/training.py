@@ -244,6 +244,7 @@ def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRou
     _, selected = Lake(training.lake, training.snapshot).find(training.database)
     columns = selected.columns(["scenario_id", "difficulty"])  # no data frame: Polars takes a gigabyte of addresses
     difficulty = dict(zip(columns["scenario_id"].to_pylist(), columns["difficulty"].to_pylist(), strict=True))
+    seats = {test: _seats(training, test) for test in training.tests}
     while steps < config.steps:
         done, learned = learner.round()
         if not all(np.isfinite(value) for value in learned.values()):
@@ -267,7 +268,7 @@ def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRou
             report.last, number = rows[-1], number + 1
             for test in training.tests:  # without exploration
                 environment = training.environment(test, is_test=True)
-                means = drive_each(environment, learner.mode, config.worlds, config.seats).take()
+                means = drive_each(environment, learner.mode, config.worlds, seats[test]).take()
                 report.tests[test] = {"test": test, "round": rounds, "steps": steps} | means
             checkpoints.check_free(files, name, number)
             run.publish(number, {"training": rows + list(report.tests.values())})
@@ -280,3 +281,11 @@ def _train(training: Training, run: EvaluationRun, env: FlatEnv, on_round: OnRou
     report.skipped = {scenario_id: reason for scenario_id, (reason, _) in env.skipped.items()}
     report.steps, report.seconds = steps, monotonic() - began
     return report
+
+
+def _seats(training: Training, test: str) -> int:
+    """Return how many seats a world of a test needs, so that every agent has one."""
+    if training.config.seats == 1:
+        return 1
+    _, found = Lake(training.lake, training.snapshot).find(test)
+    return int(max(found.columns(["num_vehicles"])["num_vehicles"].to_pylist()))

@@ -16,12 +16,15 @@ from scenarionet_sim.learning.experiments.comparison import (
     Comparison,
     ComparisonResult,
     curve,
-    judge,
+    judge_all,
     read_comparison,
     source_statistics,
     table,
 )
 from scenarionet_sim.learning.experiments.statistics import CEILING, FLAT
+
+_PROGRESS = ("level", "coverage", "difficulty")
+"""Curves of training itself."""
 
 
 def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: str) -> Path:
@@ -54,17 +57,23 @@ def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: s
     ]  # fmt: skip
     first, names = comparison.arms[0], [arm.name for arm in comparison.arms]
     settings, steps = describe_config(first.config), sorted({arm.config.steps for arm in comparison.arms})
+    same = " and the ".join(comparison.tests[name] for name in comparison.shared)
     sections = [
         f"# {comparison.name} ({comparison.size})",
-        f"Configuration of commit `{commit}`, fixed before the first run: {'; '.join(names)}; seeds "
+        f"Configuration of commit `{commit}`, fixed before this run: {'; '.join(names)}; seeds "
         f"{', '.join(map(str, comparison.seeds))}; {' or '.join(f'{count:,}' for count in steps)} steps of agents a "
         "run. The table shows each run at the checkpoint with the highest success on the validation split of its own "
-        "training scenarios (the latest of equals). Intervals are 95 % intervals of Student's t over seeds; the "
-        "tests have the same scenarios for all seeds, which are not resampled.",
+        "training scenarios (the latest of equals). Intervals are 95 % intervals of Student's t over seeds. Each seed "
+        "has test scenarios of its own, so that intervals are of seeds and scenarios together"
+        f"{f'; not of the {same}, whose scenarios are the same for all seeds' if same else ''}.",
+        "`out_of_road` is the share that left the recorded way, `crashed` the share with at least one crash, `cost` "
+        "the number of crashes, `speed_ratio` the speed as a share of the recorded one, `distance_to_log` and "
+        "`final_distance` the distance [m] from the recorded position, over the episode and at its end.",
         f"Settings of {first.name}: {', '.join(f'{name} {value}' for name, value in settings.items())}.",
         *([f"The paper: {comparison.paper}"] if comparison.paper else []),
         *(["## Scenarios", _markdown(sources)] if sources else []),
         *_verdicts(found, comparison),
+        *(["## Earlier runs", _markdown(vars(each) for each in comparison.earlier)] if comparison.earlier else []),
         *(["## Beside the paper's results", _markdown(published)] if published else []),
     ]
     for test, title in comparison.tests.items():
@@ -84,15 +93,16 @@ def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: s
 def _verdicts(found: ComparisonResult, comparison: Comparison) -> list[str]:
     """Return the claims with their verdicts."""
     rows = []
-    for claim in comparison.claims:
-        said, interval, why = judge(found, claim, len(comparison.claims))
+    for claim, (said, interval, why) in zip(comparison.claims, judge_all(found, comparison.claims), strict=True):
         rows.append({"claim": claim.text, "verdict": f"**{said}**", "paired difference": str(interval), "because": why})
     how = (
         "A claim is supported if the whole interval of the paired difference (same seeds) is above 0, not supported if "
-        "it is below, otherwise inconclusive; the intervals of all claims together hold with 95 % (Bonferroni). "
+        "it is below, otherwise inconclusive; intervals are as wide as Holm's method asks for so many claims, "
+        "so that a wrong verdict on the page has a probability below 5 %. "
         f"It is inconclusive in any case if both arms succeed in {CEILING:.0%} or more, which no test can tell apart, "
-        "or if a curve, or the loss of a discriminator, has not flattened, that is if its "
-        f"mean over the last quarter of the checkpoints differs from the quarter before by more than {FLAT}."
+        "or if inverse dynamics has an error of 5 % or more of the actions' variance (of all held-out transitions, "
+        "also those that a limit cuts), or if a curve, or the loss of a discriminator, has not flattened, that is if "
+        f"its mean over the last quarter of the checkpoints differs from the quarter before by more than {FLAT}."
     )
     return ["## Claims of the paper", how, _markdown(rows)]
 
@@ -112,14 +122,20 @@ def _draw(found: ComparisonResult, comparison: Comparison, test: str, title: str
     except ModuleNotFoundError as error:
         raise MissingDependency("pictures need matplotlib", "plots") from error
     tested = found.curves.filter(pl.col("test") == test)
-    figure = Figure(figsize=(12, 6.5), layout="constrained")
-    for place, metric in zip(figure.subplots(2, 3).ravel(), comparison.metrics, strict=True):
+    figure = Figure(figsize=(12, 12), layout="constrained")
+    places = figure.subplots(4, 4).ravel()
+    for place, metric in zip(places, (*comparison.metrics, *_PROGRESS), strict=False):
+        rows = found.curves.filter(pl.col("database").is_null()) if metric in _PROGRESS else tested
         for arm in comparison.arms:
-            values = curve(tested, arm.name, metric)
-            steps = curve(tested, arm.name, "steps").mean(axis=0)
+            values = curve(rows, arm.name, metric).astype(np.float64)
+            if np.isnan(values).all(axis=0).any():  # no curriculum
+                continue
+            steps = curve(rows, arm.name, "steps").mean(axis=0)
             place.plot(steps, values.mean(axis=0), label=arm.name)
             place.fill_between(steps, np.nanmin(values, axis=0), np.nanmax(values, axis=0), alpha=0.12)
         place.set(title=metric.replace("_", " "), xlabel="steps")
-    figure.legend(*place.get_legend_handles_labels(), loc="outside lower center", ncols=len(comparison.arms))
+    for place in places[len(comparison.metrics) + len(_PROGRESS) :]:
+        place.set_axis_off()
+    figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(comparison.arms))
     figure.suptitle(title)
     figure.savefig(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -39,3 +40,19 @@ def verdict(differences: npt.ArrayLike, *, are_flat: bool, claims: int = 1) -> t
     if not are_flat or interval.low <= 0.0 <= interval.high:
         return "inconclusive", interval
     return ("supported" if interval.low > 0.0 else "not supported"), interval
+
+
+def holm(differences: Sequence[npt.ArrayLike]) -> list[int]:
+    """Return by how much the error of each of several claims is divided, from their paired differences (Holm 1979)."""
+
+    def clearness(values: npt.ArrayLike) -> float:
+        interval = mean_interval(values)
+        reach = interval.high - interval.mean
+        return abs(interval.mean) / reach if reach > 0.0 else float("inf") if interval.mean else 0.0
+
+    level, is_clear, levels = len(differences), True, [0] * len(differences)
+    for k in sorted(range(len(differences)), key=lambda k: clearness(differences[k]), reverse=True):
+        levels[k] = level
+        is_clear = is_clear and verdict(differences[k], are_flat=True, claims=level)[0] != "inconclusive"
+        level -= is_clear
+    return levels

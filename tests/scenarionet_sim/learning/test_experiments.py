@@ -26,7 +26,7 @@ from scenarionet_sim.learning.experiments.comparison import (
 from scenarionet_sim.learning.experiments.cross_dataset import cross_dataset
 from scenarionet_sim.learning.experiments.multi_agent import multi_agent
 from scenarionet_sim.learning.experiments.page import write_page
-from scenarionet_sim.learning.experiments.statistics import has_flattened, verdict
+from scenarionet_sim.learning.experiments.statistics import has_flattened, holm, verdict
 
 
 @pytest.mark.parametrize(
@@ -48,6 +48,14 @@ def test_several_claims_have_wider_intervals():
     assert verdict(differences, are_flat=True, claims=5)[0] == "inconclusive"
 
 
+def test_the_clearest_claim_is_judged_most_severely():
+    """Of three: two clear ones, and one whose interval has 0 at 5 %/1, which gets no wider by the others."""
+    clear, clearer, none = [0.2, 0.3, 0.1, 0.25, 0.2], [0.2, 0.21, 0.2, 0.19, 0.2], [0.1, -0.1, 0.2, -0.2, 0.0]
+    assert holm([clear, none, clearer]) == [2, 1, 3]
+    assert holm([none, none, none]) == [3, 3, 3]
+    assert holm([[0.0] * 5, [0.1] * 5]) == [1, 2]
+
+
 def test_curves_flatten():
     assert has_flattened([[0.1, 0.5, 0.8, 0.82]])
     assert not has_flattened([[0.1, 0.3, 0.5, 0.7]])
@@ -57,12 +65,16 @@ def test_curves_flatten():
 @pytest.mark.parametrize("size", ["small", "paper"])
 def test_experiments_are_as_the_paper(size):
     single, multi = cross_dataset(size, "recorded"), multi_agent(size)
-    assert len(single.seeds) == 5 and len(single.arms) == 6 and "recorded" in single.tests
-    assert len(multi.seeds) == 3 and [arm.name for arm in multi.arms] == ["ippo", "td3", "copo", "gail", "airl"]
+    assert len(single.arms) == 6 and "recorded" in single.tests and len(multi.arms) == 7
+    assert len(single.seeds) == len(multi.seeds) == (10 if size == "small" else 5)
+    own = {seed: single.tests_of(seed) for seed in single.seeds}
+    assert [*own[3].values()] == [*single.tests] and "recorded" in own[3]
+    assert len(own[3].keys() & own[4].keys()) == (
+        1 if size == "small" else 3
+    )  # but recorded ones, of each seed its own
     for comparison in (single, multi):
         names = {arm.name for arm in comparison.arms}
         assert {name for claim in comparison.claims for name in (claim.better, claim.worse)} <= names
-        assert len(comparison.metrics) == 6
         for each in comparison.published:
             assert each.arm in names and each.test in comparison.tests and each.metric in comparison.metrics
         runs = [comparison.run_name(arm, seed) for arm in comparison.arms for seed in comparison.seeds]
@@ -81,19 +93,20 @@ def finished(drives, tmp_path):
 
     lake, config = Lake(shutil.copytree(drives, tmp_path / "lake")), make_learner_config("ppo", "small")
     lake.filter("true", name="val")
+    lake.filter("true", name="test")
     arms = tuple(TrainingArm(name, "ppo", config, "val", "val") for name in ("good", "bad"))
     claims = Claim("Good is better", "good", "bad", "test"), Claim("Bad is better", "bad", "good", "test")
     made = Comparison(
         "made", "small", arms, (0, 1, 2), {"test": "the test"}, claims, sources={"all": "val"},
         published=(PublishedFigure("good", "test", "success", 0.5, "Table 9"),),
-        published_sources={"PG": {"distance": 226.0}},
+        published_sources={"PG": {"distance": 226.0}}, shared=("test",),
     )  # fmt: skip
     files = open_files(lake.root)
     for arm, level in (("good", 0.9), ("bad", 0.5)):
         for seed in made.seeds:
             name = f"made-small-{arm}-seed{seed}"
             run = evaluation_runs.claim(files, name, ("training",), {"config": {}})
-            numbers = dict.fromkeys(made.metrics, 0.1)
+            numbers = dict.fromkeys({*made.metrics, "speed"} - {"speed_ratio"}, 0.1)
             rows = [
                 {"test": test, "round": k, "steps": 100 * k, "episodes": 9, **numbers, "success": success}
                 for k in range(1, 9)
@@ -120,7 +133,7 @@ def test_a_discriminator_that_still_learns_decides_nothing(finished, last, expec
     loss = pl.when(pl.col("round") > 6).then(last).otherwise(1.3)
     learned = pl.lit('{"discriminator_loss": ') + loss.cast(pl.String) + pl.lit("}")
     tested = found.curves.filter(pl.col("test") == "test")
-    trained = tested.with_columns(pl.lit(None).alias("test"), learned.alias("learned"))
+    trained = tested.with_columns(pl.lit(None).alias("test"), pl.lit(None).alias("database"), learned.alias("learned"))
     curves = pl.concat([found.curves, trained], how="vertical_relaxed")
     said, _, why = judge(replace(found, curves=curves), made.claims[0])
     assert said == expected and (expected == "supported" or "good's discriminator" in why)
