@@ -15,7 +15,7 @@ from scenarionet_sim.learning.experiments.comparison import (
     PublishedFigure,
     TrainingArm,
 )
-from scenarionet_sim.learning.experiments.cross_dataset import PUBLISHED_SOURCES, SEEDS, prepare
+from scenarionet_sim.learning.experiments.cross_dataset import PUBLISHED_SOURCES, prepare
 
 ARMS = {"ippo": 0, "td3": 0, "copo": 0, "gail": 0, "gail discrete": 5, "airl": 0, "airl discrete": 5}
 """Actions of each of steering and throttle by arm; 0 for continuous ones."""
@@ -98,7 +98,7 @@ def multi_agent(size: str = "small", prefix: str = "standin") -> Comparison:
         for metric, value in zip(("success", "route_completion", "final_distance"), values, strict=True)
     )
     return Comparison(
-        "multi-agent", size, tuple(arms), tuple(range(SEEDS if size == "small" else 5)), {test: "test"}, claims,
+        "multi-agent", size, tuple(arms), tuple(range(5)), {test: "test"}, claims,
         sources={"train": f"{prefix}_train"},
         paper=THE_PAPER, published=published, published_sources={"Waymo": PUBLISHED_SOURCES["Waymo"]},
         shared=() if size == "small" else (test,), earlier=EARLIER,
