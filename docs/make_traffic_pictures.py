@@ -10,6 +10,7 @@ from scenarionet_data import Lake, ScenarioLoader, convert
 from scenarionet_data.generation.snapshots import TrafficConfig
 from scenarionet_data.generation.training import train
 from scenarionet_data.generation.writing import generate
+from scenarionet_data.learning.fitting import FitRun
 from scenarionet_data.plots import small_multiples
 
 FOLDER = Path(__file__).parent / "pictures"
@@ -23,7 +24,7 @@ if __name__ == "__main__":
         lake = Lake(root)
         lake.filter("hash(scenario_id) % 8 <> 0", name="learned")
         lake.filter("hash(scenario_id) % 8 = 0", name="others", limit=SHOWN)
-        train(lake, "learned", CONFIG, run="traffic")
+        train(FitRun(lake, "learned", "traffic"), CONFIG)
         generate(lake, "others", "traffic", name="made")
         lake = Lake(root)
         parents = list(ScenarioLoader(root, "others"))

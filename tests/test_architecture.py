@@ -19,9 +19,9 @@ ALSO_ALLOWED = {"CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "SECURITY.md"
 LAYERS = (
     "errors", "version", "public_names", "cards", "optional_imports", "compiled", "arrays", "schema", "scenario",
     "building", "statistics", "codec", "ingest", "procedural", "converters", "execution", "interchange",
-    "criticality", "storage", "databases", "query", "operations", "loader", "samples", "forecasts", "embeddings",
-    "quality", "catalogue", "packs", "export", "publishing", "maintenance", "conversion", "variations", "logical",
-    "generation", "lake", "plots", "display", "testing",
+    "criticality", "storage", "databases", "query", "operations", "loader", "learning", "samples", "forecasts",
+    "embeddings", "quality", "catalogue", "packs", "export", "publishing", "maintenance", "conversion", "variations",
+    "logical", "generation", "lake", "plots", "display", "testing",
 )  # fmt: skip
 """Parts of scenarionet_data; each imports only itself and parts before it."""
 SIMULATOR_LAYERS = (

@@ -25,6 +25,7 @@ import torch
 from scenarionet_data import Lake, Samples
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.forecasts.forecaster_scores import constant_velocity, kalman_filter
+from scenarionet_data.learning.fitting import FitRun
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def run_experiment(lake: Lake, experiment: Experiment) -> pa.Table:
         parts += [_rows(name, -1, test, samples, *measure(predictor, samples)) for test, samples in tested.items()]
     for name, database in training.items():
         for seed in experiment.seeds:
-            model = train(lake, database, config, run=f"forecaster-{name}-seed{seed}", seed=seed)
+            model = train(FitRun(lake, database, f"forecaster-{name}-seed{seed}", seed), config)
             click.echo(f"trained on {name}, seed {seed}")
             parts += [
                 _rows(name, seed, test, samples, *measure(model.modes, samples)) for test, samples in tested.items()

@@ -12,13 +12,13 @@ import numpy as np
 import torch
 
 from scenarionet_data.arrays.dtypes import Float32
+from scenarionet_data.learning.fitting import weights_digest
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.samples.choices import Targets
 from scenarionet_data.samples.dataset import Samples
 from scenarionet_data.samples.selection import SamplesWarning
 from scenarionet_data.samples.training import collate
-from scenarionet_data.storage.fitting import weights_digest
 
 _SCENARIOS = 64  # whose samples are made at a time
 _BATCH = 256

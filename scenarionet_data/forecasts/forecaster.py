@@ -13,7 +13,7 @@ from scenarionet_data.samples.training import SampleStream, collate  # first: sa
 
 # isort: split
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
@@ -21,13 +21,12 @@ import torch
 from torch import Tensor, nn
 
 from scenarionet_data.arrays.dtypes import Array
-from scenarionet_data.errors import BadParameter
 from scenarionet_data.forecasts.predictions import make_predictions
+from scenarionet_data.learning.fitting import BatchLosses, FitConfig, FitRun, fit, load_model
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.samples.choices import Agents, Augmentation, Polylines, Targets, TimeWindow
 from scenarionet_data.samples.dataset import Samples
 from scenarionet_data.samples.order import Shuffling
-from scenarionet_data.storage.fitting import BatchLosses, FitRun, OnEpoch, fit, load_model, parse_settings
 
 _TYPES = 256  # codes of objects and of map features are below
 TensorBatch = Mapping[str, Tensor]
@@ -36,17 +35,19 @@ Predictor = Callable[[TensorBatch], Array]
 
 
 @dataclass(frozen=True)
-class ForecasterConfig:
+class ForecasterConfig(FitConfig):
     """What is predicted, by which network, and how it is trained.
 
     Attributes:
         history, future, dt, stride: Time window of the samples [s].
         agents, polylines, radius: Tokens, and how far away they are at most [m].
         modes: Trajectories of a target.
-        size, heads, layers: Width of a token, attention heads, and layers of the encoder.
-        epochs, batch_size, rate, decay: Training; the rate falls along a cosine to 0.
+        heads, layers: Attention heads, and layers of the encoder.
         rotation: Largest random turn of a sample [rad].
     """
+
+    kind = "forecaster"
+    command = "scenarionet forecast fit"
 
     history: float = 1.0
     future: float = 3.0
@@ -56,13 +57,10 @@ class ForecasterConfig:
     polylines: int = 48
     radius: float = 60.0
     modes: int = 6
-    size: int = 64
     heads: int = 4
     layers: int = 2
     epochs: int = 8
     batch_size: int = 64
-    rate: float = 1e-3
-    decay: float = 1e-2
     rotation: float = 0.3
 
     def samples(self, lake: LakeView, database: str | Sequence[str], *, is_training: bool, seed: int = 0) -> Samples:
@@ -102,18 +100,6 @@ class ForecasterConfig:
     def num_future(self) -> int:
         """Timesteps of the future."""
         return round(self.future / self.dt)
-
-
-def make_config(given: Mapping[str, str]) -> ForecasterConfig:
-    """Return settings with some values as texts.
-
-    Raises:
-        BadParameter: There is no such setting, or a value is not a positive number of its type.
-    """
-    config = ForecasterConfig(**parse_settings(given, asdict(ForecasterConfig()), "a forecaster"))
-    if config.size % config.heads:
-        raise BadParameter(f"size: wanted a multiple of heads, {config.heads}, found {config.size}")
-    return config
 
 
 class Forecaster(nn.Module):
@@ -227,45 +213,28 @@ def displacements(modes: Array, truth: Array, valid: Array) -> tuple[Array, Arra
     return np.where(count > 0, mean.min(axis=1), np.nan), ends.min(axis=1)
 
 
-def train(
-    lake: LakeView,
-    database: str,
-    config: ForecasterConfig,
-    *,
-    run: str,
-    seed: int = 0,
-    tests: tuple[str, ...] = (),
-    on_epoch: OnEpoch | None = None,
-) -> Forecaster:
-    """Train a forecaster; a run that was interrupted continues after its last whole epoch, with the same result.
-
-    Args:
-        lake: The lake.
-        database: Database whose scenarios it learns from.
-        config: Network and training.
-        run: Name of the run, which has the checkpoints and the metrics.
-        seed: Seed of weights, order and augmentation.
-        tests: Databases that it is measured on after each epoch.
-        on_epoch: Called after each epoch.
-    """
-    torch.manual_seed(seed)
+def train(run: FitRun, config: ForecasterConfig) -> Forecaster:
+    """Train a forecaster; a run that was interrupted continues after its last whole epoch, with the same result."""
+    torch.manual_seed(run.seed)
     model = Forecaster(config)
-    samples = config.samples(lake, database, is_training=True, seed=seed)
-    stream = SampleStream(samples, config.batch_size, shuffling=Shuffling(seed=seed))
-    tested = {name: config.samples(lake, name, is_training=False) for name in tests}
+    samples = config.samples(run.lake, run.database, is_training=True, seed=run.seed)
+    stream = SampleStream(samples, config.batch_size, shuffling=Shuffling(seed=run.seed))
+    tested = {name: config.samples(run.lake, name, is_training=False) for name in run.tests}
 
     def losses(epoch: int) -> Iterator[BatchLosses]:
-        torch.manual_seed(hash((seed, epoch)) % 2**32)  # of dropout, so that a resumed run draws the same
+        torch.manual_seed(hash((run.seed, epoch)) % 2**32)  # of dropout, so that a resumed run draws the same
         stream.set_epoch(epoch)
         for batch in stream:
             yield {"loss": loss(model(batch), batch)}
 
-    description = {"database": lake.record(database).reference, "forecaster": asdict(config), "seed": seed}
-    fitted = FitRun(lake.files, run, description | {"tests": list(tests)})
-    fit(
-        fitted, model, config, len(samples), losses,
-        lambda: {name: _means(model, each) for name, each in tested.items()}, on_epoch=on_epoch,
-    )  # fmt: skip
+    def measured() -> dict[str, dict[str, float]]:
+        means = {name: measure(model.modes, each) for name, each in tested.items()}
+        return {
+            name: {"min_ade": float(np.nanmean(mean)), "min_fde": float(np.nanmean(end))}
+            for name, (mean, end) in means.items()
+        }
+
+    fit(run, model, config, len(samples), losses, measured)
     return model
 
 
@@ -276,9 +245,4 @@ def load(lake: LakeView, run: str) -> tuple[Forecaster, ForecasterConfig]:
         LakeError: There is no such run, it is not of a forecaster of this layout, it has no checkpoint yet, or its
             weights are not finite.
     """
-    return load_model(lake.files, run, "forecaster", "scenarionet forecast fit", ForecasterConfig, Forecaster)
-
-
-def _means(model: Forecaster, samples: Samples) -> dict[str, float]:
-    mean, end = measure(model.modes, samples)
-    return {"min_ade": float(np.nanmean(mean)), "min_fde": float(np.nanmean(end))}
+    return load_model(lake.files, run, ForecasterConfig, Forecaster)

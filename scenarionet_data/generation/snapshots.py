@@ -14,6 +14,7 @@ from torch import Tensor
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.generation.frames import HEADING, X, Y, relative
+from scenarionet_data.learning.fitting import FitConfig
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.samples.choices import Agents, Polylines, Targets, TimeWindow
 from scenarionet_data.samples.dataset import Sample, Samples
@@ -31,7 +32,7 @@ _LARGEST_OFFSET = 3.0  # between a vehicle and its lane vector, beyond the ends 
 
 
 @dataclass(frozen=True)
-class TrafficConfig:
+class TrafficConfig(FitConfig):
     """What a moment shows, by which networks traffic is made, and how they are trained.
 
     Attributes:
@@ -41,13 +42,15 @@ class TrafficConfig:
         spacing: Length of a lane vector [m].
         lanes, vehicles: Largest numbers of a moment, nearest first.
         min_vehicles: Moments with fewer vehicles in the crop are left out.
-        size: Width of features.
         queries: Lane vectors of a moment that training looks at: those with vehicles, and some of the others.
         near_lanes, near_cars: Neighbours that a feature sees.
         components, modes: Of the mixtures of attributes; motions of a vehicle.
-        epochs, batch_size, rate, decay: Training; the rate falls along a cosine to 0.
         noise: Standard deviation of start positions in training [m]; of headings a tenth [rad], of speeds once [m/s].
     """
+
+    kind = "traffic model"
+    command = "scenarionet traffic learn"
+    clip = 5.0
 
     crop: float = 120.0
     stride: float = 2.0
@@ -57,14 +60,11 @@ class TrafficConfig:
     lanes: int = 320
     vehicles: int = 40
     min_vehicles: int = 8
-    size: int = 64
     queries: int = 96
     near_lanes: int = 12
     near_cars: int = 6
     components: int = 8
     modes: int = 6
-    epochs: int = 2
-    batch_size: int = 16
     rate: float = 2e-3
     decay: float = 1e-3
     noise: float = 0.2

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.generation.frames import place, two_layers
 from scenarionet_data.generation.tokens import BOXES, KINDS, STEP, STEPS, corners
+from scenarionet_data.learning.fitting import FitConfig
 
 LANE, LINE, EDGE = range(3)
 """Kinds of pieces of the map."""
@@ -26,14 +27,13 @@ _SPEED, _LENGTH, _WIDTH = 10.0, 5.0, 2.0  # scales of inputs
 
 
 @dataclass(frozen=True)
-class TokenConfig:
+class TokenConfig(FitConfig):
     """What a road user sees, by which network it chooses, and how that is trained.
 
     Attributes:
         tokens, radius: Largest number of tokens of a kind of road user; how far apart these are [m].
-        size, heads: Width of features, and heads of attention.
+        heads: Of attention.
         near_lanes, near_lines, near_cars: Neighbours that are attended to.
-        epochs, batch_size, rate, decay: Training, in batches of scenarios; the rate falls along a cosine to 0.
         noise: Share of tokens in training that are not the nearest to the recording, but one of the ``NEAR`` nearest.
         flip: Share of scenarios that are mirrored in training.
         choices: Closed-loop training: of so many of the most probable tokens, the nearest to the recording is taken
@@ -45,6 +45,9 @@ class TokenConfig:
         BadParameter: Settings do not go together.
     """
 
+    kind = "token model"
+    command = "scenarionet traffic learn --kind tokens"
+
     tokens: int = 2048
     radius: float = 0.07
     size: int = 96
@@ -52,18 +55,14 @@ class TokenConfig:
     near_lanes: int = 16
     near_lines: int = 8
     near_cars: int = 8
-    epochs: int = 2
     batch_size: int = 2
-    rate: float = 1e-3
-    decay: float = 1e-2
     noise: float = 0.1
     flip: float = 0.5
     choices: int = 0
     lost: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.size % self.heads:
-            raise BadParameter(f"size: wanted a multiple of heads, {self.heads}, found {self.size}")
+        super().__post_init__()
         least = max(NEAR, self.choices)
         if self.tokens < least:
             raise BadParameter(f"tokens: wanted at least {least}, as many as choices, found {self.tokens}")

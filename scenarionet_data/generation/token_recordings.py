@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict
 
 import numpy as np
@@ -15,10 +14,10 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.generation.token_model import EDGE, LANE, LINE, TokenConfig, TokenModel
 from scenarionet_data.generation.token_training import Recordings, fit_tokens, load_tokens, make_model
 from scenarionet_data.generation.tokens import KINDS, STEP, STEPS
+from scenarionet_data.learning.fitting import FitRun, weights_digest
 from scenarionet_data.loader import ScenarioLoader
 from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.scenario.vocabulary import MapFeatureType, ObjectType, is_lane, is_road_edge, is_road_line
-from scenarionet_data.storage.fitting import FitRun, OnEpoch, parse_settings, weights_digest
 
 LONGEST = 5.0
 """Length of the longest piece of a map [m]."""
@@ -94,42 +93,19 @@ def read_recordings(lake: LakeView, database: str) -> Recordings:
     return found
 
 
-def make_config(given: Mapping[str, str]) -> TokenConfig:
-    """Return settings with some values as texts.
-
-    Raises:
-        BadParameter: There is no such setting, a value is not a positive number of its type, or they contradict.
-    """
-    return TokenConfig(**parse_settings(given, asdict(TokenConfig()), "a model of tokens"))
-
-
-def train(
-    lake: LakeView,
-    database: str,
-    config: TokenConfig,
-    *,
-    run: str,
-    seed: int = 0,
-    tests: tuple[str, ...] = (),
-    start: str | None = None,
-    on_epoch: OnEpoch | None = None,
-) -> TokenModel:
+def train(run: FitRun, config: TokenConfig, start: str | None = None) -> TokenModel:
     """Train a model of tokens, on a GPU if there is one.
 
     Args:
-        lake: The lake.
-        database: Database whose scenarios it learns from.
+        run: The run; what the model is measured on, see ``token_training.measured``.
         config: Network and training.
-        run: Name of the run, which has the checkpoints and the metrics.
-        seed: Seed of weights, tokens and order.
-        tests: Databases that it is measured on after each epoch, see ``token_training.measured``.
         start: Run whose weights and tokens it begins with, of equal networks.
-        on_epoch: Called after each epoch.
 
     Raises:
         BadParameter: No road user is there for the time of a token, or the run to begin with has another network.
         LakeError: The run to begin with cannot be loaded.
     """
+    lake, device = run.lake, torch.device("cuda" if torch.cuda.is_available() else "cpu")
     begun = None if start is None else load_tokens(lake.files, start)
     own, given = asdict(config if begun is None else begun.config), asdict(config)
     others = [f"{name}={own[name]}" for name in _NETWORK if own[name] != given[name]]
@@ -137,11 +113,9 @@ def train(
         raise BadParameter(
             f"the network of run {start} has {', '.join(others)}; give the same: -p {' -p '.join(others)}"
         )
-    recordings, device = read_recordings(lake, database), torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    model = make_model(config, recordings, seed, device, begun)
-    description = {"database": lake.record(database).reference, "token model": asdict(config), "seed": seed}
-    description |= {"tests": list(tests), "start": None if begun is None else weights_digest(begun)}
-    tested = {name: read_recordings(lake, name) for name in tests}
-    fit_tokens(FitRun(lake.files, run, description), model, recordings, tested, seed=seed, on_epoch=on_epoch)
+    recordings = read_recordings(lake, run.database)
+    model = make_model(config, recordings, run.seed, device, begun)
+    tested = {name: read_recordings(lake, name) for name in run.tests}
+    fit_tokens(run, model, recordings, tested, {"start": None if begun is None else weights_digest(begun)})
     model.cpu().eval()
     return model

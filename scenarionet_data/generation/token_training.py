@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -12,8 +12,8 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.generation.frames import composed, relative
 from scenarionet_data.generation.token_model import NEAR, TokenConfig, TokenModel, TokenScene
 from scenarionet_data.generation.tokens import BOXES, KINDS, STEP, STEPS, apart, choose_tokens, corners, motions
+from scenarionet_data.learning.fitting import BatchLosses, FitRun, fit, load_model
 from scenarionet_data.storage.files.lake_files import LakeFiles
-from scenarionet_data.storage.fitting import BatchLosses, FitRun, OnEpoch, fit, load_model
 
 _MOTIONS = 200_000  # of which tokens are chosen
 
@@ -238,11 +238,9 @@ def fit_tokens(
     model: TokenModel,
     recordings: Recordings,
     tests: dict[str, Recordings],
-    *,
-    seed: int = 0,
-    on_epoch: OnEpoch | None = None,
+    facts: Mapping[str, Any],
 ) -> None:
-    """Train a model that has its tokens, on the device where it is; as ``scenarionet_data.storage.fitting.fit``."""
+    """Train a model that has its tokens, on the device where it is; as ``scenarionet_data.learning.fitting.fit``."""
     config, count = model.config, len(recordings.kind)
     device = model.paths.device
 
@@ -251,7 +249,7 @@ def fit_tokens(
             yield given.take(rows, device)
 
     def losses(epoch: int) -> Iterator[BatchLosses]:
-        generator = torch.Generator().manual_seed(hash((seed, epoch)) % 2**32)
+        generator = torch.Generator().manual_seed(hash((run.seed, epoch)) % 2**32)
         pick = nearest_of_probable(config.choices) if config.choices else nearest(config.noise, generator)
         for batch in batches(recordings, torch.randperm(count, generator=generator)):
             first = int(torch.randint(STEPS, (), generator=generator))
@@ -265,7 +263,7 @@ def fit_tokens(
         model.eval()
         return {name: measured(model, batches(given, torch.arange(len(given.kind)))) for name, given in tests.items()}
 
-    fit(run, model, config, count, losses, measure, on_epoch=on_epoch)
+    fit(run, model, config, count, losses, measure, facts)
 
 
 @torch.no_grad()
@@ -309,9 +307,8 @@ def load_tokens(files: LakeFiles, run: str) -> TokenModel:
     """Return the trained model of a run.
 
     Raises:
-        LakeError: As :func:`scenarionet_data.storage.fitting.load_model`.
+        LakeError: As :func:`scenarionet_data.learning.fitting.load_model`.
     """
-    fitting = "scenarionet traffic learn --kind tokens"
-    model, _ = load_model(files, run, "token model", fitting, TokenConfig, TokenModel)
+    model, _ = load_model(files, run, TokenConfig, TokenModel)
     model.eval()
     return model

@@ -31,10 +31,10 @@ from scenarionet_data.generation.snapshots import make_scenes
 from scenarionet_data.generation.traffic_model import TrafficModel
 from scenarionet_data.generation.training import load
 from scenarionet_data.ingest.shard import RawItem, Shard, bucket
+from scenarionet_data.learning.fitting import weights_digest
 from scenarionet_data.query.lake_view import LakeLike, open_view
 from scenarionet_data.scenario.description import Lights, ScenarioDescription, make_scenario_id
 from scenarionet_data.scenario.vocabulary import ObjectType
-from scenarionet_data.storage.fitting import weights_digest
 from scenarionet_data.variations.writing import OfParents, ParentOptions, write_shards
 
 DATASET = "generated"

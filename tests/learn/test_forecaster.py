@@ -21,7 +21,6 @@ from scenarionet_data.forecasts.forecaster import (  # noqa: E402
     ForecasterConfig,
     displacements,
     load,
-    make_config,
     measure,
     predict,
     train,
@@ -32,6 +31,7 @@ from scenarionet_data.forecasts.forecaster_scores import (  # noqa: E402
     kalman_filter,
     score_forecaster,
 )
+from scenarionet_data.learning.fitting import FitRun  # noqa: E402
 from scenarionet_data.storage import checkpoints, evaluation_runs  # noqa: E402
 from scenarionet_sim.evaluation.receipts import Receipt  # noqa: E402
 from scenarionet_sim.evaluation.score_receipts import score_receipt, verify_score  # noqa: E402
@@ -49,7 +49,7 @@ def lake(tmp_path_factory):
 
 
 def test_interrupted_run_continues_to_the_same_weights(lake):
-    whole = train(lake, "driven", CONFIG, run="whole", tests=("driven",))
+    whole = train(FitRun(lake, "driven", "whole", tests=("driven",)), CONFIG)
 
     class Killed(Exception):
         pass
@@ -58,8 +58,8 @@ def test_interrupted_run_continues_to_the_same_weights(lake):
         raise Killed
 
     with pytest.raises(Killed):
-        train(lake, "driven", CONFIG, run="parts", tests=("driven",), on_epoch=kill)
-    continued = train(lake, "driven", CONFIG, run="parts", tests=("driven",))
+        train(FitRun(lake, "driven", "parts", tests=("driven",), on_epoch=kill), CONFIG)
+    continued = train(FitRun(lake, "driven", "parts", tests=("driven",)), CONFIG)
     stored, config = load(lake, "parts")
     assert config == CONFIG
     for name, value in whole.state_dict().items():
@@ -74,7 +74,7 @@ def test_interrupted_run_continues_to_the_same_weights(lake):
 def test_training_lowers_the_error(lake):
     config = replace(CONFIG, epochs=20, batch_size=16, stride=1.0, rotation=0.0)
     samples = config.samples(lake, "driven", is_training=False)
-    model = train(lake, "driven", config, run="longer")
+    model = train(FitRun(lake, "driven", "longer"), config)
     learned, _ = measure(model.modes, samples)
     constant, _ = measure(constant_velocity(config), samples)
     assert np.nanmean(learned) < 0.9 * np.nanmean(constant)
@@ -131,7 +131,7 @@ def test_experiment_compares_sources(lake, tmp_path, monkeypatch):
 
 
 def test_forecaster_is_scored_beside_those_that_learn_nothing(lake):
-    train(lake, "driven", CONFIG, run="scored")
+    train(FitRun(lake, "driven", "scored"), CONFIG)
     found = {each.name: each for each in score_forecaster(lake, "scored", "driven")}
     samples = CONFIG.samples(lake, "driven", is_training=False)
     mean, end = measure(constant_velocity(CONFIG), samples)
@@ -145,7 +145,7 @@ def test_forecaster_is_scored_beside_those_that_learn_nothing(lake):
 
 
 def test_score_of_a_forecaster_has_a_receipt(lake):
-    train(lake, "driven", CONFIG, run="told")
+    train(FitRun(lake, "driven", "told"), CONFIG)
     ids = lake.database("driven").scenario_ids
     receipt = score_receipt(
         lake, "model", score_forecaster(lake, "told", "driven"), {"run": "told", "database": "driven"}, ids
@@ -153,7 +153,7 @@ def test_score_of_a_forecaster_has_a_receipt(lake):
     assert len(receipt.rows) == 5 and verify_score(lake, Receipt.loads(receipt.dumps())).first is None
     rows = ({**receipt.rows[0], "min_ade": receipt.rows[0]["min_ade"] + 1e-9}, *receipt.rows[1:])
     assert str(verify_score(lake, replace(receipt, rows=rows)).first).startswith("told: min_ade is ")
-    train(lake, "driven", replace(CONFIG, epochs=1), run="shorter")
+    train(FitRun(lake, "driven", "shorter"), replace(CONFIG, epochs=1))
     with pytest.raises(BadParameter, match="shorter is not what was scored for this receipt"):
         verify_score(lake, replace(receipt, description={**receipt.description, "run": "shorter"}))
 
@@ -168,7 +168,7 @@ def test_fan_has_slower_and_turned_paths():
 
 
 def test_encoder_embeds_scenarios(lake):
-    train(lake, "driven", CONFIG, run="encoder")
+    train(FitRun(lake, "driven", "encoder"), CONFIG)
     record = lake.embed("encoded", model="encoder")
     assert record.type.endswith("[32]") and record.count == len(lake)
     assert record.source.startswith("embedding by the encoder of run encoder ")
@@ -190,7 +190,7 @@ def test_runs_that_cannot_be_loaded_are_sentences(lake, tmp_path):
     evaluation_runs.claim(lake.files, "begun", ("training",), {"forecaster": {}})
     with pytest.raises(LakeError, match="has no checkpoint yet"):
         load(lake, "begun")
-    train(lake, "driven", CONFIG, run="good")
+    train(FitRun(lake, "driven", "good"), CONFIG)
     arrays = dict(checkpoints.load(lake.files, "good").arrays)
     for name, described, changed, words in (
         ("wide", {"size": 64}, arrays, "a forecaster of another layout, size mismatch"),
@@ -212,12 +212,12 @@ def test_runs_that_cannot_be_loaded_are_sentences(lake, tmp_path):
 
 
 def test_settings_are_checked():
-    assert make_config({"epochs": "2", "rate": "0.01"}) == ForecasterConfig(epochs=2, rate=0.01)
+    assert ForecasterConfig.parse({"epochs": "2", "rate": "0.01"}) == ForecasterConfig(epochs=2, rate=0.01)
     for given, words in (
-        ({"colour": "red"}, "no setting 'colour'; it has history, future"),
+        ({"colour": "red"}, "no setting 'colour'; it has size, epochs"),
         ({"epochs": "two"}, "epochs: wanted int, found 'two'"),
         ({"stride": "-1"}, "stride: wanted a number above 0"),
         ({"size": "30"}, "size: wanted a multiple of heads, 4, found 30"),
     ):
         with pytest.raises(BadParameter, match=words):
-            make_config(given)
+            ForecasterConfig.parse(given)

@@ -20,7 +20,7 @@ torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
 from scenarionet_data.errors import BadParameter, LakeError  # noqa: E402
 from scenarionet_data.generation.frames import composed, relative  # noqa: E402
 from scenarionet_data.generation.token_model import TokenConfig, TokenModel  # noqa: E402
-from scenarionet_data.generation.token_recordings import make_config, map_pieces, read_recordings, train  # noqa: E402
+from scenarionet_data.generation.token_recordings import map_pieces, read_recordings, train  # noqa: E402
 from scenarionet_data.generation.token_training import (  # noqa: E402
     Recordings,
     draw,
@@ -33,6 +33,7 @@ from scenarionet_data.generation.token_training import (  # noqa: E402
     roll,
 )
 from scenarionet_data.generation.tokens import BOXES, apart, choose_tokens, corners, motions  # noqa: E402
+from scenarionet_data.learning.fitting import FitRun  # noqa: E402
 from scenarionet_sim import evaluate  # noqa: E402
 from scenarionet_sim.policies.tokens import TokenTraffic, _pieces  # noqa: E402
 from scenarionet_sim.simulation.simulation import Simulation  # noqa: E402
@@ -48,7 +49,7 @@ def lake(tmp_path_factory):
     convert("pg", "0:6", root, version="v2")
     lake = Lake(root)
     lake.filter("TRUE", name="recorded")
-    train(lake, "recorded", CONFIG, run="clone")
+    train(FitRun(lake, "recorded", "clone"), CONFIG)
     return lake
 
 
@@ -178,15 +179,15 @@ def test_interrupted_training_goes_on_to_the_same_weights(lake):
         raise Killed
 
     with pytest.raises(Killed):
-        train(lake, "recorded", CONFIG, run="parts", on_epoch=kill)
-    continued, whole = train(lake, "recorded", CONFIG, run="parts"), load_tokens(lake.files, "clone")
+        train(FitRun(lake, "recorded", "parts", on_epoch=kill), CONFIG)
+    continued, whole = train(FitRun(lake, "recorded", "parts"), CONFIG), load_tokens(lake.files, "clone")
     for name, value in whole.state_dict().items():
         assert torch.equal(value, continued.state_dict()[name])
 
 
 def test_training_learns_and_goes_on_in_closed_loop(lake, recordings):
-    longer = train(lake, "recorded", replace(CONFIG, epochs=12, rate=5e-3, noise=0.0, flip=0.0), run="longer")
-    tuned = train(lake, "recorded", replace(CONFIG, choices=8), run="tuned", start="longer", tests=("recorded",))
+    longer = train(FitRun(lake, "recorded", "longer"), replace(CONFIG, epochs=12, rate=5e-3, noise=0.0, flip=0.0))
+    tuned = train(FitRun(lake, "recorded", "tuned", tests=("recorded",)), replace(CONFIG, choices=8), start="longer")
     fresh = make_model(CONFIG, recordings, 0, CPU)
     worth = [measured(each, iter([recordings])) for each in (fresh, longer, tuned)]
     assert worth[1]["likelihood"] < worth[0]["likelihood"] - 0.5 and worth[2]["likelihood"] < worth[0]["likelihood"]
@@ -261,25 +262,25 @@ def test_the_command_line_learns_the_same(lake):
 
 def test_mistakes_are_said(lake):
     with pytest.raises(BadParameter, match="no setting 'sise'"):
-        make_config({"sise": "3"})
+        TokenConfig.parse({"sise": "3"})
     with pytest.raises(BadParameter, match="size: wanted a multiple of heads"):
-        make_config({"size": "15"})
+        TokenConfig.parse({"size": "15"})
     with pytest.raises(BadParameter, match="tokens: wanted at least 100, as many as choices, found 64"):
         replace(CONFIG, choices=100)
     with pytest.raises(BadParameter, match="tokens: wanted at least 8"):
-        make_config({"tokens": "5"})
+        TokenConfig.parse({"tokens": "5"})
     with pytest.raises(BadParameter, match="run clone has size=16, heads=2; give the same: -p size=16 -p heads=2"):
-        train(lake, "recorded", replace(CONFIG, size=32, heads=4), run="other", start="clone")
+        train(FitRun(lake, "recorded", "other"), replace(CONFIG, size=32, heads=4), start="clone")
     with pytest.raises(LakeError, match="has no run nobody; train one: scenarionet traffic learn --kind tokens"):
         evaluate(lake, "recorded", policy="idm", traffic="model:nobody")
     lake.filter("FALSE", name="empty", allow_empty=True)
     with pytest.raises(BadParameter, match="no road user is there"):
-        train(lake, "empty", CONFIG, run="none")
+        train(FitRun(lake, "empty", "none"), CONFIG)
 
 
 def test_one_scenario_is_enough_and_damaged_weights_are_said(lake):
     lake.filter("scenario_id = 'pg/v2/1'", name="single")
-    train(lake, "single", replace(CONFIG, epochs=1), run="single", tests=("single",))
+    train(FitRun(lake, "single", "single", tests=("single",)), replace(CONFIG, epochs=1))
     evaluate(lake, "single", policy="idm", traffic="model:single", name="of_one")
     found = checkpoints.load(lake.files, "single")
     for number, values, said in ((2, np.float32("nan"), "weights are not finite"), (3, None, "of another layout")):

@@ -22,10 +22,10 @@ from scenarionet_data.generation.frames import HEADING  # noqa: E402
 from scenarionet_data.generation.scores import score_placement  # noqa: E402
 from scenarionet_data.generation.snapshots import TrafficConfig, read_moments  # noqa: E402
 from scenarionet_data.generation.traffic_model import TrafficModel, from_lane, placement_loss, to_lane  # noqa: E402
-from scenarionet_data.generation.training import load, make_config, train  # noqa: E402
+from scenarionet_data.generation.training import load, train  # noqa: E402
 from scenarionet_data.generation.writing import GenerationChoice, generate  # noqa: E402
+from scenarionet_data.learning.fitting import FitRun, weights_digest  # noqa: E402
 from scenarionet_data.storage import checkpoints  # noqa: E402
-from scenarionet_data.storage.fitting import weights_digest  # noqa: E402
 from scenarionet_data.storage.snapshots import commit as commits  # noqa: E402
 from scenarionet_data.variations.limits import check_limits  # noqa: E402
 from scenarionet_sim import evaluate  # noqa: E402
@@ -42,7 +42,7 @@ def lake(tmp_path_factory):
     convert("pg", "0:6", root, version="v2")
     lake = Lake(root)
     lake.filter("TRUE", name="recorded")
-    train(lake, "recorded", CONFIG, run="model")
+    train(FitRun(lake, "recorded", "model"), CONFIG)
     return lake
 
 
@@ -59,14 +59,14 @@ def test_interrupted_training_goes_on_to_the_same_weights(lake):
         raise Killed
 
     with pytest.raises(Killed):
-        train(lake, "recorded", CONFIG, run="parts", on_epoch=kill)
-    continued, whole = train(lake, "recorded", CONFIG, run="parts"), load(lake, "model")
+        train(FitRun(lake, "recorded", "parts", on_epoch=kill), CONFIG)
+    continued, whole = train(FitRun(lake, "recorded", "parts"), CONFIG), load(lake, "model")
     for name, value in whole.state_dict().items():
         assert torch.equal(value, continued.state_dict()[name])
 
 
 def test_training_lowers_the_losses(lake):
-    train(lake, "recorded", replace(CONFIG, epochs=12, rate=5e-3), run="longer", tests=("recorded",))
+    train(FitRun(lake, "recorded", "longer", tests=("recorded",)), replace(CONFIG, epochs=12, rate=5e-3))
     rows = lake.sql("SELECT learned FROM training WHERE run = 'longer' AND test IS NOT NULL ORDER BY round")["learned"]
     first, last = json.loads(rows[0]), json.loads(rows[-1])
     assert last["placement"] < first["placement"] - 1.0 and last["motion"] < 0.95 * first["motion"]
@@ -194,8 +194,8 @@ def kill_after(calls):
 
 def test_mistakes_are_said(lake, tmp_path, monkeypatch):
     with pytest.raises(BadParameter, match="no setting 'widht'"):
-        make_config({"widht": "3"})
-    forecaster.train(lake, "recorded", forecaster.ForecasterConfig(epochs=1, stride=5.0), run="other")
+        TrafficConfig.parse({"widht": "3"})
+    forecaster.train(FitRun(lake, "recorded", "other"), forecaster.ForecasterConfig(epochs=1, stride=5.0))
     with pytest.raises(LakeError, match=r"is not of a traffic model.*traffic learn"):
         generate(lake, "recorded", "other", name="none")
     found = checkpoints.load(lake.files, "model")
@@ -214,7 +214,7 @@ def test_mistakes_are_said(lake, tmp_path, monkeypatch):
     with pytest.raises(BadParameter, match="all moments are on one map"):
         score_placement(lake, "model", one.name)
     with pytest.raises(BadParameter, match="no moment of its scenarios shows 99 vehicles"):
-        train(lake, "one", replace(CONFIG, min_vehicles=99), run="none")
+        train(FitRun(lake, "one", "none"), replace(CONFIG, min_vehicles=99))
     for wrong in ({"duration": 0.5}, {"number": 0}, {"vehicles": -1}):
         with pytest.raises(BadParameter):
             GenerationChoice(**wrong)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scenarionet_pipelines.cli.interrupt import keeping
 from scenarionet_pipelines.cli.output import count
 from scenarionet_pipelines.cli.verb import PARAMETERS, Choosing, DatabaseVerb, Progressing, option
+
+if TYPE_CHECKING:
+    from scenarionet_data.learning.fitting import FitConfig, FitRun
 
 
 class EpochsVerb(DatabaseVerb, Choosing, Progressing):
@@ -18,15 +21,18 @@ class EpochsVerb(DatabaseVerb, Choosing, Progressing):
     parameters: tuple[str, ...] = PARAMETERS
     tests: tuple[str, ...] = option("Measure on this database after each epoch; repeatable.", "--test", metavar="NAME")
 
-    def fit(self, run: str, epochs: int, train: Callable[..., object], following: str) -> None:
+    def fit(self, run: str, config: FitConfig, train: Callable[[FitRun, Any], object], following: str) -> None:
         """Train, and print the means of each epoch.
 
         Args:
             run: Name of the run.
-            epochs: Number of epochs.
-            train: Takes lake, database, run, seed, tests and what is called with the rows of each epoch.
+            config: Settings.
+            train: Trains, given the run and the settings.
             following: The command that uses what was learned.
         """
+        from scenarionet_data.learning.fitting import FitRun  # needs torch
+
+        epochs = config.epochs
         curve: list[dict[str, Any]] = []
         with self.progress(f"train {run}", "epoch") as progress, keeping(lambda: f"checkpoints are kept in run {run}"):
             progress.update(0, epochs)
@@ -35,7 +41,7 @@ class EpochsVerb(DatabaseVerb, Choosing, Progressing):
                 curve.extend(rows)
                 progress.update(rows[0]["round"], epochs)
 
-            train(self.open(), self.saved(self.database), run=run, seed=self.seed, tests=self.tests, on_epoch=note)
+            train(FitRun(self.open(), self.saved(self.database), run, self.seed, self.tests, note), config)
         lines = []
         for row in curve:
             numbers = ", ".join(f"{name} {value:.3f}" for name, value in json.loads(row["learned"]).items())

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING
-
 from scenarionet_data.errors import needing
 from scenarionet_pipelines.cli.epochs import EpochsVerb
 from scenarionet_pipelines.cli.parameters import pairs
 from scenarionet_pipelines.cli.verb import option
-
-if TYPE_CHECKING:
-    from scenarionet_data.forecasts.forecaster import ForecasterConfig
 
 
 class FitVerb(EpochsVerb):
@@ -33,8 +27,8 @@ class FitVerb(EpochsVerb):
 
     def run(self) -> None:
         with needing("a forecaster needs torch", "learn"):
-            from scenarionet_data.forecasts.forecaster import make_config, train
-        config: ForecasterConfig = make_config(pairs(self.parameters, "-p"))
+            from scenarionet_data.forecasts.forecaster import ForecasterConfig, train
+        config = ForecasterConfig.parse(pairs(self.parameters, "-p"))
         run = self.name or f"{self.source(self.database)}-forecaster-seed{self.seed}".replace("@", ".")
         following = f"scenarionet forecast score {self.lake} --model {run} --database NAME"
-        self.fit(run, config.epochs, partial(train, config=config), following)
+        self.fit(run, config, train, following)

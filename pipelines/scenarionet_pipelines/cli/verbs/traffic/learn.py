@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import click
 
@@ -47,14 +45,13 @@ class LearnVerb(EpochsVerb):
             raise click.UsageError("--start belongs to --kind tokens")
         with needing("a model of traffic needs torch", "learn"):
             from scenarionet_data.generation import token_recordings, training
+            from scenarionet_data.generation.snapshots import TrafficConfig
+            from scenarionet_data.generation.token_model import TokenConfig
         given = pairs(self.parameters, "-p")
-        train: Callable[..., Any]
         if self.kind == "tokens":
-            tokens = token_recordings.make_config(given)
-            epochs, train = tokens.epochs, partial(token_recordings.train, config=tokens, start=self.start)
             following = f"scenarionet sim {self.lake} DATABASE --policy idm --traffic model:{self.name}"
+            learn = partial(token_recordings.train, start=self.start)
+            self.fit(self.name, TokenConfig.parse(given), learn, following)
         else:
-            config = training.make_config(given)
-            epochs, train = config.epochs, partial(training.train, config=config)
             following = f"scenarionet traffic generate {self.lake} DATABASE --model {self.name} --name NAME"
-        self.fit(self.name, epochs, train, following)
+            self.fit(self.name, TrafficConfig.parse(given), training.train, following)

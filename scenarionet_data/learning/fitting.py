@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from dataclasses import asdict, dataclass
+from types import MappingProxyType
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 import torch
@@ -16,11 +17,9 @@ from torch import Tensor, nn
 from xxhash import xxh3_64
 
 from scenarionet_data.errors import BadParameter, LakeError
+from scenarionet_data.query.lake_view import LakeView
 from scenarionet_data.storage import checkpoints, evaluation_runs
 from scenarionet_data.storage.files.lake_files import LakeFiles
-
-_Config = TypeVar("_Config")
-_Model = TypeVar("_Model", bound=nn.Module)
 
 BatchLosses = Mapping[str, Tensor]
 """BatchLosses of a batch by name, whose sum is minimised."""
@@ -29,24 +28,55 @@ OnEpoch = Callable[[list[dict[str, Any]]], None]
 """Called after each epoch with its rows of the table ``training``: of the training, and of each test."""
 
 
-class FitSettings(Protocol):
-    """What the settings of every training have: the rate falls along a cosine to 0."""
+@dataclass(frozen=True)
+class FitConfig:
+    """Settings of every training of a network; those that learn something derive theirs from it.
 
-    @property
-    def epochs(self) -> int:
-        """Times that all samples are seen."""
+    Attributes:
+        kind: What is trained, the name of its settings in the description of a run.
+        command: The command that trains it.
+        clip: Largest norm of the gradient.
+        size: Width of features.
+        epochs: Times that all samples are seen.
+        batch_size: Samples of a batch.
+        rate: Learning rate at the beginning; it falls along a cosine to 0.
+        decay: Weight decay.
+    """
 
-    @property
-    def batch_size(self) -> int:
-        """Samples of a batch."""
+    kind: ClassVar[str]
+    command: ClassVar[str]
+    clip: ClassVar[float] = 1.0
 
-    @property
-    def rate(self) -> float:
-        """Learning rate at the beginning."""
+    size: int = 64
+    epochs: int = 2
+    batch_size: int = 16
+    rate: float = 1e-3
+    decay: float = 1e-2
 
-    @property
-    def decay(self) -> float:
-        """Weight decay."""
+    def __post_init__(self) -> None:
+        heads = getattr(self, "heads", 1)  # of attention, in some networks
+        if self.size % heads:
+            raise BadParameter(f"size: wanted a multiple of heads, {heads}, found {self.size}")
+
+    @classmethod
+    def parse(cls, given: Mapping[str, str]) -> Self:
+        """Return settings with some values as texts.
+
+        Raises:
+            BadParameter: There is no such setting, or a value is not a positive number of its type, or they contradict.
+        """
+        kinds = {name: type(value) for name, value in asdict(cls()).items()}
+        values: dict[str, Any] = {}
+        for name, text in given.items():
+            if name not in kinds:
+                raise BadParameter(f"a {cls.kind} has no setting {name!r}; it has {', '.join(kinds)}")
+            try:
+                values[name] = kinds[name](text)
+            except ValueError as error:
+                raise BadParameter(f"{name}: wanted {kinds[name].__name__}, found {text!r}") from error
+            if not 0 < values[name] < np.inf:
+                raise BadParameter(f"{name}: wanted a number above 0, found {text}")
+        return cls(**values)
 
 
 @dataclass(frozen=True)
@@ -54,38 +84,41 @@ class FitRun:
     """A training run of a lake.
 
     Attributes:
-        files: The lake.
-        name: Name of the run.
-        description: Everything that the weights depend on, JSON-serialisable.
+        lake: The lake.
+        database: Database whose scenarios are learned from.
+        name: Name of the run, which has the checkpoints and the curve.
+        seed: Seed of weights, order and random changes of samples.
+        tests: Databases that the model is measured on after each epoch.
+        on_epoch: Called after each epoch.
     """
 
-    files: LakeFiles
+    lake: LakeView
+    database: str
     name: str
-    description: Mapping[str, Any]
+    seed: int = 0
+    tests: tuple[str, ...] = ()
+    on_epoch: OnEpoch | None = None
 
 
 def fit(
     run: FitRun,
     model: nn.Module,
-    config: FitSettings,
+    config: FitConfig,
     count: int,
     losses: Callable[[int], Iterator[BatchLosses]],
     measure: Callable[[], Mapping[str, Mapping[str, float]]] = dict,
-    *,
-    clip: float = 1.0,
-    on_epoch: OnEpoch | None = None,
+    facts: Mapping[str, Any] = MappingProxyType({}),
 ) -> None:
     """Train a model with AdamW, on its device, to the end of its epochs.
 
     Args:
-        run: The run, which has the checkpoints and the curve.
+        run: The run.
         model: The model, as it was made from the seed.
         config: Settings.
         count: Samples of an epoch.
         losses: Yields the losses of the batches of an epoch, given its number; it draws what is random from that.
         measure: Returns what tests say after an epoch, by the name of the test.
-        clip: Largest norm of the gradient.
-        on_epoch: Called after each epoch.
+        facts: What else the weights depend on, JSON-serialisable.
 
     Raises:
         BadParameter: There is no sample, or another run has this name.
@@ -96,8 +129,16 @@ def fit(
     optimizer = torch.optim.AdamW(model.parameters(), lr=config.rate, weight_decay=config.decay)
     total = max(1, config.epochs * -(-count // config.batch_size))
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: 0.5 + 0.5 * np.cos(np.pi * step / total))
-    claimed = evaluation_runs.claim(run.files, run.name, ("training",), run.description)
-    begun = checkpoints.load(run.files, run.name)
+    description = {
+        "database": run.lake.record(run.database).reference,
+        config.kind: asdict(config),
+        "seed": run.seed,
+        "tests": list(run.tests),
+        **facts,
+    }
+    files = run.lake.files
+    claimed = evaluation_runs.claim(files, run.name, ("training",), description)
+    begun = checkpoints.load(files, run.name)
     if begun is not None:
         restore(model, begun)
         _restore_optimizer(optimizer, schedule, begun)
@@ -107,7 +148,7 @@ def fit(
         for batch in losses(epoch):
             optimizer.zero_grad()
             sum(batch.values(), torch.zeros(())).backward()
-            nn.utils.clip_grad_norm_(model.parameters(), clip)
+            nn.utils.clip_grad_norm_(model.parameters(), config.clip)
             optimizer.step()
             schedule.step()
             found.append({name: value.detach() for name, value in batch.items()})
@@ -117,43 +158,23 @@ def fit(
             for test, each in [(None, means), *measure().items()]
         ]
         claimed.publish(epoch + 1, {"training": rows})
-        checkpoints.save(run.files, run.name, _checkpoint(epoch + 1, model, optimizer, schedule))
-        if on_epoch is not None:
-            on_epoch(rows)
+        checkpoints.save(files, run.name, _checkpoint(epoch + 1, model, optimizer, schedule))
+        if run.on_epoch is not None:
+            run.on_epoch(rows)
 
 
-def parse_settings(given: Mapping[str, str], defaults: Mapping[str, int | float], what: str) -> dict[str, Any]:
-    """Return settings, given as texts, as numbers of the types of their defaults.
-
-    Raises:
-        BadParameter: There is no such setting, or a value is not a positive number of its type.
-    """
-    kinds: dict[str, type[int] | type[float]] = {
-        name: int if isinstance(value, int) else float for name, value in defaults.items()
-    }
-    values: dict[str, Any] = {}
-    for name, text in given.items():
-        if name not in kinds:
-            raise BadParameter(f"{what} has no setting {name!r}; it has {', '.join(kinds)}")
-        try:
-            values[name] = kinds[name](text)
-        except ValueError as error:
-            raise BadParameter(f"{name}: wanted {kinds[name].__name__}, found {text!r}") from error
-        if not 0 < values[name] < np.inf:
-            raise BadParameter(f"{name}: wanted a number above 0, found {text}")
-    return values
+_Config = TypeVar("_Config", bound=FitConfig)
+_Model = TypeVar("_Model", bound=nn.Module)
 
 
 def load_model(
-    files: LakeFiles, run: str, kind: str, fit: str, config_type: type[_Config], model_type: Callable[[_Config], _Model]
+    files: LakeFiles, run: str, config_type: type[_Config], model_type: Callable[[_Config], _Model]
 ) -> tuple[_Model, _Config]:
     """Return the model of a training run whose description has its settings under the name of its kind.
 
     Args:
         files: The lake.
         run: Name of the run.
-        kind: Name of what is trained, for example ``forecaster``.
-        fit: The command that trains it.
         config_type: Class of its settings.
         model_type: Its class.
 
@@ -161,13 +182,14 @@ def load_model(
         LakeError: There is no such run, it is not of that kind or of another layout, it has no checkpoint yet, or its
             weights are not finite.
     """
+    kind, advice = config_type.kind, f"train one: {config_type.command}"
     if run not in evaluation_runs.names(files):
-        raise LakeError(f"{files.root} has no run {run}; train one: {fit}")
+        raise LakeError(f"{files.root} has no run {run}; {advice}")
     described = evaluation_runs.describe(files, run)
     found = checkpoints.load(files, run)
     if kind not in described or found is None:
         what = "has no checkpoint yet" if kind in described else f"is not of a {kind}"
-        raise LakeError(f"run {run} of {files.root} {what}; train one: {fit}")
+        raise LakeError(f"run {run} of {files.root} {what}; {advice}")
     broken = [name for name, values in found.arrays.items() if not np.isfinite(values).all()]
     if broken:
         raise LakeError(

@@ -1,0 +1,1 @@
+"""Learning from recordings: what trainings of forecasters and of traffic share, see :mod:`.fitting`."""
