@@ -95,7 +95,8 @@ def compact(
 
     Args:
         lake: The lake, its folder or its URL.
-        profile: ``training``: one scenario per row group, up to 64 per file; ``analytics``: 16 and up to 1,024.
+        profile: ``training``: one scenario per row group, up to 64 per file; ``analytics``: 16 and up to 1,024;
+            ``archive``: as ``training``, in zstd.
         where: Shell patterns for ``dataset``, ``version`` and ``split``; all shards by default.
         workers: Number of processes.
         executor: Rewrites the bins instead of local processes, for example on a cluster.

@@ -188,21 +188,25 @@ class Table:
         """Find a column, stored or derived."""
         return next(column for column in (*self.columns, *self.derived) if column.name == name)
 
-    def writer_options(self, sample: pa.Table | pa.RecordBatch | None = None) -> dict[str, Any]:
+    def writer_options(
+        self, sample: pa.Table | pa.RecordBatch | None = None, zstd_level: int | None = None
+    ) -> dict[str, Any]:
         """Options of ``pyarrow.parquet.ParquetWriter`` (measured: see docs/explanation/architecture.md).
 
         Args:
             sample: The first rows of the file, which show the columns with most bytes; all list columns without it.
+            zstd_level: Compress all columns with zstd of this level, for archives.
         """
         compression, levels, encodings = dict[str, str](), dict[str, int](), dict[str, str]()
         dictionaries, statistics = list[str](), list[str]()
         for column in self.columns:
-            # In zstd, scenarios would be a tenth smaller, and take three times as long to load.
             is_bulky = column.element == "json" and self.name not in LOADED
             is_bulky = is_bulky and (sample is None or sample.column(column.name).nbytes >= _BULKY)
-            compression[column.path] = "zstd" if is_bulky else "lz4"
-            if is_bulky:
-                levels[column.path] = 2
+            # The kernels of the loader know dictionaries in LZ4 only.
+            is_zstd = is_bulky or (zstd_level is not None and column.element != "dictionary")
+            compression[column.path] = "zstd" if is_zstd else "lz4"
+            if is_zstd:
+                levels[column.path] = zstd_level or 2
             if column.element == "dictionary":
                 dictionaries.append(column.path)  # ids are unique: a dictionary would save nothing
             elif column.is_list and column.element not in ("string", "json"):
@@ -229,7 +233,11 @@ class Table:
         return self.writer_options()
 
     def writer(
-        self, path: Path, footer: Mapping[str, str], sample: pa.Table | pa.RecordBatch | None = None
+        self,
+        path: Path,
+        footer: Mapping[str, str],
+        sample: pa.Table | pa.RecordBatch | None = None,
+        zstd_level: int | None = None,
     ) -> pq.ParquetWriter:
         """Open a file of this table for writing.
 
@@ -237,8 +245,9 @@ class Table:
             path: The file.
             footer: Further entries for the file's footer.
             sample: The first rows that will be written, see :meth:`writer_options`.
+            zstd_level: See :meth:`writer_options`.
         """
-        options = self._options if sample is None else self.writer_options(sample)
+        options = self._options if sample is None else self.writer_options(sample, zstd_level)
         writer = pq.ParquetWriter(path, self.schema, **options)
         writer.add_key_value_metadata({"scenarionet.schema": self.tag, **footer, **SEALED})
         return writer

@@ -15,10 +15,11 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scenarionet_data import ScenarioLoader
+from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.conversion import convert
 from scenarionet_data.converters.formats.tfrecord import masked_crc
 from scenarionet_data.export import export
+from scenarionet_data.maintenance import compact
 from tests.bench.measure import Figure, in_fresh_process
 from tests.fixtures import argoverse1, scenarionet_pickles
 
@@ -119,12 +120,21 @@ def _bytes(root: Path, recordings: Path) -> Iterator[Figure]:
         loader = ScenarioLoader(lake)
         exported = root / f"{lake.name}-pickles"
         export(iter(loader), exported)
-        stored = sum(path.stat().st_size for table in ("tracks", "lights", "maps", "metadata")
-                     for path in (lake / table).rglob("*.parquet"))  # fmt: skip
         pickled = sum(path.stat().st_size for path in exported.glob("sd_*.pkl"))
+        stored = _stored(lake)
         goal = "<= 0.3" if name.startswith("waymo") else ""
         yield Figure(f"{name}: stored bytes over exported pickles", stored / pickled, "", goal)
         yield Figure(f"{name}: stored bytes per scenario", stored / len(loader) / 1000, "kB", "", "prototype 194 kB")
+        compact(lake, "archive")
+        goal = {"waymo": "<= 0.24", "argoverse2": "<= 0.21", "pg": "<= 0.13"}[name.split()[0]]
+        yield Figure(f"{name}: bytes of an archive over exported pickles", _stored(lake) / pickled, "", goal)
+
+
+def _stored(root: Path) -> int:
+    """Bytes of all that scenarios are loaded from."""
+    lake = Lake(root)
+    return sum(Path(path).stat().st_size for table in ("tracks", "lights", "maps", "metadata")
+               for path in lake.paths(table))  # fmt: skip
 
 
 def waymo_raw(folder: Path, recordings: Path | None, count: int) -> Path:

@@ -40,7 +40,7 @@ def figures(recordings: Path | None) -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         root = recorded_lake(Path(folder), recordings, _PER_SHARD).root
         yield from _state(root, "as converted")
-        for profile in ("analytics", "training"):
+        for profile in ("analytics", "archive", "training"):
             started = time.process_time()
             done = compact(root, profile)
             took = 1e3 * (time.process_time() - started) / done.scenarios

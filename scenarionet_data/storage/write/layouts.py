@@ -1,4 +1,4 @@
-"""File layouts: one scenario per row group for training (as converted), or many together for analytics.
+"""File layouts: one scenario per row group for training (as converted) and archives, or many together for analytics.
 
 The name of a shard's metadata file tells which layout the shard was rewritten to, without opening the file.
 """
@@ -15,7 +15,7 @@ from scenarionet_data.errors import BadParameter
 from scenarionet_data.storage.snapshots.shard_record import ShardRecord, partition
 from scenarionet_data.storage.write.shard_writer import SCENARIOS_PER_FILE
 
-_MARK = re.compile(r"-(training|analytics)-([0-9a-f]{16})\.parquet$")
+_MARK = re.compile(r"-(training|analytics|archive)-([0-9a-f]{16})\.parquet$")
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,13 @@ class Layout:
         name: The purpose.
         scenarios_per_group: Scenarios that share a row group.
         scenarios_per_file: Scenarios in a file at most.
+        zstd_level: Level of zstd for all columns; those that scenarios are decoded from are in LZ4 by default.
     """
 
     name: str
     scenarios_per_group: int
     scenarios_per_file: int
+    zstd_level: int | None = None
 
     def num_files(self, num_scenarios: int) -> int:
         """Files of each table for this number of scenarios."""
@@ -40,6 +42,7 @@ class Layout:
 LAYOUTS = {
     "training": Layout("training", 1, SCENARIOS_PER_FILE),
     "analytics": Layout("analytics", 16, 1024),
+    "archive": Layout("archive", 1, SCENARIOS_PER_FILE, zstd_level=9),
 }
 
 

@@ -37,6 +37,7 @@ class FileWriter:
         name: Name of the files, up to their number.
         footer: Entries for their footers.
         scenarios_per_group: Scenarios in a row group.
+        zstd_level: See :class:`.Layout`.
 
     Attributes:
         published: The files.
@@ -50,12 +51,13 @@ class FileWriter:
         name: str,
         footer: Mapping[str, str],
         scenarios_per_group: int = 1,
+        zstd_level: int | None = None,
     ) -> None:
         self.published: list[Sealed] = []
         self._rows = {table: ScenarioRows(source, table) for table in tables.LOADED}
         self._target, self._folder, self._name = target, folder, name
         self._footer = {**footer, "scenarionet.source": " ".join((*folder, name))}
-        self._per_group = scenarios_per_group
+        self._per_group, self._zstd_level = scenarios_per_group, zstd_level
         self._number = 0
 
     def write(self, metadata: pa.Table) -> pa.Table:
@@ -88,7 +90,7 @@ class FileWriter:
                     rows_of += [ids[number]] * parts[-1].num_rows
                 held.append(rows_of)
                 rows = declared.conform(pa.concat_tables(parts, promote_options="default"))
-                writer = writer or stack.enter_context(declared.writer(temporary, footer, rows))
+                writer = writer or stack.enter_context(declared.writer(temporary, footer, rows, self._zstd_level))
                 writer.write_table(rows, row_group_size=rows.num_rows)
         key = "map_id" if table == "maps" else "scenario_id"
         with reading(temporary), pq.ParquetFile(temporary) as file:

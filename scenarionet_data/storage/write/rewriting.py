@@ -77,4 +77,4 @@ def writer_for(files: LakeFiles, record: ShardRecord, layout: Layout, unit: str)
     """Writer of the files of rewritten shards, one of which is ``record``."""
     footer = provenance(files, [str(record.metadata_file)]) | {"scenarionet.profile": layout.name}
     folder, name = (record.dataset, record.version, record.split), f"{layout.name}-{unit}"
-    return FileWriter(files, files, folder, name, footer, layout.scenarios_per_group)
+    return FileWriter(files, files, folder, name, footer, layout.scenarios_per_group, layout.zstd_level)

@@ -10,7 +10,10 @@ from scenarionet_data.errors import BadParameter, NoSuchSnapshot
 from scenarionet_data.maintenance import bin_packing, compact, compaction, plan_compaction, vacuum
 from scenarionet_data.packs.verifying import verify_pack
 from scenarionet_data.quality.checks import run_checks
+from scenarionet_data.schema import tables
+from scenarionet_data.schema.tables import LOADED
 from scenarionet_data.storage.files.local import LocalLakeFiles
+from scenarionet_data.storage.read.parquet import column_reader
 from scenarionet_data.storage.snapshots import manifests, metadata_files
 from scenarionet_data.storage.snapshots import snapshot as snapshots
 from tests.fixtures.made import NAME, write_raw
@@ -63,7 +66,26 @@ def test_training_profile_keeps_row_groups_of_conversion_in_fewer_files(root):
     check_whole(root)
 
 
-@pytest.mark.parametrize("profile", ["training", "analytics"])
+def test_archive_is_in_zstd_and_loads_without_arrow(root, monkeypatch):
+    before = content(Lake(root))
+    compact(root, "archive")
+    assert groups(root) == [[2] * 8]
+    for table in LOADED:
+        dictionaries = {column.path for column in tables.load(table).columns if column.element == "dictionary"}
+        for path in Lake(root).paths(table):
+            stored = pq.read_metadata(path).row_group(0)
+            for column in map(stored.column, range(stored.num_columns)):
+                assert column.compression == ("LZ4" if column.path_in_schema in dictionaries else "ZSTD")
+    with monkeypatch.context() as patch:
+        patch.setattr(column_reader.ColumnReader.__init__, "__defaults__", (None, 0))
+        patch.setattr(column_reader, "read_by_arrow", None)
+        assert content(Lake(root)) == before
+    check_whole(root)
+    compact(root, "training")
+    assert "ZSTD" not in str(pq.read_metadata(Lake(root).paths("tracks")[0]).row_group(0).to_dict())
+
+
+@pytest.mark.parametrize("profile", ["training", "analytics", "archive"])
 def test_second_compaction_does_nothing(root, profile):
     compact(root, profile)
     again = compact(root, profile)
@@ -101,7 +123,7 @@ def test_where_selects_partitions(raw, root):
     assert compact(root, where={"version": "v9"}).shards == 0
     with pytest.raises(BadParameter, match="where: unknown key 'city'; select by dataset, version, split"):
         compact(root, where={"city": "x"})
-    with pytest.raises(BadParameter, match="no profile 'speed'; choose one of training, analytics"):
+    with pytest.raises(BadParameter, match="no profile 'speed'; choose one of training, analytics, archive"):
         compact(root, "speed")
     with pytest.raises(NoSuchSnapshot, match="no lake there"):
         compact(raw)

@@ -23,6 +23,7 @@ class CompactVerb(LakeVerb, Distributed):
     training: one scenario per row group and up to 64 per file, as converted; loads random scenarios fastest.
     analytics: 16 scenarios per row group and up to 1,024 per file; files are smaller and SQL over tracks is faster,
     but loading a random scenario takes several times longer.
+    archive: as training, in zstd: 13 to 23 % smaller, but loading takes 1.6 to 1.9 times as long.
 
     Scenarios, ids and databases do not change. Other processes can read and convert at the same time. Files that
     already fit the profile are skipped, and work finished by an interrupted run is reused. The old files remain
@@ -32,10 +33,11 @@ class CompactVerb(LakeVerb, Distributed):
     examples = (
         "scenarionet maintain compact lake",
         "scenarionet maintain compact lake --profile analytics --workers 4",
+        "scenarionet maintain compact lake --profile archive",
         "scenarionet maintain compact lake --cluster tcp://10.0.0.5:8786",
         "scenarionet maintain compact lake --profile analytics --where dataset=waymo --where 'split=val*' --dry-run",
     )
-    profile: str = option("Access pattern to optimise for.", choices=("training", "analytics"), default="training")
+    profile: str = option("Use to optimise for.", choices=("training", "analytics", "archive"), default="training")
     where: tuple[str, ...] = option("Only matching datasets, versions or splits; repeatable.", metavar="KEY=PATTERN")
     dry_run: bool = option("Print what would be rewritten.")
 
