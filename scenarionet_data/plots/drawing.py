@@ -23,7 +23,7 @@ from scenarionet_data.plots.scene import Moment, Scene, Window
 from scenarionet_data.plots.style import new_figure, plain, styled
 from scenarionet_data.plots.topdown import DPI, TRAIL, TopDown
 from scenarionet_data.scenario.description import ScenarioDescription
-from scenarionet_data.scenario.settings import check_settings
+from scenarionet_data.scenario.settings import Count, Positive, check_settings
 from scenarionet_data.storage.files.places import local_path
 
 _RATIOS = 0.75, 1.8
@@ -170,15 +170,13 @@ class Drawing:
     """
 
     view: str | None = None
-    width: float = 100.0
-    size: int = 1000
-    speed: float = 1.0
+    width: Positive = 100.0
+    size: Count = 1000
+    speed: Positive = 1.0
     color_by: str | None = None
 
     def __post_init__(self) -> None:
         check_settings(self)
-        if not min(self.width, self.size, self.speed) > 0:
-            raise BadParameter(f"{self}: expected a width, a size and a speed above 0")
 
     def save(
         self,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import MISSING, fields, is_dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -18,8 +18,26 @@ def _all(kind: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, tuple | list) and all(isinstance(each, kind) for each in value)
 
 
+Positive = Annotated[float, "above 0"]
+NonNegative = Annotated[float, "0 or more"]
+Share = Annotated[float, "from 0 to 1"]
+Count = Annotated[int, "1 or more"]
+Natural = Annotated[int, "0 or more"]
+"""Types of settings within bounds, which :func:`check_settings` knows by these names; a subclass that gives a field
+another default repeats its type."""
+
+
+def _is_finite(value: Any) -> bool:
+    return is_number(value) and math.isfinite(value)
+
+
 _KINDS: dict[str, tuple[Callable[[Any], bool], str]] = {
-    "float": (lambda value: is_number(value) and math.isfinite(value), "a finite number"),
+    "float": (_is_finite, "a finite number"),
+    "Positive": (lambda value: _is_finite(value) and value > 0, "a number above 0"),
+    "NonNegative": (lambda value: _is_finite(value) and value >= 0, "a number of 0 or more"),
+    "Share": (lambda value: _is_finite(value) and 0 <= value <= 1, "a share from 0 to 1"),
+    "Count": (lambda value: is_count(value, 1), "a whole number of 1 or more"),
+    "Natural": (is_count, "a whole number of 0 or more"),
     "int": (lambda value: is_count(value, None), "a whole number"),
     "bool": (lambda value: isinstance(value, bool | np.bool_), "True or False"),
     "str": (lambda value: isinstance(value, str), "a text"),

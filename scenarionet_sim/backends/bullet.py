@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from scenarionet_data.arrays.dtypes import Float64, Int32
 from scenarionet_data.errors import BadParameter, MissingDependency
-from scenarionet_data.scenario.settings import check_settings
+from scenarionet_data.scenario.settings import Count, check_settings
 from scenarionet_sim.arrays.structures import OBJECTS
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
 from scenarionet_sim.backends.body_kernels import find_bodies, read_motion, write_motion
@@ -52,14 +52,12 @@ class Bullet:
     tyre_friction: float = 0.9
     body_friction: float = 0.5
     restitution: float = 0.1
-    substeps: int = SUBSTEPS
+    substeps: Count = SUBSTEPS
     iterations: int = 10
     max_asleep: int = 32
 
     def __post_init__(self) -> None:
         check_settings(self)
-        if self.substeps < 1:
-            raise BadParameter(f"substeps={self.substeps}; expected at least 1")
 
     def open(self, batch: WorldBatch) -> BulletSession:
         """Open a session with its own physics client (about 30 MB, 20 ms).

@@ -8,7 +8,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int32
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario.settings import check_settings
+from scenarionet_data.scenario.settings import Count, Positive, check_settings
 from scenarionet_sim.arrays.structures import OBJECTS
 from scenarionet_sim.backends.base import SUBSTEPS, Drive
 from scenarionet_sim.backends.bicycle_kernels import GRIP, MAX_STEER, NUM_COLUMNS, STEER_RATE, WHEELBASE, drive_bicycles
@@ -29,15 +29,13 @@ class Kinematic:
     """
 
     drive: Drive | Fleet = field(default_factory=Drive)
-    grip: float = 8.0
-    substeps: int = SUBSTEPS
+    grip: Positive = 8.0
+    substeps: Count = SUBSTEPS
 
     def __post_init__(self) -> None:
         check_settings(self)
         if not isinstance(self.drive, Drive | Fleet):
             raise BadParameter(f"drive={self.drive!r}; expected a Drive, or Fleet()")
-        if not (self.grip > 0.0 and self.substeps >= 1):
-            raise BadParameter(f"grip={self.grip}, substeps={self.substeps}; expected numbers above 0")
 
     def open(self, batch: WorldBatch) -> KinematicSession:
         """Open a session."""

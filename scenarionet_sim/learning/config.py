@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Literal, get_args
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.public_names import load_by_name
+from scenarionet_data.scenario.settings import Count, Natural, Positive, Share, check_settings
 from scenarionet_sim.task.task import TASKS
 
 TrafficDriver = Literal["replay", "idm"]
@@ -53,31 +54,27 @@ class LearnerConfig:
     is_guided: ClassVar[bool] = False
     """Whether ``Guidance`` follows the observation in training; the learner takes it off, and policies never see it."""
 
-    steps: int = 1_000_000
-    worlds: int = 64
-    seats: int = 1
+    steps: Count = 1_000_000
+    worlds: Count = 64
+    seats: Count = 1
     hidden: tuple[int, ...] = (128, 128)
     traffic: TrafficDriver = "replay"
     task: str = "paper"
     levels: int = 0
     promotion: float = 0.75
-    bins: int = 0
-    rate: float = 3e-4
-    gamma: float = 0.99
+    bins: Natural = 0
+    rate: Positive = 3e-4
+    gamma: Share = 0.99
     reward_scale: float = 1.0
-    checkpoint_every: int = 20
+    checkpoint_every: Count = 20
 
     def __post_init__(self) -> None:
-        for name in ("steps", "worlds", "seats", "checkpoint_every"):
-            if getattr(self, name) < 1:
-                raise BadParameter(f"{name}={getattr(self, name)}; expected at least 1")
-        if not self.rate > 0.0 or not 0.0 <= self.gamma <= 1.0:
-            raise BadParameter(f"rate={self.rate}, gamma={self.gamma}; expected rate > 0 and 0 <= gamma <= 1")
+        check_settings(self)
         if self.traffic not in get_args(TrafficDriver):
             raise BadParameter(f"traffic={self.traffic!r}; expected {' or '.join(get_args(TrafficDriver))}")
         if self.task not in (TASKS if self.seats == 1 else ("paper",)):
             raise BadParameter(f"task={self.task!r}; expected {' or '.join(TASKS)}; several agents have paper")
-        if self.bins == 1 or self.bins < 0:
+        if self.bins == 1:
             raise BadParameter(f"bins={self.bins}; expected 0 for continuous actions, or at least 2")
 
 
@@ -106,12 +103,12 @@ class PpoConfig(LearnerConfig):
         "spread": 0.6, "entropy": 1e-3, "steps": 1_000_000,
     })  # fmt: skip
 
-    steps: int = 20_000_000
+    steps: Count = 20_000_000
     hidden: tuple[int, ...] = (512, 256, 128)
-    rate: float = 1e-4
-    horizon: int = 782
-    epochs: int = 20
-    minibatch: int = 200
+    rate: Positive = 1e-4
+    horizon: Count = 782
+    epochs: Count = 20
+    minibatch: Count = 200
     smoothing: float = 0.95
     clip: float = 0.2
     value_weight: float = 0.5
@@ -119,12 +116,6 @@ class PpoConfig(LearnerConfig):
     entropy: float = 0.0
     longest_gradient: float = 0.5
     spread: float = 1.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("horizon", "epochs", "minibatch"):
-            if getattr(self, name) < 1:
-                raise BadParameter(f"{name}={getattr(self, name)}; expected at least 1")
 
 
 @dataclass(frozen=True)
@@ -139,13 +130,13 @@ class IppoConfig(PpoConfig):
         "minibatch": 1024,
     })  # fmt: skip
 
-    steps: int = 1_000_000
-    worlds: int = 4
-    seats: int = 50
+    steps: Count = 1_000_000
+    worlds: Count = 4
+    seats: Count = 50
     hidden: tuple[int, ...] = (256, 256)
-    horizon: int = 50
-    epochs: int = 10
-    minibatch: int = 512
+    horizon: Count = 50
+    epochs: Count = 10
+    minibatch: Count = 512
     value_weight: float = 1.0
     value_clip: float = 100.0
 
@@ -249,16 +240,16 @@ class Td3Config(LearnerConfig):
          "warm_up": 5_000, "noise": 0.3}
     )  # fmt: skip
 
-    rate: float = 1e-4
-    replay: int = 100_000
+    rate: Positive = 1e-4
+    replay: Count = 100_000
     warm_up: int = 25_000
-    minibatch: int = 100
+    minibatch: Count = 100
     updates: float = 1.0
-    horizon: int = 8
+    horizon: Count = 8
     noise: float = 0.1
     target_noise: float = 0.2
     target_clip: float = 0.5
-    delay: int = 2
+    delay: Count = 2
     tau: float = 0.005
 
 
@@ -278,30 +269,23 @@ class DaggerConfig(LearnerConfig):
     observation: ClassVar[str] = "route"
     is_guided: ClassVar[bool] = True
 
-    steps: int = 800_000
+    steps: Count = 800_000
     traffic: TrafficDriver = "idm"
     hidden: tuple[int, ...] = (256, 256)
-    rate: float = 2e-3
-    checkpoint_every: int = 1000
-    horizon: int = 32
-    replay: int = 400_000
-    minibatch: int = 1024
-    updates: int = 24
-    share: float = 1.0
-    half_life: float = 5.0
+    rate: Positive = 2e-3
+    checkpoint_every: Count = 1000
+    horizon: Count = 32
+    replay: Count = 400_000
+    minibatch: Count = 1024
+    updates: Count = 24
+    share: Share = 1.0
+    half_life: Positive = 5.0
     spread: float = 0.1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.bins:
             raise BadParameter(f"bins={self.bins}; dagger imitates continuous controls, expected 0")
-        for name in ("horizon", "replay", "minibatch", "updates"):
-            if getattr(self, name) < 1:
-                raise BadParameter(f"{name}={getattr(self, name)}; expected at least 1")
-        if not 0.0 <= self.share <= 1.0 or not self.half_life > 0.0:
-            raise BadParameter(
-                f"share={self.share}, half_life={self.half_life}; expected a share within [0, 1] and half_life > 0"
-            )
 
 
 ALGORITHMS: dict[str, str] = {

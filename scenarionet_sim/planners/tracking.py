@@ -11,8 +11,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float64
 from scenarionet_data.arrays.geometry import wrap_angle
-from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario.settings import check_settings
+from scenarionet_data.scenario.settings import Count, Positive, check_settings
 from scenarionet_sim.planners.base import Trajectory
 
 
@@ -120,8 +119,8 @@ class Lqr:
     heading_weight: float = 10.0
     steering_weight: float = 0.0
     rate_weight: float = 1.0
-    step: float = 0.1
-    horizon: int = 10
+    step: Positive = 0.1
+    horizon: Count = 10
     jerk_penalty: float = 1e-4
     curvature_rate_penalty: float = 1e-2
     stopping_gain: float = 0.5
@@ -133,8 +132,6 @@ class Lqr:
 
     def __post_init__(self) -> None:
         check_settings(self)
-        if not (self.step > 0.0 and self.horizon >= 1):
-            raise BadParameter(f"step={self.step}, horizon={self.horizon}; expected a time [s] and a count above 0")
 
     def wheelbase(self, length: float) -> float:
         """Return the distance between the axles of a vehicle [m]."""

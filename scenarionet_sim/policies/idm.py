@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.settings import Positive
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.idm_kernels import Law
 from scenarionet_sim.policies.motion_kernels import FOLLOW_PATH
@@ -41,21 +41,15 @@ class Idm(Policy):
     movement: ClassVar[int] = FOLLOW_PATH
 
     objects: ObjectMask = other_vehicles
-    headway: float = 1.5
-    acceleration: float = 2.0
-    deceleration: float = 3.0
-    standstill: float = 2.0
-    slowest: float = 5.0
-    lateral: float = 3.0
+    headway: Positive = 1.5
+    acceleration: Positive = 2.0
+    deceleration: Positive = 3.0
+    standstill: Positive = 2.0
+    slowest: Positive = 5.0
+    lateral: Positive = 3.0
     overlap: float = 0.3
-    hardest: float = 8.0
+    hardest: Positive = 8.0
     shortest: float = 2.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for number in ("headway", "acceleration", "deceleration", "standstill", "slowest", "lateral", "hardest"):
-            if not getattr(self, number) > 0.0:
-                raise BadParameter(f"Idm({number}={getattr(self, number)}): expected a positive number")
 
     def selects(self, world: World) -> Bool:
         """Return the mask (N,) of its objects that drive at all."""

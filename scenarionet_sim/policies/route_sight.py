@@ -7,13 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32, is_count
+from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.scenario.settings import Count, Positive
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
 from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.policies.idm import Idm
 from scenarionet_sim.policies.route_sight_kernels import LEADER, guide, observe_leaders
 from scenarionet_sim.policies.strip_kernels import SightMemory
-from scenarionet_sim.sensors.base import Sensor, require, require_located
+from scenarionet_sim.sensors.base import Sensor, require_located
 from scenarionet_sim.worlds.state import State
 from scenarionet_sim.worlds.world_batch import WorldBatch
 
@@ -37,16 +38,10 @@ class RouteTraffic(Sensor):
 
     low: ClassVar[float] = -1.0
 
-    objects: int = 2
+    objects: Count = 2
     margin: float = 0.3
-    range: float = 80.0
-    max_speed: float = 30.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require(is_count(self.objects, 1), f"RouteTraffic needs objects >= 1, found objects={self.objects}")
-        scales = self.range, self.max_speed
-        require(min(scales) > 0, f"range and max_speed must be above 0, found {scales}")
+    range: Positive = 80.0
+    max_speed: Positive = 30.0
 
     @property
     def shape(self) -> tuple[int, ...]:

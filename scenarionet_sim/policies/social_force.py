@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from scenarionet_data.arrays.dtypes import UInt8
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.settings import Positive
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.policies.objects import ObjectMask, OfType
@@ -37,22 +37,16 @@ class SocialForce(Policy):
     """
 
     objects: ObjectMask = pedestrians_and_cyclists
-    relaxation: float = 0.5
-    return_time: float = 2.0
+    relaxation: Positive = 0.5
+    return_time: Positive = 2.0
     strength: float = 7.0
-    reach: float = 0.3
+    reach: Positive = 0.3
     vehicle_strength: float = 10.0
-    vehicle_reach: float = 0.8
+    vehicle_reach: Positive = 0.8
     look_ahead: float = 1.0
     behind: float = 0.5
-    hurry: float = 1.3
+    hurry: Positive = 1.3
     horizon: float = 8.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for number in ("relaxation", "return_time", "reach", "vehicle_reach", "hurry"):
-            if not getattr(self, number) > 0.0:
-                raise BadParameter(f"SocialForce({number}={getattr(self, number)}): expected a positive number")
 
     def advance(self, batch: WorldBatch, now: State, then: State, driver: UInt8, policy_id: int, dt: float) -> None:
         """Write the next state of its objects, in a kernel of its own."""

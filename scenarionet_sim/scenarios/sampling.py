@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario.settings import check_settings
+from scenarionet_data.scenario.settings import Count, check_settings
 
 
 class Sampler(ABC):
@@ -151,19 +151,15 @@ class Curriculum:
         by: SQL expression over ``metadata`` to sort by, ascending.
     """
 
-    levels: int = 100
+    levels: Count = 100
     success: float = 0.75
-    episodes: int | None = None
+    episodes: Count | None = None
     by: str = "difficulty"
 
     def __post_init__(self) -> None:
         check_settings(self)
-        if self.levels < 1:
-            raise BadParameter(f"curriculum: expected levels >= 1, found {self.levels}")
         if not 0.0 < self.success <= 1.0:
             raise BadParameter(f"curriculum: expected 0 < success <= 1, found {self.success}")
-        if self.episodes is not None and self.episodes < 1:
-            raise BadParameter(f"curriculum: expected episodes >= 1, found {self.episodes}")
 
 
 class CurriculumSampler(Shuffled):

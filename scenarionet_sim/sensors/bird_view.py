@@ -11,6 +11,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Array, Float64, Int16, Int32
 from scenarionet_data.compiled.checking import unchecked
 from scenarionet_data.errors import BadParameter
+from scenarionet_data.scenario.settings import Natural, Positive
 from scenarionet_data.scenario.vocabulary import (
     AREAS_TO_DRIVE_ON,
     LIGHT_COLORS,
@@ -96,16 +97,14 @@ class BirdView(Sensor):
     dtype: ClassVar[type[np.generic]] = np.uint8
 
     size: int = 512
-    resolution: float = 0.2
+    resolution: Positive = 0.2
     heading_up: bool = True
     anchor: tuple[float, float] = (0.5, 0.5)
-    history: int = 0
+    history: Natural = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require(1 <= self.size <= 8192, f"size={self.size}; a bird's view has 1 to 8192 pixels along a side")
-        require(self.resolution > 0, f"BirdView needs a resolution above 0 m, found resolution={self.resolution}")
-        require(self.history >= 0, f"BirdView needs history >= 0, found history={self.history}")
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32, is_count
+from scenarionet_data.arrays.dtypes import Array, Int32
 from scenarionet_data.errors import BadParameter
-from scenarionet_data.scenario.settings import check_settings
+from scenarionet_data.scenario.settings import Count, Natural, NonNegative, Positive, check_settings
 from scenarionet_sim.cameras.channels import CHANNELS
 from scenarionet_sim.cameras.cuda.availability import require_cuda
 from scenarionet_sim.cameras.drawing import Optics, Rig, draw, poses_on, scaled_down
@@ -103,28 +103,28 @@ class Camera(Sensor):
         device: What draws: ``cpu``, or ``cuda`` for a graphics card of NVIDIA, which needs the extra ``cuda``.
     """
 
-    width: int = 640
-    height: int = 360
+    width: Count = 640
+    height: Count = 360
     fov: float = 1.2
     intrinsics: Intrinsics | None = None
     lens: str = "pinhole"
     distortion: tuple[float, ...] = ()
     mount: Mount = Mount()
     channels: tuple[str, ...] = ("rgb",)
-    range: float = 500.0
+    range: Positive = 500.0
     weather: Weather | None = DAY
     has_sidewalks: bool = True
     has_scenery: bool = True
     are_boxes: bool = False
     own: str = "hidden"
-    exposure: float = 1.0
+    exposure: Positive = 1.0
     vignette: float = 0.0
-    noise: float = 0.0
-    jitter: float = 0.0
+    noise: NonNegative = 0.0
+    jitter: NonNegative = 0.0
     supersampling: int = 1
     flow_time: float = 0.1
-    seed: int = 0
-    threads: int = 1
+    seed: Natural = 0
+    threads: Count = 1
     device: str = "cpu"
 
     def __post_init__(self) -> None:
@@ -136,10 +136,8 @@ class Camera(Sensor):
                 is_right and bool(np.isfinite(numbers).all()),
                 f"{name}={getattr(self, name)!r}; expected finite numbers",
             )
-        require(is_count(self.seed), f"seed={self.seed!r}; expected a whole number of 0 or more")
         for name in ("width", "height", "supersampling", "threads"):
             object.__setattr__(self, name, int(getattr(self, name)))  # kernels are compiled for one type
-        require(min(self.width, self.height) > 0, f"a camera needs pixels, found {self.width} x {self.height}")
         require(max(self.width, self.height) <= 16384, "a camera has at most 16384 pixels along a side")
         require(self.own in OWN_VIEWS, f"own={self.own!r}; choose from {', '.join(OWN_VIEWS)}")
         require(0 < self.fov < np.pi, f"a camera's fov is above 0 and below pi [rad], found fov={self.fov}")
@@ -153,10 +151,7 @@ class Camera(Sensor):
             require(min(self.intrinsics[:2]) > 0, f"intrinsics={self.intrinsics}; focal levels must be above 0")
         most = 4 if self.lens == "fisheye" else 5
         require(len(self.distortion) <= most, f"a {self.lens} has at most {most} coefficients of distortion")
-        require(self.range > 0 and self.exposure > 0, "a camera's range and exposure must be above 0")
-        require(min(self.noise, self.jitter) >= 0, "a camera's noise and jitter must be at least 0")
         require(1 <= self.supersampling <= 4, f"supersampling={self.supersampling}; expected 1 to 4")
-        require(self.threads > 0, f"threads={self.threads}; expected at least 1")
         require(self.device in DEVICES, f"device={self.device!r}; choose from {', '.join(DEVICES)}")
         require(
             self._num_bytes <= _MEMORY / 2,

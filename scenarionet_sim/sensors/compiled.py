@@ -10,8 +10,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32, is_count
-from scenarionet_sim.sensors.base import Sensor, add_noise, directions, require, require_located, table
+from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.scenario.settings import Count, NonNegative, Positive, Share
+from scenarionet_sim.sensors.base import Sensor, add_noise, directions, require_located, table
 from scenarionet_sim.sensors.observation_kernels import (
     OWN_MOTION,
     PIECES_NEAR,
@@ -84,19 +85,11 @@ class RaySensor(CompiledSensor):
 
     kind: ClassVar[int]
 
-    rays: int
-    range: float
+    rays: Count
+    range: Positive
     types: tuple[IntEnum, ...] | None
-    noise: float = 0.0
-    dropout: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        name = type(self).__name__
-        require(is_count(self.rays, 1), f"{name} needs at least one ray, found rays={self.rays}")
-        require(0 < self.range < np.inf, f"{name} needs a range above 0 m, found range={self.range}")
-        require(self.noise >= 0, f"the noise of {name} must be at least 0 m, found noise={self.noise}")
-        require(0 <= self.dropout <= 1, f"the dropout of {name} must be a probability, found dropout={self.dropout}")
+    noise: NonNegative = 0.0
+    dropout: Share = 0.0
 
     @property
     def shape(self) -> tuple[int, ...]:

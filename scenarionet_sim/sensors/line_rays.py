@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from scenarionet_data.scenario.settings import Count
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_road_edge, is_road_line
 from scenarionet_sim.sensors.base import map_types, require
 from scenarionet_sim.sensors.compiled import RaySensor
@@ -39,7 +40,7 @@ class LineRays(RaySensor):
 
     kind: ClassVar[int] = LINE_RAYS
 
-    rays: int = 12
+    rays: Count = 12
     range: float = 50.0
     types: tuple[MapFeatureType, ...] = ()
 

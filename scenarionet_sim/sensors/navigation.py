@@ -7,9 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Int32, is_count
+from scenarionet_data.arrays.dtypes import Array, Int32
+from scenarionet_data.scenario.settings import Count, Positive
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS
-from scenarionet_sim.sensors.base import Sensor, require, require_located
+from scenarionet_sim.sensors.base import Sensor, require_located
 from scenarionet_sim.sensors.compiled import CompiledSensor
 from scenarionet_sim.sensors.observation_kernels import WAY_AHEAD, SensorForm
 from scenarionet_sim.sensors.route_kernels import observe_light
@@ -32,15 +33,9 @@ class Navigation(CompiledSensor):
 
     low: ClassVar[float] = -1.0
 
-    points: int = 10
-    spacing: float = 2.0
-    range: float = 25.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require(is_count(self.points, 1), f"navigation needs at least one point, found points={self.points}")
-        scales = self.spacing, self.range
-        require(min(scales) > 0, f"spacing and range of navigation must be above 0 m, found {scales}")
+    points: Count = 10
+    spacing: Positive = 2.0
+    range: Positive = 25.0
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -65,11 +60,7 @@ class LightAhead(Sensor):
         range: Range along the path [m].
     """
 
-    range: float = 50.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require(self.range > 0, f"the range of LightAhead must be above 0 m, found range={self.range}")
+    range: Positive = 50.0
 
     @property
     def shape(self) -> tuple[int, ...]:

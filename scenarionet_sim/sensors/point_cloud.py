@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Array, Float64, Int32, is_count
+from scenarionet_data.arrays.dtypes import Array, Float64, Int32
+from scenarionet_data.scenario.settings import Count, NonNegative, Positive, Share
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.sensors.base import Sensor, add_noise, directions, require, visible_objects
 from scenarionet_sim.sensors.point_cloud_kernels import spin
@@ -34,28 +35,20 @@ class PointCloud(Sensor):
         dropout: Probability that a ray has no return.
     """
 
-    rings: int = 64
-    azimuths: int = 2048
-    range: float = 75.0
+    rings: Count = 64
+    azimuths: Count = 2048
+    range: Positive = 75.0
     lowest: float = -0.31
     highest: float = 0.04
-    mount: float = 2.0
+    mount: Positive = 2.0
     types: tuple[ObjectType, ...] | None = None
-    noise: float = 0.0
-    dropout: float = 0.0
+    noise: NonNegative = 0.0
+    dropout: Share = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require(
-            is_count(self.rings, 1) and is_count(self.azimuths, 1),
-            "a point cloud needs at least one ring and one azimuth",
-        )
-        require(self.range > 0, f"a point cloud needs a range above 0 m, found range={self.range}")
         level = -np.pi / 2 < self.lowest <= self.highest < np.pi / 2
         require(level, "a point cloud needs -pi/2 < lowest <= highest < pi/2 [rad]")
-        require(self.mount > 0, f"a point cloud needs a mount above 0 m, found mount={self.mount}")
-        require(self.noise >= 0, f"a point cloud's noise must be at least 0 m, found noise={self.noise}")
-        require(0 <= self.dropout <= 1, f"a point cloud's dropout must be a probability, found dropout={self.dropout}")
 
     @property
     def shape(self) -> tuple[int, ...]:

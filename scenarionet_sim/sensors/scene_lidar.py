@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Float32, Float64, Int32
+from scenarionet_data.scenario.settings import Count, NonNegative, Positive, Share
 from scenarionet_sim.cameras.classes import SemanticClass
 from scenarionet_sim.cameras.draw import codes
 from scenarionet_sim.cameras.draw import columns as at
@@ -57,29 +58,25 @@ class SceneLidar(Sensor):
     """
 
     elevations: tuple[float, ...]
-    azimuths: int = 1800
-    range: float = 100.0
+    azimuths: Count = 1800
+    range: Positive = 100.0
     mount: Mount = _ROOF
-    noise: float = 0.0
-    dropout: float = 0.0
+    noise: NonNegative = 0.0
+    dropout: Share = 0.0
     has_scenery: bool = True
     are_boxes: bool = False
     seed: int = 0
-    threads: int = 1
+    threads: Count = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         numbers = np.asarray(self.elevations)
         require(numbers.dtype.kind in "if", f"elevations={self.elevations!r}; expected angles [rad]")
-        require(bool(self.elevations) and self.azimuths > 0, "a lidar needs at least one ring and one azimuth")
+        require(bool(self.elevations), "a lidar needs at least one ring")
         require(max(len(self.elevations), self.azimuths) <= 16384, "a lidar has at most 16384 rings and azimuths")
         is_descending = all(a > b for a, b in pairwise(self.elevations))
         require(is_descending, "a lidar's elevations must descend")
         require(max(map(abs, self.elevations)) < np.pi / 2, "a lidar's elevations must be within (-pi/2, pi/2) [rad]")
-        require(self.range > 0, f"a lidar needs a range above 0 m, found range={self.range}")
-        require(self.noise >= 0, f"a lidar's noise must be at least 0 m, found noise={self.noise}")
-        require(0 <= self.dropout <= 1, f"a lidar's dropout must be a probability, found dropout={self.dropout}")
-        require(self.threads > 0, f"threads={self.threads}; expected at least 1")
 
     @property
     def shape(self) -> tuple[int, ...]:

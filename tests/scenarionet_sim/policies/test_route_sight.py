@@ -73,7 +73,7 @@ class TestRouteTraffic(SensorConformance):
             self.observed(replayed, agents=np.array([[0, 0]], np.int32))
 
     def test_parameters_out_of_range(self):
-        with pytest.raises(BadParameter, match="objects >= 1, found objects=0"):
+        with pytest.raises(BadParameter, match="objects=0; expected a whole number of 1 or more"):
             RouteTraffic(objects=0)
         with pytest.raises(BadParameter, match="above 0"):
             RouteTraffic(range=0.0)

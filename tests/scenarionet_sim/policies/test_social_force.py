@@ -103,5 +103,5 @@ def test_it_lets_a_car_pass_and_walks_on():
 
 
 def test_impossible_parameters_are_refused():
-    with pytest.raises(BadParameter, match=r"SocialForce\(reach=0.0\): expected a positive number"):
+    with pytest.raises(BadParameter, match=r"reach=0\.0; expected a number above 0"):
         SocialForce(reach=0.0)
