@@ -58,8 +58,10 @@ def get(name: str) -> Converter[Any]:
             return _instance(point.value)
     name = _ALIASES.get(name, name)
     if name not in _BUILTIN:
-        near = difflib.get_close_matches(name, [*names(), *_ALIASES], n=3) or names()
-        raise SourceNotFound(f"no converter {name!r}; did you mean {', '.join(near)}?")
+        near = ", ".join(difflib.get_close_matches(name, [*names(), *_ALIASES], n=3))
+        raise SourceNotFound(
+            f"no converter {name!r}; " + (f"did you mean {near}?" if near else f"expected {', '.join(names())}")
+        )
     return _instance(_BUILTIN[name])
 
 
