@@ -288,6 +288,8 @@ def judge(found: ComparisonResult, claim: Claim, claims: int = 1) -> tuple[Verdi
     said, interval = verdict(better - worse, are_flat=not moving and not unlearned, claims=claims)
     if claim.metric == "success" and min(better.mean(), worse.mean()) >= CEILING:
         return "inconclusive", interval, f"both succeed in {CEILING:.0%} or more: the test cannot tell"
+    if not (better - worse).any():
+        return said, interval, f"both have the same {claim.metric} with every seed: the test cannot tell"
     if moving:
         unlearned.insert(0, f"the curve of {' and of '.join(moving)} has not flattened")
     return said, interval, "; ".join(unlearned) or "all curves have flattened"
