@@ -91,16 +91,6 @@ class ForecasterConfig(FitConfig):
         """The map around the target."""
         return Polylines(self.polylines, points=10, spacing=2.0, radius=self.radius)
 
-    @property
-    def num_history(self) -> int:
-        """Timesteps of the history."""
-        return round(self.history / self.dt) + 1
-
-    @property
-    def num_future(self) -> int:
-        """Timesteps of the future."""
-        return round(self.future / self.dt)
-
 
 class Forecaster(nn.Module):
     """Predicts K trajectories of each sample's first agent, with logits."""
@@ -108,7 +98,7 @@ class Forecaster(nn.Module):
     def __init__(self, config: ForecasterConfig) -> None:
         super().__init__()
         size = config.size
-        self.history = _two_layers(config.num_history * 6 + 2, size)
+        self.history = _two_layers(config.window.num_history * 6 + 2, size)
         self.points = _two_layers(4, size)
         self.agent_type, self.line_type = nn.Embedding(_TYPES, size), nn.Embedding(_TYPES, size)
         layer = nn.TransformerEncoderLayer(size, config.heads, 2 * size, dropout=0.1, batch_first=True, norm_first=True)
@@ -118,9 +108,9 @@ class Forecaster(nn.Module):
             size, config.heads, 2 * size, dropout=0.1, batch_first=True, norm_first=True
         )
         self.decoder = nn.TransformerDecoder(decoder, 1)
-        self.path = _two_layers(size, 2 * config.num_future)
+        self.path = _two_layers(size, 2 * config.window.num_future)
         self.logit = _two_layers(size, 1)
-        steps = torch.arange(1, config.num_future + 1)
+        steps = torch.arange(1, config.window.num_future + 1)
         self.register_buffer("time", config.dt * steps[:, None], persistent=False)
 
     def forward(self, batch: TensorBatch) -> tuple[Tensor, Tensor]:

@@ -98,7 +98,7 @@ def _most_probable(model: Forecaster) -> Predictor:
 
 def fan(config: ForecasterConfig) -> Predictor:
     """Return the floor of predictors with six modes: constant velocities that are slower, faster, or turned."""
-    times = config.dt * np.arange(1, config.num_future + 1)
+    times = config.dt * np.arange(1, config.window.num_future + 1)
     factors, angles = np.array(FAN).T
     turns = factors * np.array([[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]])
 
@@ -112,7 +112,7 @@ def fan(config: ForecasterConfig) -> Predictor:
 
 def constant_velocity(config: ForecasterConfig) -> Predictor:
     """Return the predictor that keeps the current velocity."""
-    times = config.dt * np.arange(1, config.num_future + 1)
+    times = config.dt * np.arange(1, config.window.num_future + 1)
 
     def predict(batch: TensorBatch) -> Array:
         velocity = batch["history"][:, 0, -1, 3:5].numpy()
@@ -130,7 +130,7 @@ def kalman_filter(config: ForecasterConfig, noise: float = 0.1, acceleration: fl
         noise: Standard deviation of a position [m].
         acceleration: Standard deviation of the acceleration [m/s^2], constant within a timestep.
     """
-    dt, times = config.dt, config.dt * np.arange(1, config.num_future + 1)
+    dt, times = config.dt, config.dt * np.arange(1, config.window.num_future + 1)
     move = np.array([[1.0, dt], [0.0, 1.0]])
     drift = acceleration**2 * np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
 

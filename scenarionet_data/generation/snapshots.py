@@ -113,10 +113,6 @@ class TrafficMoments(NamedTuple):
         """The moments at ``rows``."""
         return TrafficMoments(*(values[rows] for values in self))
 
-    def on_lanes(self) -> TrafficMoments:
-        """The moments with only those vehicles that have a lane vector, which a model can place."""
-        return self._replace(car_ok=self.car_ok & (self.cell >= 0))
-
 
 def make_scenes(sample: Sample, config: TrafficConfig) -> TrafficMoments:
     """Return the moments of a batch of samples, see :meth:`TrafficConfig.samples`."""

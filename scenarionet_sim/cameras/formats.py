@@ -29,17 +29,6 @@ def to_nv12(rgb: UInt8) -> UInt8:
     return out
 
 
-def from_nv12(picture: UInt8) -> UInt8:
-    """Convert NV12 (..., 3 H / 2, W) to pictures (..., H, W, 3)."""
-    rows, width = picture.shape[-2:]
-    height = rows * 2 // 3
-    luma = (picture[..., :height, :].astype(np.float32) - 16) * 255 / 219
-    chroma = picture[..., height:, :].reshape(*picture.shape[:-2], height // 2, width // 2, 2).astype(np.float32) - 128
-    u, v = (chroma[..., k].repeat(2, axis=-2).repeat(2, axis=-1) * 255 / 224 for k in (0, 1))
-    rgb = np.stack([luma + 1.402 * v, luma - 0.344136 * u - 0.714136 * v, luma + 1.772 * u], axis=-1)
-    return np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
-
-
 def add_pixel_noise(rgb: UInt8, spread: float, rng: np.random.Generator) -> None:
     """Add Gaussian noise of a standard deviation [levels] to pictures in place."""
     noisy = rgb + spread * rng.standard_normal(rgb.shape, np.float32)

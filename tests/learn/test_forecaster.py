@@ -93,12 +93,15 @@ def test_displacements_are_those_of_the_closest_mode():
 
 def test_kalman_filter_follows_a_straight_path():
     config = ForecasterConfig()
-    times = config.dt * np.arange(-config.num_history + 1, 1)
+    times = config.dt * np.arange(-config.window.num_history + 1, 1)
     path = np.stack([7.0 * times, -2.0 * times], axis=-1)
-    history = np.zeros((1, 2, config.num_history, 5))
+    history = np.zeros((1, 2, config.window.num_history, 5))
     history[0, 0, :, :2], history[0, 0, :, 3:] = path, (7.0, -2.0)
-    batch = {"history": torch.from_numpy(history), "history_valid": torch.ones((1, 2, config.num_history), dtype=bool)}
-    ahead = config.dt * np.arange(1, config.num_future + 1)[:, None] * (7.0, -2.0)
+    batch = {
+        "history": torch.from_numpy(history),
+        "history_valid": torch.ones((1, 2, config.window.num_history), dtype=bool),
+    }
+    ahead = config.dt * np.arange(1, config.window.num_future + 1)[:, None] * (7.0, -2.0)
     assert kalman_filter(config)(batch)[0, 0] == pytest.approx(ahead, abs=1e-6)
 
 

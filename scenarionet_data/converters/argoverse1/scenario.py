@@ -73,10 +73,15 @@ def describe(
     ego, targets = recording.ego, [recording.ids[row] for row in recording.targets]
     position = np.concatenate([motion.position, np.zeros((*motion.valid.shape, 1))], axis=-1)
     origin = make_origin(position[ego], motion.valid[ego], has_z=False)
-    crop = None if city is None else _window(motion, ego, origin, options.radius)
-    roads = None if city is None or crop is None else _roads(city, crop, origin)
-    if roads is not None and not len(roads):
-        defects.assume_empty_map(file)
+    crop = roads = None
+    if city is not None:  # the box around the ego's path with a margin, in the scenario's frame
+        path = motion.position[ego, motion.valid[ego]] - origin[:2]
+        min_x, min_y = (path.min(axis=0) - options.radius).tolist()
+        max_x, max_y = (path.max(axis=0) + options.radius).tolist()
+        crop, (x, y) = (min_x, min_y, max_x, max_y), origin[:2]
+        roads = city.crop((min_x + x, min_y + y, max_x + x, max_y + y), origin)
+        if not len(roads):
+            defects.assume_empty_map(file)
     return ScenarioDescription(
         id=scenario_id,
         dataset=shard.dataset,
@@ -109,18 +114,6 @@ def describe(
         },
         defects=defects.found(),
     )
-
-
-def _window(motion: Motion, ego: int, origin: Float64, radius: float) -> tuple[float, float, float, float]:
-    """Bounding box of the ego's path plus the margin, in the scenario's frame."""
-    path = motion.position[ego, motion.valid[ego]] - origin[:2]
-    (min_x, min_y), (max_x, max_y) = path.min(axis=0) - radius, path.max(axis=0) + radius
-    return float(min_x), float(min_y), float(max_x), float(max_y)
-
-
-def _roads(city: Argoverse1City, crop: tuple[float, float, float, float], origin: Float64) -> MapFeatures:
-    min_x, min_y, max_x, max_y = np.asarray(crop) + np.tile(origin[:2], 2)
-    return city.crop((min_x, min_y, max_x, max_y), origin)
 
 
 def _tracks(

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -147,7 +146,11 @@ class LyftRecording:
         rows = table.rows(0, len(table))
         if not is_text(rows["host"]).all():
             raise CorruptSource(f"{path / 'scenes'}: expected host to be text; download it again")
-        self.scenes = [_scene(index, row) for index, row in enumerate(rows)]
+        self.scenes = []
+        for index, row in enumerate(rows):
+            start, host = int(row["start_time"]), str(row["host"])
+            first, last = row["frame_index_interval"].tolist()
+            self.scenes.append(LyftScene(index, f"{host}-{start}", first, last, start, host))
 
     @property
     def num_frames(self) -> int:
@@ -247,9 +250,3 @@ def is_text(words: Array) -> Bool:
     is_character: Array = ~is_control & (codes < 0xD800) | ((codes > 0xDFFF) & (codes < 0x110000))
     known: Bool = np.logical_and.reduce(is_character, axis=1)
     return known
-
-
-def _scene(index: int, row: Any) -> LyftScene:
-    first, last = row["frame_index_interval"].tolist()
-    start, host = int(row["start_time"]), str(row["host"])
-    return LyftScene(index, f"{host}-{start}", first, last, start, host)

@@ -13,7 +13,7 @@ from scenarionet_data.scenario.vocabulary import MapFeatureType
 from scenarionet_sim.cameras.classes import CITYSCAPES, CLASS_COLORS, METADRIVE, SemanticClass
 from scenarionet_sim.cameras.draw.lens import project
 from scenarionet_sim.cameras.drawing import scaled_down
-from scenarionet_sim.cameras.formats import from_nv12, to_nv12
+from scenarionet_sim.cameras.formats import to_nv12
 from scenarionet_sim.cameras.lenses import lens_of, rays_of
 from scenarionet_sim.cameras.terrain import Terrain
 from scenarionet_sim.roads.heights import Heights
@@ -203,6 +203,17 @@ def test_channels_share_one_observation(drive):
 def test_classes_are_complete():
     for table in (CITYSCAPES, CLASS_COLORS, METADRIVE):
         assert set(table) == set(SemanticClass)
+
+
+def from_nv12(picture):
+    """Convert NV12 (..., 3 H / 2, W) to pictures (..., H, W, 3)."""
+    rows, width = picture.shape[-2:]
+    height = rows * 2 // 3
+    luma = (picture[..., :height, :].astype(np.float32) - 16) * 255 / 219
+    chroma = picture[..., height:, :].reshape(*picture.shape[:-2], height // 2, width // 2, 2).astype(np.float32) - 128
+    u, v = (chroma[..., k].repeat(2, axis=-2).repeat(2, axis=-1) * 255 / 224 for k in (0, 1))
+    rgb = np.stack([luma + 1.402 * v, luma - 0.344136 * u - 0.714136 * v, luma + 1.772 * u], axis=-1)
+    return np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
 
 
 def test_nv12_round_trip():
