@@ -20,7 +20,7 @@ from starlette.staticfiles import StaticFiles
 
 from scenarionet_data import Lake, errors, version
 from scenarionet_pipelines.messages import one_line, shorten
-from scenarionet_pipelines.web import clips
+from scenarionet_pipelines.web import choices, clips
 from scenarionet_pipelines.web.camera_views import SIZES, VIEWS, CameraView
 from scenarionet_pipelines.web.guards import BodyTooLarge, Guard
 from scenarionet_pipelines.web.picture import DARK_PICTURE, PICTURE
@@ -40,7 +40,8 @@ _IMMUTABLE = {"cache-control": "private, max-age=86400, immutable"}
 _NO_STORE = {"cache-control": "no-store"}
 
 _READING = (
-    "about", "rows", "facts", "scene", "thumbnail", "histogram", "events", "similar", "runs", "run", "clip", "camera"
+    "about", "rows", "facts", "scene", "thumbnail", "histogram", "events", "moments", "similar", "runs", "run", "clip",
+    "camera",
 )  # fmt: skip
 """Requests below ``/api`` that change nothing."""
 
@@ -80,6 +81,8 @@ class LakeRoutes:
                 "scenarios": self._count,
                 "columns": [asdict(column) for column in self._workers.columns.values()],
                 "databases": self.lake.databases,
+                "runs": choices.runs(self.lake),
+                "moments": choices.moments(self.lake),
                 "picture": PICTURE,
                 "darkPicture": DARK_PICTURE,
                 "events": TIMELINE_EVENTS,
@@ -102,6 +105,7 @@ class LakeRoutes:
             first=_number(parameters.get("first", "0"), range(2**31)),
             count=_number(parameters.get("count", "50"), range(1, MAX_ROWS + 1)),
             columns=wanted,
+            source=choices.source(parameters.get("run", "")),
         )
         question = partial(OpenLake.rows, query=query, database=parameters.get("database", ""))
         page = await self._workers.ask(question, request.is_disconnected)
@@ -112,14 +116,19 @@ class LakeRoutes:
         """Return the counts of a column's values in bins."""
         parameters = request.query_params
         where = parameters.get("where", "").strip() or "true"
-        column, database = parameters.get("column", ""), parameters.get("database", "")
-        question = partial(OpenLake.histogram, column=column, where=where, database=database)
+        column, database, run = (parameters.get(name, "") for name in ("column", "database", "run"))
+        question = partial(OpenLake.histogram, column=column, where=where, database=database, run=run)
         found = await self._workers.ask(question, request.is_disconnected)
         return JSONResponse(asdict(found), headers=_NO_STORE)
 
     async def events(self, request: Request) -> Response:
         """Return the occurrences of an event in a scenario, in seconds."""
         question = partial(OpenLake.events, scenario_id=_id(request), event=request.query_params.get("event", ""))
+        return JSONResponse(await self._workers.ask(question, request.is_disconnected), headers=_NO_STORE)
+
+    async def moments(self, request: Request) -> Response:
+        """Return the kept moments of a scenario."""
+        question = partial(OpenLake.moments, scenario_id=_id(request))
         return JSONResponse(await self._workers.ask(question, request.is_disconnected), headers=_NO_STORE)
 
     async def similar(self, request: Request) -> Response:
@@ -189,8 +198,8 @@ class LakeRoutes:
         """Save the scenarios that match the filter as a database."""
         if not self.is_writable:
             return JSONResponse({"error": "the server is read-only; start it with --write to save databases"}, 403)
-        name, where, parent = _texts(await request.body(), "name", "where", "database")
-        question = partial(OpenLake.save, name=name, where=where.strip() or "true", database=parent)
+        name, where, parent, run = _texts(await request.body(), "name", "where", "database", "run")
+        question = partial(OpenLake.save, name=name, where=where.strip() or "true", database=parent, run=run)
         reference, size = await self._workers.ask(question, request.is_disconnected)
         return JSONResponse({"reference": reference, "count": size, "databases": self.lake.databases})
 

@@ -32,7 +32,9 @@ class Histogram:
     missing: int
 
 
-def read_histogram(lake: Lake, column: str, where: str, known: Mapping[str, PageColumn]) -> Histogram:
+def read_histogram(
+    lake: Lake, column: str, where: str, known: Mapping[str, PageColumn], source: str = "metadata"
+) -> Histogram:
     """Count the values of a column; the limits are those of the whole lake or database, so that bins keep their place.
 
     Args:
@@ -40,6 +42,7 @@ def read_histogram(lake: Lake, column: str, where: str, known: Mapping[str, Page
         column: A numeric column.
         where: SQL condition over ``metadata``.
         known: The lake's columns by name.
+        source: SQL for the rows, see :func:`.choices.source`.
 
     Raises:
         UnsafeSql: The condition is not a single expression.
@@ -50,7 +53,7 @@ def read_histogram(lake: Lake, column: str, where: str, known: Mapping[str, Page
         raise BadParameter(f"no numeric column {column!r}; choose one from the page's list of columns")
     check_expression(where)
     value = f'CASE WHEN isfinite("{column}"::DOUBLE) THEN "{column}"::DOUBLE END'
-    limits = lake.arrow(f"SELECT min({value}), max({value}) FROM metadata").to_pylist()[0]
+    limits = lake.arrow(f"SELECT min({value}), max({value}) FROM {source}").to_pylist()[0]
     low, high = limits.values()
     if low is None:
         return Histogram(column, None, None, [], 0)
@@ -58,7 +61,7 @@ def read_histogram(lake: Lake, column: str, where: str, known: Mapping[str, Page
     first, last = math.floor(low / width), math.floor(high / width)
     query = (
         f"SELECT (floor({value} / $width) - $first)::INTEGER AS bin, count(*) AS n "
-        f"FROM metadata WHERE ({where}\n) GROUP BY bin"
+        f"FROM {source} WHERE ({where}\n) GROUP BY bin"
     )
     with explaining(where):
         rows = lake.arrow(query, {"first": first, "width": width}).to_pylist()

@@ -14,8 +14,9 @@ from starlette.concurrency import run_in_threadpool
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import QueryError
+from scenarionet_pipelines.web.choices import all_columns
 from scenarionet_pipelines.web.questions import Learnt, Question, answer_questions
-from scenarionet_pipelines.web.rows import PageColumn, columns
+from scenarionet_pipelines.web.rows import PageColumn
 
 _MAX_WORKERS = 4
 _POLL_INTERVAL = 0.2
@@ -50,7 +51,7 @@ class QuestionWorkers:
     """
 
     def __init__(self, lake: Lake, limits: Limits) -> None:
-        self.columns: dict[str, PageColumn] = {column.name: column for column in columns(lake)}
+        self.columns: dict[str, PageColumn] = {column.name: column for column in all_columns(lake)}
         self._lake = Lake(lake.root, lake.snapshot.number, lake.user_columns, max_memory=limits.memory)
         self._limits = limits
         self._free = asyncio.Semaphore(_MAX_WORKERS)

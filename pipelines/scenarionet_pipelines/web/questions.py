@@ -20,6 +20,8 @@ from scenarionet_data.embeddings.search import embeddings_of, similar
 from scenarionet_data.errors import BadParameter, ScenarioNetError
 from scenarionet_data.execution.worker import follow_parent
 from scenarionet_data.query.named_sql import EVENTS
+from scenarionet_data.query.statements import check_expression
+from scenarionet_pipelines.web.choices import moments_of, source
 from scenarionet_pipelines.web.histograms import Histogram, read_histogram
 from scenarionet_pipelines.web.rows import Page, PageColumn, PageQuery, plain, read_page
 
@@ -57,13 +59,17 @@ class OpenLake:
         reference = self.lake.database(database).reference  # a name alone means its newest version
         return self._view(reference, reference)
 
+    def moments(self, scenario_id: str) -> list[dict[str, Any]]:
+        """Return the kept moments of a scenario; see :func:`moments_of`."""
+        return moments_of(self.lake, scenario_id)
+
     def rows(self, query: PageQuery, database: str) -> Page:
         """Return the rows of a page of the table, restricted to a database if one is named; see :func:`read_page`."""
         return read_page(self._restricted(database), query, self.columns)
 
-    def histogram(self, column: str, where: str, database: str) -> Histogram:
+    def histogram(self, column: str, where: str, database: str, run: str) -> Histogram:
         """Count the values of a numeric column; see :func:`read_histogram`."""
-        return read_histogram(self._restricted(database), column, where, self.columns)
+        return read_histogram(self._restricted(database), column, where, self.columns, source(run))
 
     def events(self, scenario_id: str, event: str) -> list[dict[str, Any]]:
         """Return track, other track, first and last timestep and value of each occurrence of one of TIMELINE_EVENTS."""
@@ -79,8 +85,11 @@ class OpenLake:
         found = similar(self.lake, scenario_id, _MOST_ALIKE, known[0], None).to_pylist() if known else []
         return {"by": known[0] if known else None, "similar": found}
 
-    def save(self, name: str, where: str, database: str) -> tuple[str, int]:
+    def save(self, name: str, where: str, database: str, run: str) -> tuple[str, int]:
         """Save the scenarios that satisfy a condition as a database; return its reference and number of scenarios."""
+        check_expression(where)
+        if run:
+            where = f"scenario_id IN (SELECT scenario_id FROM {source(run)} WHERE ({where}\n))"
         created = self.lake.filter(where, name=name, database=database or None)
         return created.reference, len(created)
 

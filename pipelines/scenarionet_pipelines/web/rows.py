@@ -30,6 +30,8 @@ class PageColumn:
         is_number: Whether values are numbers, which are right-aligned.
         is_sortable: False for nested values.
         may_be_nan: Whether values are floating-point numbers.
+        of_run: Whether it is a result of the run that is shown.
+        sorted_by: SQL expression to sort by, if not the column.
     """
 
     name: str
@@ -38,10 +40,14 @@ class PageColumn:
     is_number: bool
     is_sortable: bool
     may_be_nan: bool = False
+    of_run: bool = False
+    sorted_by: str = ""
 
     @property
     def order(self) -> str:
         """SQL expression to sort by; NaN, which DuckDB sorts as the largest number, becomes null."""
+        if self.sorted_by:
+            return self.sorted_by
         return f"""nullif("{self.name}", 'nan')""" if self.may_be_nan else f'"{self.name}"'
 
 
@@ -56,6 +62,7 @@ class PageQuery:
         first: Number of rows to skip.
         count: Number of rows of the page.
         columns: Columns besides the scenario id.
+        source: SQL for the rows, see :func:`.choices.source`.
     """
 
     where: str
@@ -64,6 +71,7 @@ class PageQuery:
     first: int
     count: int
     columns: tuple[str, ...]
+    source: str = "metadata"
 
 
 @dataclass(frozen=True)
@@ -117,7 +125,7 @@ def read_page(lake: Lake, query: PageQuery, known: Mapping[str, PageColumn]) -> 
         raise BadParameter(f"{query.sort} holds nested values, which cannot be sorted; sort by another column")
     check_expression(query.where)
     with explaining(query.where):
-        total = int(lake.arrow(f"SELECT count(*) FROM metadata WHERE ({query.where}\n)")[0][0].as_py())
+        total = int(lake.arrow(f"SELECT count(*) FROM {query.source} WHERE ({query.where}\n)")[0][0].as_py())
         return Page(total, query.first, _rows(lake, query, known[query.sort], total))
 
 
@@ -133,7 +141,8 @@ def _rows(lake: Lake, query: PageQuery, sort: PageColumn, total: int) -> list[di
     ties = f"scenario_id {'DESC' if is_mirrored else 'ASC'}"
     wanted = ", ".join(f'"{name}"' for name in dict.fromkeys(("scenario_id", *query.columns)))
     found = lake.arrow(
-        f"SELECT {wanted} FROM metadata WHERE ({query.where}\n) ORDER BY {order}, {ties} LIMIT $count OFFSET $skipped",
+        f"SELECT {wanted} FROM {query.source} WHERE ({query.where}\n) "
+        f"ORDER BY {order}, {ties} LIMIT $count OFFSET $skipped",
         {"count": count, "skipped": skipped},
     ).to_pylist()
     return [{name: plain(value) for name, value in row.items()} for row in (found[::-1] if is_mirrored else found)]

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from scenarionet_data import Lake
+from scenarionet_data.operations.moments import relation
 from scenarionet_sim import evaluate
 from scenarionet_sim.evaluation.evaluation import plan_evaluation
 from scenarionet_sim.evaluation.references import run_references
@@ -259,3 +260,50 @@ def test_gallery_shows_larger_pictures(browser, address):
         page.get_by_role("button", name="Gallery").click()
         wait_until(page, "location.search.includes('view=gallery')")
         wait_until(page, f"(before) => {width} > 2.5 * before", before)
+
+
+@pytest.fixture(scope="module")
+def mined(driven, tmp_path_factory):
+    lake = Lake(shutil.copytree(driven.root, tmp_path_factory.mktemp("mined") / "lake"))
+    lake.keep_moments("close", {"near": relation("near_objects", {"distance_thresh": 8.0}).lasting()})
+    with serving(lake) as found:
+        yield lake, found
+
+
+def test_a_run_is_a_table_with_the_failures_first(browser, mined):
+    lake, found = mined
+    with opened(browser, found) as page:
+        page.wait_for_selector("#table tbody tr")
+        assert page.locator("#table thead").inner_text().count("nuplan_score") == 0
+        page.get_by_label("Run").select_option("straight")
+        wait_until(page, "document.querySelector('#table thead').innerText.includes('nuplan_score')")
+        wait_until(page, "document.querySelector('#table td[data-label=success]')?.innerText === 'no'")
+        shown = [each.inner_text() for each in page.locator("#table td[data-label=success]").all()]
+        assert shown == sorted(shown) and "no" in shown
+        first = page.locator("#table th.id a").first
+        name = first.inner_text()
+        first.click()
+        page.wait_for_selector("#player .runs input:checked")
+        assert "straight" in page.locator("#player .legend").inner_text()
+        page.go_back()
+        page.wait_for_selector("#table tbody tr")
+        page.get_by_label("Run").select_option("")
+        wait_until(page, "!document.querySelector('#table thead').innerText.includes('nuplan_score')")
+        assert name in lake.sql("SELECT scenario_id FROM results WHERE run = 'straight' AND NOT success")["scenario_id"]
+
+
+def test_moments_are_filtered_and_told_by_name_and_role(browser, mined):
+    lake, found = mined
+    having = lake.sql("SELECT DISTINCT scenario_id FROM moments")["scenario_id"].to_list()
+    assert 0 < len(having) < len(lake)
+    with opened(browser, found) as page:
+        page.wait_for_selector("#table tbody tr")
+        page.get_by_label("Moments").select_option("close/near")
+        wait_until(page, f"document.querySelectorAll('#table tbody tr').length === {len(having)}")
+        assert sorted(each.inner_text() for each in page.locator("#table th.id a").all()) == sorted(having)
+        page.locator("#table th.id a").first.click()
+        row = page.get_by_role("group", name="Events of moments close")
+        mark = row.get_by_role("button").first
+        assert "near · actor " in mark.inner_text() and " · other " in mark.inner_text()
+        mark.click()
+        wait_until(page, "location.search.includes('object=') || location.search.includes('at=')")

@@ -123,7 +123,12 @@ METHODS = ["GET", "GET", "GET", "POST", "POST", "HEAD", "PUT", "DELETE", "OPTION
 
 def hostile_body(random_: random.Random) -> bytes:
     text = random_.choice(TEXTS)
-    saved = {"name": random_.choice(["x", "several", text]), "where": random_.choice(["true", text]), "database": ""}
+    saved = {
+        "name": random_.choice(["x", "several", text]),
+        "where": random_.choice(["true", text]),
+        "database": "",
+        "run": "",
+    }
     return random_.choice(
         [
             json.dumps(saved).encode(),

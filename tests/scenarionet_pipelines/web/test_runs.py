@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 from io import BytesIO
 from urllib.parse import urlencode
 
@@ -11,10 +13,14 @@ import pytest
 from PIL import Image
 
 from scenarionet_data import Lake
-from scenarionet_data.errors import BadParameter, QueryError
+from scenarionet_data.errors import BadParameter, QueryError, UnsafeSql
+from scenarionet_data.operations.moments import relation
+from scenarionet_data.variations import MomentChoice, cut_moments
+from scenarionet_pipelines.web import choices
+from scenarionet_pipelines.web.choices import all_columns, moments_of, source
 from scenarionet_pipelines.web.histograms import MAX_BINS, read_histogram
-from scenarionet_pipelines.web.questions import TIMELINE_EVENTS
-from scenarionet_pipelines.web.rows import columns
+from scenarionet_pipelines.web.questions import TIMELINE_EVENTS, OpenLake
+from scenarionet_pipelines.web.rows import PageQuery, columns, read_page
 from scenarionet_pipelines.web.runs import runs_of
 from scenarionet_sim.evaluation.specification import RULE
 from tests.scenarionet_pipelines.web.test_packing import unpack
@@ -175,3 +181,51 @@ def test_histograms_that_cannot_be_made_are_an_error(driven):
         read_histogram(driven, "dataset", "true", known)
     with pytest.raises(QueryError, match="similar: ego_distance"):
         read_histogram(driven, "ego_distance", "ego_distanc > 1", known)
+
+
+def test_the_table_of_a_run_has_its_worst_results_and_failures_first(driven):
+    known = {column.name: column for column in all_columns(driven)}
+    wanted = ("success", "cost", "nuplan_score", "status")
+    query = PageQuery("true", "success", False, 0, 10, wanted, source("straight"))
+    rows = read_page(driven, query, known).rows
+    found = driven.sql(
+        "SELECT scenario_id, bool_and(success) AS success, max(cost) AS cost FROM results WHERE run = 'straight' "
+        "GROUP BY scenario_id"
+    )
+    assert {row["scenario_id"]: (row["success"], row["cost"]) for row in rows} == {
+        name: (success, cost) for name, success, cost in found.rows()
+    }
+    assert [row["success"] for row in rows] == sorted(row["success"] for row in rows)
+    assert rows[0]["success"] is False
+    failed = read_page(driven, replace(query, where="success IS NOT TRUE"), known)
+    assert failed.total == sum(not row["success"] for row in rows)
+    assert known["success"].of_run and not known["duration"].of_run
+
+
+def test_scenarios_that_a_run_failed_are_saved_as_a_database(driven, tmp_path, monkeypatch):
+    monkeypatch.setattr("resource.setrlimit", lambda *_: None)  # of a worker's process
+    lake = Lake(shutil.copytree(driven.root, tmp_path / "lake"))
+    opened = OpenLake(lake, {column.name: column for column in all_columns(lake)}, 10**9)
+    reference, count = opened.save("failed", "success IS NOT TRUE", "", "straight")
+    wanted = lake.sql("SELECT DISTINCT scenario_id FROM results WHERE run = 'straight' AND success IS NOT TRUE")
+    assert sorted(lake.refresh().database(reference).scenario_ids) == sorted(wanted["scenario_id"])
+    assert count == len(wanted) > 0
+    with pytest.raises(UnsafeSql):
+        opened.save("other", "true) UNION (SELECT 'x'", "", "straight")
+
+
+def test_kept_moments_are_told_of_a_scenario_and_of_its_parts(driven, tmp_path):
+    lake = Lake(shutil.copytree(driven.root, tmp_path / "lake"))
+    lake.keep_moments("close", {"near": relation("near_objects", {"distance_thresh": 8.0}).lasting()})
+    kept = lake.sql("SELECT scenario_id, track_id, other_id, first_timestep, last_timestep FROM moments ORDER BY ALL")
+    for (scenario_id,), rows in kept.group_by("scenario_id"):
+        told = [tuple(each.values()) for each in moments_of(lake, str(scenario_id))]
+        assert sorted(told) == sorted(("close", "near", *row[1:], None) for row in rows.rows())
+    assert choices.moments(lake) == [{"name": "close", "definition": "near", "moments": len(kept)}]
+    part = cut_moments(lake, "close", MomentChoice(limit=1), name="parts").database
+    lake = lake.refresh()
+    (own,) = moments_of(lake, part.scenario_ids[0])
+    now = lake.sql("SELECT current_timestep FROM metadata WHERE dataset = 'moment'").item()
+    in_time = kept.sort("scenario_id", "first_timestep", "last_timestep", "track_id", "other_id")
+    _, track, other, first, last = in_time.rows()[0]
+    assert tuple(own.values()) == ("close", "near", track, other, now, now + last - first, None)

@@ -197,9 +197,9 @@ def test_question_that_needs_too_much_memory_is_stopped(lake, where):
 @pytest.mark.parametrize(
     ("body", "status", "says"),
     [
-        (b"[" * 100_000, 400, "expected a JSON object with the strings name, where, database, in UTF-8"),
-        (b'{"name": "\\ud800", "where": "true", "database": ""}', 400, "in UTF-8"),
-        (b'{"name": "\xff", "where": "true", "database": ""}', 400, "in UTF-8"),
+        (b"[" * 100_000, 400, "expected a JSON object with the strings name, where, database, run, in UTF-8"),
+        (b'{"name": "\\ud800", "where": "true", "database": "", "run": ""}', 400, "in UTF-8"),
+        (b'{"name": "\xff", "where": "true", "database": "", "run": ""}', 400, "in UTF-8"),
         (b" " * 1_000_001, 413, "larger than 1 MB"),
         ([b" " * 500_001] * 2, 413, "larger than 1 MB"),
     ],
@@ -219,7 +219,7 @@ def test_unreadable_bodies_are_refused(lake, monkeypatch, body, status, says):
         assert request(address, "/api/about")[0] == 200
 
 
-SAVED = {"name": "mine", "where": "num_objects > 5", "database": "several"}
+SAVED = {"name": "mine", "where": "num_objects > 5", "database": "several", "run": ""}
 
 
 def test_nothing_is_saved_without_write(served, lake):

@@ -3,6 +3,8 @@
 const defaults = {
   where: "",
   database: "",
+  run: "",
+  moments: "",
   sort: "scenario_id",
   order: "rising",
   page: 1,

@@ -19,8 +19,9 @@ export function startEvents(lake) {
 }
 
 // What happens, in words: "vehicle 2 overtakes ego"; the ego is not named as the one who acts.
-export function told({ kind, track, other }, scene) {
+export function told({ kind, track, other, isMoment }, scene) {
   const [who, whom] = [track, other].map((id) => scene.names[scene.objects.findIndex((object) => object.id === id)]);
+  if (isMoment) return [words(kind), who && `actor ${who}`, whom && `other ${whom}`].filter(Boolean).join(" · ");
   return [who === "ego" ? null : who, deeds[kind] ?? words(kind), whom].filter(Boolean).join(" ");
 }
 
@@ -29,6 +30,15 @@ export function events(scene, onFound) {
   const search = new AbortController();
   find(scene, onFound, search.signal);
   return search;
+}
+
+// The kept moments of a scenario by the name under which they are kept: [name, moments].
+export async function moments(scene, signal) {
+  const rows = await getJson("/api/moments", { id: scene.id }, signal);
+  const time = (step) => scene.time[Math.min(step, scene.numSteps - 1)];
+  const names = [...new Set(rows.map(({ name }) => name))];
+  const told = ({ definition, first_timestep, last_timestep, track_id, other_id }) => ({ kind: definition, isMoment: true, first: time(first_timestep), last: time(last_timestep), track: track_id, other: other_id });
+  return names.map((name) => [name, rows.filter((row) => row.name === name).map(told)]);
 }
 
 async function find(scene, onFound, signal) {

@@ -1,8 +1,11 @@
 // The filter box: completes column names and marks the position of errors.
 
+import * as address from "/static/address.js";
 import { find, make, fill } from "/static/elements.js";
+import { number } from "/static/format.js";
 
 const most = 8;
+const ofRun = ["success", "status", "nuplan_score", "route_completion", "cost", "min_time_to_collision", "error"];
 let columns = [];
 let chosen = -1;
 
@@ -14,12 +17,32 @@ export function startFilter(lake, go) {
     hide();
     go({ where: find("where").value.trim(), page: 1 });
   });
-  find("clear").addEventListener("click", () => go({ where: "", database: "", ranges: "", page: 1 }));
+  find("clear").addEventListener("click", () => go({ where: "", database: "", moments: "", ranges: "", ...withRun(""), page: 1 }));
+  offer("run", "none", lake.runs.map(({ run, scenarios, failed }) => [run, `${run}: ${failed} of ${scenarios} failed`]));
+  find("run").addEventListener("change", (event) => go({ ...withRun(event.target.value), page: 1 }));
+  const names = [...new Set(lake.moments.map(({ name }) => name))];
+  offer("moments", "any or none", names.flatMap((name) => [[name, name], ...lake.moments.filter((each) => each.name === name).map(({ definition, moments }) => [`${name}/${definition}`, `${name}: ${definition} (${number(moments)})`])]));
+  find("moments").addEventListener("change", (event) => go({ moments: event.target.value, page: 1 }));
   find("database").addEventListener("change", (event) => go({ database: event.target.value, page: 1 }));
   const box = find("where");
   box.addEventListener("input", suggest);
   box.addEventListener("blur", hide);
   box.addEventListener("keydown", onKey);
+}
+
+// Fill a choice, which is shown if there is something to choose.
+function offer(id, nothing, choices) {
+  find(id).closest("label").hidden = !choices.length;
+  fill(find(id), make("option", { value: "" }, nothing), ...choices.map(([value, text]) => make("option", { value }, text)));
+}
+
+// The state of the page with a run: its scenarios, those that failed first, with columns of its results.
+function withRun(run) {
+  const isOfRun = (name) => columns.find((column) => column.name === name)?.of_run;
+  const { columns: shown, sort, order } = address.read();
+  const others = shown.split(",").filter((name) => !isOfRun(name));
+  if (!run) return { run, columns: others.join(","), ...(isOfRun(sort) ? { sort: "scenario_id", order: "rising" } : { sort, order }) };
+  return { run, columns: [...ofRun, ...others].join(","), sort: "success", order: "rising" };
 }
 
 // The word before the cursor and its start.
@@ -33,7 +56,7 @@ function word() {
 
 function suggest() {
   const { text } = word();
-  const near = text.length < 2 ? [] : columns.filter(({ name }) => name.includes(text) && name !== text);
+  const near = text.length < 2 ? [] : columns.filter(({ name, of_run }) => name.includes(text) && name !== text && (!of_run || address.read().run));
   near.sort((a, b) => a.name.indexOf(text) - b.name.indexOf(text));
   if (!near.length) return hide();
   chosen = -1;

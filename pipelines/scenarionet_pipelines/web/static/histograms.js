@@ -18,16 +18,24 @@ function isEnd(text) {
   return text === "" || (text !== undefined && Number.isFinite(Number(text)));
 }
 
-// The condition of the filter box and of all ranges but that of one column.
+// The condition of the filter box, of the chosen moments and of all ranges but that of one column.
 export function conditionOf(state, without = "") {
-  const parts = rangesOf(state).filter(([column]) => column !== without).flatMap(([column, low, high]) => [low && `"${column}" >= ${Number(low)}`, high && `"${column}" <= ${Number(high)}`].filter(Boolean));
+  const moments = state.moments ? [happens(state.moments)] : [];
+  const parts = rangesOf(state).filter(([column]) => column !== without).flatMap(([column, low, high]) => [low && `"${column}" >= ${Number(low)}`, high && `"${column}" <= ${Number(high)}`].filter(Boolean)).concat(moments);
   if (!parts.length) return state.where;
   return [state.where && `(${state.where}\n)`, ...parts].filter(Boolean).join(" AND ");
 }
 
+// The condition that moments of a name, or of one of its definitions (NAME/DEFINITION), are kept of a scenario.
+function happens(chosen) {
+  const [name, definition] = chosen.split("/").map((text) => `'${text.replaceAll("'", "''")}'`);
+  const also = definition ? ` AND definition = ${definition}` : "";
+  return `scenario_id IN (SELECT scenario_id FROM moments WHERE name = ${name}${also})`;
+}
+
 export function startHistograms(lake, go) {
   known = Object.fromEntries(lake.columns.map((column) => [column.name, column]));
-  const numeric = lake.columns.filter((column) => column.is_number).map(({ name }) => make("option", { value: name }, name));
+  const numeric = lake.columns.filter((column) => column.is_number && !column.of_run).map(({ name }) => make("option", { value: name }, name));
   fill(find("add-chart"), make("option", { value: "" }, "Histogram…"), ...numeric);
   find("add-chart").addEventListener("change", (event) => {
     const charts = chartsOf(address.read());
@@ -51,7 +59,7 @@ export async function showHistograms(state, go) {
   for (const column of charts) { // one at a time, so that the table does not wait for them
     let histogram;
     try {
-      histogram = await getJson("/api/histogram", { column, where: conditionOf(state, column), database: state.database }, mine.signal);
+      histogram = await getJson("/api/histogram", { column, where: conditionOf(state, column), database: state.database, run: state.run }, mine.signal);
     } catch (error) {
       if (error.name === "AbortError") return;
       shown.push(make("figure", { class: "chart" }, make("p", {}, `${column}: ${error.message}`)));

@@ -20,7 +20,7 @@ async function show(state) {
   find("player").hidden = !isPlaying;
   document.title = `${state.scenario || lake.name} – ScenarioNet lake`;
   find("where").value = state.where;
-  find("database").value = state.database;
+  for (const name of ["database", "run", "moments"]) find(name).value = state[name];
   showProblem(null);
   if (isPlaying) {
     await openPlayer(lake, state, go);
@@ -35,7 +35,7 @@ async function show(state) {
 function go(changes) {
   const before = address.read();
   const state = { ...before, ...changes };
-  const isOther = ["where", "database", "sort", "order", "rows", "ranges"].some((name) => String(state[name]) !== String(before[name]));
+  const isOther = ["where", "database", "run", "moments", "sort", "order", "rows", "ranges"].some((name) => String(state[name]) !== String(before[name]));
   if (isOther && !("page" in changes)) state.page = 1;
   address.write(state);
   return show(state);

@@ -14,7 +14,7 @@ export function startSaving(lake, showDatabases) {
 function ask(lake, showDatabases) {
   const dialog = find("saving");
   const state = address.read();
-  const [where, database] = [conditionOf(state), state.database];
+  const [where, database, run] = [conditionOf(state), state.database, state.run];
   const name = make("input", { name: "name", required: true, pattern: "[A-Za-z0-9_][A-Za-z0-9._\\-]*", autocomplete: "off" });
   const said = make("p", { class: "said", role: "alert" });
   const close = make("button", { type: "button", onclick: () => dialog.close() }, "Cancel");
@@ -23,7 +23,7 @@ function ask(lake, showDatabases) {
     "form", {},
     make("h2", { id: "saving-title" }, "Save as a database"),
     make("p", {}, "A database is a list of these scenarios together with the query that selected them; nothing is copied."),
-    make("dl", {}, make("dt", {}, "from"), make("dd", {}, database || "whole lake"), make("dt", {}, "where"), make("dd", {}, make("code", {}, where || "true"))),
+    make("dl", {}, make("dt", {}, "from"), make("dd", {}, [database || "whole lake", run && `with results of ${run}`].filter(Boolean).join(", ")), make("dt", {}, "where"), make("dd", {}, make("code", {}, where || "true"))),
     make("label", { class: "field" }, make("span", {}, "Name"), name),
     said,
     make("div", { class: "buttons" }, close, save),
@@ -32,7 +32,7 @@ function ask(lake, showDatabases) {
     event.preventDefault();
     save.disabled = true;
     try {
-      const made = await post("/api/databases", { name: name.value, where, database }, lake.secret);
+      const made = await post("/api/databases", { name: name.value, where, database, run }, lake.secret);
       showDatabases(made.databases);
       said.className = "said good";
       said.textContent = `${made.reference}: ${plural(made.count, "scenario")} saved`;

@@ -36,12 +36,17 @@ export function startTable(lake, go) {
 
 // The scenarios before and after one in the order of the table, each with its page: [previous, next], or less at an end.
 export async function beside(state) {
-  const { database, sort, order, page, rows } = state;
+  const { database, run, sort, order, page, rows } = state;
   const first = Math.max(0, (page - 1) * rows - 1); // one more than the page, at either end
-  const found = await getJson("/api/rows", { where: conditionOf(state), database, sort, order, first, count: Math.min(rows + 2, 200), columns: "" });
+  const found = await getJson("/api/rows", { where: conditionOf(state), database, run, sort, order, first, count: Math.min(rows + 2, 200), columns: "" });
   const place = found.rows.findIndex((row) => row.scenario_id === state.scenario);
   if (place < 0) return [];
   return [place - 1, place + 1].map((other) => found.rows[other] && { scenario: found.rows[other].scenario_id, page: Math.floor((first + other) / rows) + 1 });
+}
+
+// Whether a column can be shown: those of results belong to a run.
+function isShown(name, { run }) {
+  return Boolean(known[name]) && (!known[name].of_run || Boolean(run));
 }
 
 // Show a page of the table; returns false if a newer request has replaced it.
@@ -49,7 +54,7 @@ export async function showTable(lake, state, showProblem) {
   asking?.abort();
   forgetPictures();
   const mine = (asking = new AbortController());
-  const columns = state.columns.split(",").filter((name) => known[name]);
+  const columns = state.columns.split(",").filter((name) => isShown(name, state));
   find("table").setAttribute("aria-busy", "true");
   const patience = setTimeout(() => { find("count").textContent = "Searching…"; }, 400);
   find("page-size").value = String(state.rows);
@@ -57,8 +62,8 @@ export async function showTable(lake, state, showProblem) {
   find("view").setAttribute("aria-pressed", String(state.view === "gallery"));
   let found;
   try {
-    const { database, sort, order } = state;
-    const parameters = { where: conditionOf(state), database, sort, order, first: (state.page - 1) * state.rows, count: state.rows, columns: columns.join(",") };
+    const { database, run, sort, order } = state;
+    const parameters = { where: conditionOf(state), database, run, sort, order, first: (state.page - 1) * state.rows, count: state.rows, columns: columns.join(",") };
     found = await getJson("/api/rows", parameters, mine.signal);
   } catch (error) {
     if (error.name !== "AbortError") showProblem(error);
@@ -68,7 +73,7 @@ export async function showTable(lake, state, showProblem) {
     if (mine === asking) find("table").removeAttribute("aria-busy");
   }
   showHead(columns, state);
-  showChosen(columns);
+  showChosen(columns, state);
   fill(find("table").tBodies[0], ...found.rows.map((row) => tableRow(lake, state, columns, row)));
   showPages(found, state);
   find("table").dataset.where = state.where; // marks the finished request, for tests
@@ -89,14 +94,14 @@ function showHead(columns, state) {
   };
   const heads = columns.filter((name) => name !== "scenario_id").map((name) => head(name, name));
   fill(find("table").tHead, make("tr", {}, make("th", { scope: "col", class: "picture" }, make("span", { class: "unseen" }, "Picture")), head("scenario_id", "scenario"), ...heads));
-  fill(find("sort"), ...Object.values(known).filter((column) => column.is_sortable).map(({ name }) => make("option", { value: name }, name)));
+  fill(find("sort"), ...Object.values(known).filter((column) => column.is_sortable && isShown(column.name, state)).map(({ name }) => make("option", { value: name }, name)));
   find("sort").value = state.sort;
   find("order").textContent = state.order === "falling" ? "↓" : "↑";
 }
 
 function tableRow(lake, state, columns, row) {
   const id = row.scenario_id;
-  const link = address.href({ ...state, scenario: id });
+  const link = address.href({ ...state, scenario: id, runs: state.runs || state.run });
   const picture = make("img", { alt: "", width: 128, height: 80, decoding: "async" });
   showWhenSeen(picture, `/api/thumbnail?${new URLSearchParams({ id, width: 256, height: 160, snapshot: lake.snapshot })}`);
   const cells = columns.filter((name) => name !== "scenario_id").map((name) =>
@@ -114,7 +119,7 @@ function showPages({ total, first, rows }, state) {
   find("count").textContent = total ? `${number(first + 1)}–${number(first + rows.length)} of ${plural(total, "scenario")}` : "";
   if (total && !rows.length) find("count").textContent = `page ${state.page} of ${numPages}: beyond the last`;
   find("nothing").hidden = total > 0;
-  find("nothing").textContent = state.where || state.database || state.ranges
+  find("nothing").textContent = state.where || state.database || state.ranges || state.run || state.moments
     ? "No scenario matches this filter."
     : "This lake has no scenarios yet. Convert some: scenarionet convert DATASET RAW LAKE";
   find("page").value = String(state.page);
@@ -137,6 +142,9 @@ function startChooser(lake, go) {
   find("chooser").addEventListener("keydown", (event) => { if (event.key === "Escape") find("chooser").open = false; });
 }
 
-function showChosen(columns) {
-  for (const input of find("chooser").querySelectorAll("input")) input.checked = columns.includes(input.value);
+function showChosen(columns, state) {
+  for (const input of find("chooser").querySelectorAll("input")) {
+    input.checked = columns.includes(input.value);
+    input.closest("label").hidden = !isShown(input.value, state);
+  }
 }

@@ -1,6 +1,6 @@
 // Below the controls: speed and acceleration of an object over time, and what happens, beside a cursor at the time.
 
-import { events as eventsOf, told } from "/static/events.js";
+import { events as eventsOf, moments as momentsOf, told } from "/static/events.js";
 import { fill, make } from "/static/elements.js";
 import { rounded } from "/static/format.js";
 
@@ -9,6 +9,7 @@ const wide = 1000; // units of a plot; it is stretched to its element
 const high = 100;
 const margin = 4;
 const dashes = ["", "7 3", "2 3"];
+const manyMoments = 24; // of a name, from which on only those of the selected object are shown
 const lettering = 6.6; // [pixel] mean width of a letter of an event
 
 const plots = [
@@ -23,6 +24,7 @@ export class Timeline {
     this.duration = scene.duration;
     this.row = scene.ego;
     this.recorded = []; // events of the recording, as they are found
+    this.kept = []; // moments that the lake keeps, by name
     this.plots = plots.map((plot) => this.frame(plot));
     this.rows = make("div", { class: "events" });
     this.cursor = make("div", { class: "cursor", "aria-hidden": "true" });
@@ -33,6 +35,7 @@ export class Timeline {
     this.sized = new ResizeObserver(() => this.showEvents());
     this.sized.observe(this.area);
     this.events = eventsOf(scene, (found) => { this.recorded.push(...found); this.showEvents(); });
+    momentsOf(scene, this.events.signal).then((found) => { this.kept = found; this.showEvents(); }, (error) => console.info(`moments are not shown: ${error.message}`));
   }
 
   close() {
@@ -120,8 +123,15 @@ export class Timeline {
     const box = this.plots[0].picture.getBoundingClientRect();
     if (!box.width) return;
     const runs = this.runs.shown.map((run) => [run.key, run.color, outcomes(run, this.runs.listed)]);
-    const rows = [["recording", this.style.ego, this.recorded], ...runs].filter(([, , found]) => found.length);
+    const kept = this.kept.map(([name, found]) => [`moments ${name}`, "transparent", this.ofSelected(found)]);
+    const rows = [["recording", this.style.ego, this.recorded], ...kept, ...runs].filter(([, , found]) => found.length);
     fill(this.rows, ...rows.map(([name, color, found]) => this.eventRow(name, color, found, box.width)));
+  }
+
+  // All moments of a name, or those in which the selected object has a role if they are many.
+  ofSelected(found) {
+    const { id } = this.scene.objects[this.row];
+    return found.length <= manyMoments ? found : found.filter(({ track, other }) => track === id || other === id);
   }
 
   eventRow(name, color, found, width) {
