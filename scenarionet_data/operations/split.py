@@ -9,6 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate
+from math import ceil
 from typing import Any
 
 import pyarrow as pa
@@ -196,7 +197,8 @@ def _by_share(
     cases = [f"WHEN share < $upper_{number} THEN $part_{number}" for number in range(len(bounds))]
     sql = query.query("operations/split", {"shares": shares, "cases": " ".join(cases)})
     parameters: dict[str, Any] = {f"part_{number}": part for number, part in enumerate(fractions)}
-    parameters |= {f"upper_{number}": bound for number, bound in enumerate(bounds)}
+    uppers = map(as_hexadecimal, bounds) if method == "by_hash" else bounds
+    parameters |= {f"upper_{number}": upper for number, upper in enumerate(uppers)}
     if along is None:
         parameters |= {"seed": seed}
     return _Parts(sql, parameters, {part: f"{stem}_{part}" for part in fractions})
@@ -229,6 +231,12 @@ def upper_bounds(fractions: Mapping[str, float]) -> list[float]:
     if abs(float(total) - 1) > 1e-6:
         raise BadParameter(f"expected fractions that add up to 1, found {float(total):g}")
     return [float(upper / total) for upper in accumulate(exact)]
+
+
+def as_hexadecimal(bound: float) -> str:
+    """Return the text that the hexadecimal MD5 is below if its first 52 bits, as a part of 2^52, are below a bound."""
+    first_bits = ceil(bound * 2**52)  # exact
+    return f"{first_bits:013x}" if first_bits < 2**52 else "g"  # behind all digits
 
 
 def _check_counts(query: DatabaseQuery, counts: Mapping[str, int], allow_empty: bool) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from itertools import pairwise
+from math import ceil
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from scenarionet_data.errors import BadParameter, DatabaseExists, EmptyResult, LeakingSplit
@@ -123,6 +125,25 @@ def test_upper_bounds_rise_to_one(counts):
     assert bounds == sorted(bounds)
     assert bounds[-1] == 1.0
     assert len(bounds) == len(counts)
+
+
+def test_parts_by_hash_are_those_of_the_first_versions(logs):
+    parts = logs.split(None, {"a": 0.8, "b": 0.1, "c": 0.1}, seed=3, by="source_log")
+    for row in facts(logs).values():
+        group = row["source_log"] or row["scenario_id"]
+        share = int(hashlib.md5(f"3:{group}".encode()).hexdigest()[:13], 16) / 2**52
+        part = "a" if share < 0.8 else "b" if share < 0.9 else "c"
+        assert row["scenario_id"] in parts[part].scenario_ids
+
+
+@example(bound=1.0, off=-1)
+@example(bound=1 - 2**-53, off=-1)
+@example(bound=1e-20, off=0)
+@given(bound=st.floats(0, 1, exclude_min=True), off=st.integers(-2, 2))
+def test_texts_are_below_a_bound_as_their_numbers_are(bound, off):
+    bits = min(max(ceil(bound * 2**52) + off, 0), 2**52 - 1)
+    for rest in ("0" * 19, "f" * 19):
+        assert (f"{bits:013x}{rest}" < split.as_hexadecimal(bound)) == (bits / 2**52 < bound)
 
 
 @settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
