@@ -18,6 +18,7 @@ from xxhash import xxh3_64
 
 from scenarionet_data.errors import BadParameter, LakeError
 from scenarionet_data.query.lake_view import LakeView
+from scenarionet_data.scenario.settings import parse_texts
 from scenarionet_data.storage import checkpoints, evaluation_runs
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
@@ -65,17 +66,10 @@ class FitConfig:
         Raises:
             BadParameter: There is no such setting, or a value is not a positive number of its type, or they contradict.
         """
-        kinds = {name: type(value) for name, value in asdict(cls()).items()}
-        values: dict[str, Any] = {}
-        for name, text in given.items():
-            if name not in kinds:
-                raise BadParameter(f"a {cls.kind} has no setting {name!r}; it has {', '.join(kinds)}")
-            try:
-                values[name] = kinds[name](text)
-            except ValueError as error:
-                raise BadParameter(f"{name}: wanted {kinds[name].__name__}, found {text!r}") from error
-            if not 0 < values[name] < np.inf:
-                raise BadParameter(f"{name}: wanted a number above 0, found {text}")
+        values = parse_texts(cls, f"a {cls.kind}", given)
+        for name, value in values.items():
+            if not 0 < value < np.inf:
+                raise BadParameter(f"{name}: wanted a number above 0, found {value}")
         return cls(**values)
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import MISSING, fields, is_dataclass
-from typing import Annotated, Any
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -76,7 +77,7 @@ def check_settings(settings: Any) -> None:
         value = getattr(settings, each.name)
         name = getattr(each.type, "__name__", each.type)
         kind = name.removesuffix(" | None")
-        default = each.default if each.default_factory is MISSING else each.default_factory()
+        default = default_of(each)
         if kind in _KINDS:
             is_kind, expected = _KINDS[kind]
             is_right = is_kind(value)
@@ -86,3 +87,55 @@ def check_settings(settings: Any) -> None:
             continue
         if not is_right and (value is not None or kind == name):
             raise BadParameter(f"{each.name}={value!r}; expected {expected}{'' if kind == name else ', or None'}")
+
+
+def default_of(field: Field[Any]) -> Any:
+    """Return the default of a field."""
+    return field.default if field.default_factory is MISSING else field.default_factory()
+
+
+def type_text(kind: Any) -> str:
+    """Return a type as written in source code."""
+    return kind.__name__ if isinstance(kind, type) else str(kind).replace("typing.", "")
+
+
+def parse_texts(settings: type[Any], name: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Parse texts into values for the fields of a dataclass; values that are no texts are taken as they are.
+
+    Args:
+        settings: The dataclass.
+        name: What has these settings, for error messages.
+        given: Texts by name of the field: ``none`` for None, tuples with commas.
+
+    Raises:
+        BadParameter: A field is unknown or a text does not match its type; the message lists the valid ones.
+    """
+    hints, known, values = get_type_hints(settings), {each.name: each for each in fields(settings)}, {}
+    for key, text in given.items():
+        if key not in known:
+            raise BadParameter(f"{name} has no setting {key!r}; it has {', '.join(known) or 'none'}")
+        try:
+            values[key] = _parsed(hints[key], text) if isinstance(text, str) else text
+        except (ValueError, KeyError) as error:
+            wanted = f"{type_text(hints[key])}, for example {default_of(known[key])!r}"
+            raise BadParameter(f"{name}: {key} wants {wanted}; found {text!r}") from error
+    return values
+
+
+_WORDS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+
+
+def _parsed(wanted: Any, word: str) -> Any:
+    """Convert a word to the wanted type; raises ValueError or KeyError where that is impossible."""
+    origin, inner = get_origin(wanted), get_args(wanted)
+    if origin in (Union, UnionType):
+        if type(None) in inner and word.lower() == "none":
+            return None
+        return _parsed(next(kind for kind in inner if kind is not type(None)), word)
+    if origin is Literal:
+        return {str(value): value for value in inner}[word]
+    if origin is tuple:
+        words = word.split(",") if word else []
+        kinds = [inner[0]] * len(words) if inner[-1] is Ellipsis else inner
+        return tuple(_parsed(kind, each) for kind, each in zip(kinds, words, strict=True))
+    return _WORDS[word.lower()] if wanted is bool else wanted(word)

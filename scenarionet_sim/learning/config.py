@@ -11,13 +11,13 @@ Fujimoto et al. (2018) for TD3; Schulman et al. (2017) for PPO's clipping range.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, get_args
 
 from scenarionet_data.errors import BadParameter
 from scenarionet_data.public_names import load_by_name
-from scenarionet_data.scenario.settings import Count, Natural, Positive, Share, check_settings
+from scenarionet_data.scenario.settings import Count, Natural, Positive, Share, check_settings, parse_texts
 from scenarionet_sim.task.task import TASKS
 
 TrafficDriver = Literal["replay", "idm"]
@@ -330,29 +330,11 @@ def make_learner_config(
     """
     if size not in ("paper", "small"):
         raise BadParameter(f"size={size!r}; expected paper or small")
-    config, settings = config_class(algorithm)(), settings or {}
-    known = {column.name: getattr(config, column.name) for column in fields(config)}
-    unknown = sorted(set(settings) - set(known))
-    if unknown:
-        raise BadParameter(f"{algorithm} has no setting {unknown[0]!r}; choose from {', '.join(known)}")
-    given = {name: _parsed(name, value, known[name]) for name, value in settings.items()}
-    return replace(config, **((dict(config.small) if size == "small" else {}) | given))
+    kind = config_class(algorithm)
+    given = parse_texts(kind, algorithm, settings or {})
+    return kind(**((dict(kind.small) if size == "small" else {}) | given))
 
 
 def describe_config(config: LearnerConfig) -> dict[str, Any]:
     """Return the fields of a configuration, JSON-serialisable."""
     return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(config).items()}
-
-
-def _parsed(name: str, value: Any, default: Any) -> Any:
-    """Return a value of the type of the default; a text is parsed."""
-    if not isinstance(value, str) or isinstance(default, str):
-        return value
-    try:
-        if isinstance(default, bool):
-            return {"true": True, "false": False}[value.lower()]
-        if isinstance(default, tuple):
-            return tuple(int(word) for word in value.split(","))
-        return type(default)(value.replace("_", ""))
-    except (ValueError, KeyError) as error:
-        raise BadParameter(f"{name}={value!r}; expected a value such as {default!r}") from error

@@ -218,8 +218,8 @@ def test_settings_are_checked():
     assert ForecasterConfig.parse({"epochs": "2", "rate": "0.01"}) == ForecasterConfig(epochs=2, rate=0.01)
     for given, words in (
         ({"colour": "red"}, "no setting 'colour'; it has size, epochs"),
-        ({"epochs": "two"}, "epochs: wanted int, found 'two'"),
-        ({"stride": "-1"}, "stride: wanted a number above 0"),
+        ({"epochs": "two"}, "epochs wants int, for example 8; found 'two'"),
+        ({"stride": "-1"}, "stride: wanted a number above 0, found -1"),
         ({"size": "30"}, "size: wanted a multiple of heads, 4, found 30"),
     ):
         with pytest.raises(BadParameter, match=words):

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import types
 from collections.abc import Iterable
-from dataclasses import MISSING, dataclass, fields
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from dataclasses import dataclass, fields
+from typing import Any, get_type_hints
 
 from scenarionet_data.converters.base import Converter
-from scenarionet_data.errors import BadParameter
 from scenarionet_data.ingest.options import Options
+from scenarionet_data.scenario.settings import default_of, parse_texts, type_text
 from scenarionet_pipelines.cli.parameters import look_in_current_folder, pairs
-
-_WORDS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 
 
 @dataclass(frozen=True)
@@ -34,7 +31,7 @@ class ConverterOption:
     @property
     def type_text(self) -> str:
         """The type as written in source code."""
-        return self.type.__name__ if isinstance(self.type, type) else str(self.type).replace("typing.", "")
+        return type_text(self.type)
 
 
 def find(name: str) -> Converter[Any]:
@@ -53,8 +50,8 @@ def options(kind: type[Any]) -> list[ConverterOption]:
     """Return the fields of a dataclass, in order: the options of a converter, or the writer of a format."""
     hints, found = get_type_hints(kind), []
     for field in fields(kind):
-        default = field.default if field.default_factory is MISSING else field.default_factory()
-        found.append(ConverterOption(field.name, hints[field.name], default, field.metadata.get("doc", "")))
+        doc = field.metadata.get("doc", "")
+        found.append(ConverterOption(field.name, hints[field.name], default_of(field), doc))
     return found
 
 
@@ -64,48 +61,7 @@ def parse_options(converter: Converter[Any], words: Iterable[str]) -> Options:
     Raises:
         BadParameter: An option is unknown or a value does not match its type; the message lists the valid ones.
     """
-    words = tuple(words)
-    for key in pairs(words, "-p"):
+    given = pairs(words, "-p")
+    for key in given:
         converter.Options.refuse_removed(key)
-    return converter.Options(**parse_fields(converter.Options, converter.name, words))
-
-
-def parse_fields(kind: type[Any], name: str, words: Iterable[str]) -> dict[str, Any]:
-    """Parse ``key=value`` words into values for the fields of a dataclass.
-
-    Args:
-        kind: The dataclass: the options of a converter, or the writer of a format.
-        name: What has these fields, for error messages.
-        words: As typed after ``-p``.
-
-    Raises:
-        BadParameter: A field is unknown or a value does not match its type; the message lists the valid ones.
-    """
-    known, given = {each.name: each for each in options(kind)}, {}
-    for key, word in pairs(words, "-p").items():
-        if key not in known:
-            raise BadParameter(f"{name} has no option {key!r}; it has {', '.join(known) or 'none'}")
-        try:
-            given[key] = _convert(known[key].type, word)
-        except (ValueError, KeyError) as error:
-            wanted = f"{known[key].type_text}, for example {known[key].default!r}"
-            raise BadParameter(f"{name}: option {key} wants {wanted}; found {word!r}") from error
-    return given
-
-
-def _convert(wanted: Any, word: str) -> Any:
-    """Convert a word to the wanted type; raises ValueError or KeyError where that is impossible."""
-    origin, inner = get_origin(wanted), get_args(wanted)
-    if origin in (Union, types.UnionType):
-        if type(None) in inner and word.lower() == "none":
-            return None
-        return _convert(next(kind for kind in inner if kind is not type(None)), word)
-    if origin is Literal:
-        return next(value for value in inner if str(value) == word) if word in map(str, inner) else int("?")
-    if origin is tuple:
-        words = word.split(",") if word else []
-        kinds = [inner[0]] * len(words) if inner[-1] is Ellipsis else inner
-        return tuple(_convert(kind, each) for kind, each in zip(kinds, words, strict=True))
-    if wanted is bool:
-        return _WORDS[word.lower()]
-    return wanted(word)
+    return converter.Options(**parse_texts(converter.Options, converter.name, given))

@@ -64,7 +64,8 @@ class ExportVerb(DatabaseVerb, Choosing, Distributed):
         from scenarionet_data.export import export
         from scenarionet_data.interchange import writer_for
         from scenarionet_data.interchange.base import Losses
-        from scenarionet_pipelines.cli.converter import parse_fields
+        from scenarionet_data.scenario.settings import parse_texts
+        from scenarionet_pipelines.cli.parameters import pairs
 
         if self.cluster and is_url(self.directory):
             raise BadParameter(
@@ -73,7 +74,7 @@ class ExportVerb(DatabaseVerb, Choosing, Distributed):
             )
         chosen = {}
         if self.file_format != _FORMATS[0]:
-            chosen = parse_fields(writer_class(self.file_format), self.file_format, self.parameters)
+            chosen = parse_texts(writer_class(self.file_format), self.file_format, pairs(self.parameters, "-p"))
         elif self.parameters:
             raise BadParameter(f"-p sets options of other formats than {self.file_format}; leave it out")
         loader = ScenarioLoader(self.lake, self.chosen(self.database))
