@@ -48,6 +48,8 @@ class _Received:
     is_handled = threading.Event()
     is_pending = False
     """Whether KeyboardInterrupt is still to be raised, after a query or an import."""
+    woken = 0.0
+    """When the main thread last ran one of the handlers [s]."""
     is_explained = False
     """Whether a KeyboardInterrupt would become a line and an exit code; otherwise a signal ends the process at once."""
 
@@ -143,6 +145,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         return
     _Received.number = signal.Signals(number)
     _Received.place = frame, frame.f_lasti if frame else 0
+    _Received.woken = time.monotonic()
     _Received.is_handled.set()
     if not _Received.is_explained:
         _end(_Received.number)
@@ -157,6 +160,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 def _wake(number: int, frame: FrameType | None) -> None:
     """Raise the KeyboardInterrupt that was put off."""
     del number
+    _Received.woken = time.monotonic()
     if _Received.is_pending and _Received.is_explained and not _is_delicate(frame):
         _Received.is_pending = False
         raise KeyboardInterrupt
@@ -196,7 +200,8 @@ def _guard(pipe: int) -> None:
             signal.pthread_kill(threading.main_thread().ident or 0, _WAKING)
         if other in _ENDINGS:
             number = signal.Signals(other)
-        if time.monotonic() - begin > _PATIENCE and (other in _ENDINGS or _is_stuck()):
+        is_late = _Received.is_pending and time.monotonic() - _Received.woken > _PATIENCE  # a query after an import
+        if time.monotonic() - begin > _PATIENCE and (other in _ENDINGS or is_late or _is_stuck()):
             _end(number)
 
 

@@ -114,7 +114,7 @@ export class Timeline {
         sample.style.background = color;
         const value = plot.series[place][motion.at(time).step];
         const isThere = time >= motion.time[0] - 1e-3 && !Number.isNaN(value);
-        return make("span", {}, sample, isThere ? value.toFixed(1) : "–");
+        return make("span", {}, sample, isThere ? (Math.round(10 * value) / 10 + 0).toFixed(1) : "–");
       }));
     }
   }
