@@ -30,7 +30,7 @@ def launch(kernel: Any, count: int, *arguments: object) -> None:
     """Run a kernel in ``count`` threads."""
     if count:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Grid size")  # small pictures do not fill a card
+            warnings.filterwarnings("ignore", message=".*Grid size")  # in bold; small pictures do not fill a card
             configured = kernel[-(-count // THREADS), THREADS]
         configured(count, *arguments)
 
