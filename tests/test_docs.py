@@ -135,6 +135,7 @@ def test_examples_import_public_names_by_one_line_per_package():
         "scenarionet_data.forecasts",
         "scenarionet_data.logical",
         "scenarionet_data.operations.moments",
+        "scenarionet_data.operations.rates",
         "scenarionet_data.variations",
         "scenarionet_pipelines.cluster",
         "scenarionet_sim.backends.differentiable",

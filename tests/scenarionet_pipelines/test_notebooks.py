@@ -31,8 +31,8 @@ REAL = {
 
 def test_all_notebooks_are_known():
     assert names() == [
-        "closed_loop", "cross_dataset", "events", "filters_and_splits", "forecasting", "learning", "overview",
-        "quality", "testing", "three_engines", "your_own_dataset",
+        "closed_loop", "cross_dataset", "events", "filters_and_splits", "forecasting", "learning", "moments",
+        "overview", "quality", "testing", "three_engines", "your_own_dataset",
     ]  # fmt: skip
 
 
