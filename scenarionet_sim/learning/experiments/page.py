@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,9 @@ from scenarionet_sim.learning.experiments.statistics import CEILING, FLAT
 
 _PROGRESS = ("level", "coverage", "difficulty")
 """Curves of training itself."""
+
+_MOST_POINTS = 12
+"""Of a curve in a figure."""
 
 
 def write_page(lake: Lake, comparison: Comparison, folder: str | Path, commit: str) -> Path:
@@ -118,6 +122,7 @@ def _markdown(rows: Iterable[dict[str, Any]]) -> str:
 def _draw(found: ComparisonResult, comparison: Comparison, test: str, title: str, path: Path) -> None:
     """Draw the mean of every metric over the steps, with the range of the seeds."""
     try:
+        from matplotlib import rc_context
         from matplotlib.figure import Figure
     except ModuleNotFoundError as error:
         raise MissingDependency("pictures need matplotlib", "plots") from error
@@ -126,16 +131,23 @@ def _draw(found: ComparisonResult, comparison: Comparison, test: str, title: str
     places = figure.subplots(4, 4).ravel()
     for place, metric in zip(places, (*comparison.metrics, *_PROGRESS), strict=False):
         rows = found.curves.filter(pl.col("database").is_null()) if metric in _PROGRESS else tested
-        for arm in comparison.arms:
+        for number, arm in enumerate(comparison.arms):
             values = curve(rows, arm.name, metric).astype(np.float64)
             if np.isnan(values).all(axis=0).any():  # no curriculum
                 continue
             steps = curve(rows, arm.name, "steps").mean(axis=0)
-            place.plot(steps, values.mean(axis=0), label=arm.name)
-            place.fill_between(steps, np.nanmin(values, axis=0), np.nanmax(values, axis=0), alpha=0.12)
+            kept = np.linspace(0, len(steps) - 1, min(len(steps), _MOST_POINTS)).astype(int)
+            steps, values = steps[kept], values[:, kept]
+            place.plot(steps, values.mean(axis=0), f"C{number}", label=arm.name)
+            place.fill_between(
+                steps, np.nanmin(values, axis=0), np.nanmax(values, axis=0), alpha=0.12, facecolor=f"C{number}"
+            )
+        place.locator_params(axis="x", nbins=4)
         place.set(title=metric.replace("_", " "), xlabel="steps")
     for place in places[len(comparison.metrics) + len(_PROGRESS) :]:
         place.set_axis_off()
     figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(comparison.arms))
     figure.suptitle(title)
-    figure.savefig(path)
+    with rc_context({"svg.fonttype": "none"}):
+        figure.savefig(path)
+    path.write_text(re.sub(r"(\.\d)\d+", r"\1", path.read_text("utf-8")), "utf-8")  # tenths of a point are enough
