@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any
 
-from starlette.concurrency import run_in_threadpool
-
 from scenarionet_data import Lake
-from scenarionet_data.errors import QueryError
+from scenarionet_data.errors import QueryError, needing
 from scenarionet_pipelines.web.choices import all_columns
 from scenarionet_pipelines.web.questions import Learnt, Question, answer_questions
 from scenarionet_pipelines.web.rows import PageColumn
+
+with needing("browsing needs a web server", "web"):
+    from starlette.concurrency import run_in_threadpool
 
 _MAX_WORKERS = 4
 _POLL_INTERVAL = 0.2

@@ -34,6 +34,16 @@ def test_folder_without_lake(tmp_path):
     assert "no lake there" in result.stderr
 
 
+def test_missing_packages_have_a_remedy(tmp_path):
+    code = (
+        "import sys; sys.modules.update(dict.fromkeys(('starlette', 'uvicorn')))\n"
+        f"sys.argv[1:] = ['browse', {str(tmp_path)!r}]; from scenarionet_pipelines.cli import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: browsing needs a web server: pip install 'scenarionet-lake[web]'")
+
+
 def ask_without_end(address):
     """Begin to ask the server for something that takes longer than its limit."""
     where = urllib.parse.quote("levenshtein(repeat('a', 1000000), repeat('b', 1000000)) > 0")
