@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from uuid import uuid4
+from weakref import proxy
 
 import numpy as np
 
@@ -20,6 +22,13 @@ class CardArray(np.ndarray):
         self[...] = values
 
 
+class Device:
+    """A card, which contexts of numba-cuda know by a weak reference, which has no hash."""
+
+    def __init__(self):
+        self.uuid = f"GPU-{uuid4()}"
+
+
 class PlayedCard:
     """Replaces numba-cuda in the modules of cameras.
 
@@ -34,7 +43,8 @@ class PlayedCard:
     def __init__(self, monkeypatch):
         self.launches: list[tuple[str, tuple[object, ...]]] = []
         self.uploads: list[int] = []
-        context = SimpleNamespace(device=object())  # not hashable, as contexts of numba-cuda
+        self.device = Device()
+        context = SimpleNamespace(device=proxy(self.device))  # without a hash itself, too
         cuda = SimpleNamespace(
             device_array=lambda shape, dtype: np.empty(shape, dtype).view(CardArray),
             to_device=self._upload,

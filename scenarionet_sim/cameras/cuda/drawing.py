@@ -66,7 +66,7 @@ def draw(batch: WorldBatch, state: State, rig: Rig, optics: Optics, channels: Se
     pictures = pictures_for(cuda.device_array, count, optics, channels)
     if count:
         with _drawing:
-            memory, stage = _memory_of(cuda.current_context().device), stage_of(batch, rig.scenery)
+            memory, stage = _memory_of(cuda.current_context().device.uuid), stage_of(batch, rig.scenery)
             shots = shots_of(rig, optics, channels)
             changing = {name: memory.put(name, getattr(shots, name)) for name in ("owners", "poses", "lens")}
             shots = shots._replace(**changing, rays=memory.constant(shots.rays), rings=memory.constant(shots.rings))
@@ -76,8 +76,8 @@ def draw(batch: WorldBatch, state: State, rig: Rig, optics: Optics, channels: Se
 
 
 @lru_cache
-def _memory_of(device: Any) -> DeviceMemory:
-    del device
+def _memory_of(uuid: str) -> DeviceMemory:
+    del uuid  # of the card, as contexts have no hash, and know their cards by weak references, which have none
     return DeviceMemory()
 
 
