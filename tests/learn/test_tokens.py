@@ -100,10 +100,10 @@ def test_frames_are_inverted():
 
 def test_loss_by_hand():
     """Two tokens, at rest and 5 m ahead; their logits are 0 and ln 3, so the vehicle's token has probability 3/4."""
-    model = TokenModel(replace(CONFIG, tokens=2))
-    model.paths[0, 1, :, 0], model.has_token[0] = torch.arange(1.0, 6.0), True
+    model = TokenModel(replace(CONFIG, tokens=8))
+    model.paths[0, 1, :, 0], model.has_token[0, :2] = torch.arange(1.0, 6.0), True
     torch.nn.init.zeros_(model.logit[0].weight)
-    model.logit[0].bias.data = torch.tensor([0.0, math.log(3.0)])
+    model.logit[0].bias.data = torch.tensor([0.0, math.log(3.0), *[0.0] * 6])
     given = straight(10.0)
     rolled = roll(model, given, 0, nearest_of_probable(1), sees=True)
     assert rolled.target[0, :, 0].tolist() == [1, 1, -1] and rolled.taken[0, :, 0].tolist() == [1, 1, -1]
@@ -114,8 +114,8 @@ def test_loss_by_hand():
 
 def test_who_is_lost_goes_on_from_the_recording():
     """A token of rest is all there is: a vehicle at 10 m/s is 5 m behind after one, and 10 m after two."""
-    model, given = TokenModel(replace(CONFIG, tokens=1)), straight(10.0, steps=16)
-    model.has_token[0] = True
+    model, given = TokenModel(replace(CONFIG, tokens=8)), straight(10.0, steps=16)
+    model.has_token[0, 0] = True
     for lost, places, earlier in (
         (6.0, [0.0, 0.0, 10.0, 10.0], [-5.0, 0.0, 5.0, 10.0]),
         (math.inf, [0.0] * 4, [-5.0, 0.0, 0.0, 0.0]),
