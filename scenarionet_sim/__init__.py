@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from scenarionet_sim.environments.vector import ScenarioNetVectorEnv as ScenarioNetVectorEnv
     from scenarionet_sim.evaluation.comparison import compare_runs as compare_runs
     from scenarionet_sim.evaluation.evaluation import evaluate as evaluate
+    from scenarionet_sim.evaluation.offline import record_episodes as record_episodes
     from scenarionet_sim.evaluation.recording import record as record
     from scenarionet_sim.planners.base import Planner as Planner
     from scenarionet_sim.planners.base import Trajectory as Trajectory

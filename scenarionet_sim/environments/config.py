@@ -79,7 +79,7 @@ class EnvConfig:
             ``External`` are the agents. Single-agent environments evaluate the ego also if another policy drives it,
             such as ``Idm(objects=ego)``; actions are ignored then.
         backend: Vehicle dynamics of the agents.
-        sensors: Sensors of each agent.
+        sensors: Sensors of each agent, or a name in OBSERVATIONS.
         observation: ``flat`` for one vector of all sensors in order, ``dict`` for one array per sensor name.
         reward: Weights of the reward.
         termination: Conditions that end an episode.
@@ -110,6 +110,10 @@ class EnvConfig:
             raise BadParameter(f"prefetch={self.prefetch!r}; expected a number of scenarios to load ahead, or 0")
         for name, kind, example in _PARTS:
             value = getattr(self, name)
+            if name == "sensors" and isinstance(value, str):
+                if value not in OBSERVATIONS:
+                    raise BadParameter(f"unknown sensors {value!r}; choose from {', '.join(OBSERVATIONS)}")
+                object.__setattr__(self, name, value := OBSERVATIONS[value])
             if isinstance(value, Sensor | Policy):
                 object.__setattr__(self, name, (value,))
             parts = value if isinstance(value, tuple | list) else (value,)
@@ -171,6 +175,8 @@ def make_config(kind: type[Any], config: EnvConfig | None, settings: dict[str, A
     if config is not None and not isinstance(config, kind):
         hint = "; pass scenarios=Scenarios('lake', 'database')" if isinstance(config, Scenarios | str) else ""
         raise BadParameter(f"config={config!r}; expected a {kind.__name__}{hint}")
+    if isinstance(given := settings.get("scenarios"), Mapping):  # of a specification that was JSON
+        settings = settings | {"scenarios": Scenarios(**given)}
     if config is None and "scenarios" not in settings:
         raise BadParameter("an environment needs scenarios=Scenarios('lake', 'database')")
     fields = kind.__dataclass_fields__

@@ -58,6 +58,11 @@ class ScenarioNetEnv(gymnasium.Env[Any, Array]):
         """Number of selected scenarios."""
         return len(self._episodes.ids)
 
+    @property
+    def scenario_ids(self) -> list[str]:
+        """Ids of the selected scenarios, in order."""
+        return list(self._episodes.ids)
+
     def __reduce__(self) -> tuple[Callable[..., ScenarioNetEnv], tuple[Any, ...]]:
         return type(self), (self.config, self.render_mode, self._episodes.seed)
 

@@ -8,7 +8,7 @@ cd "$(dirname "$0")/../.."
 venv=.venv-learn
 "${1:-python3}" -m venv "$venv"
 "$venv/bin/pip" install --quiet --disable-pip-version-check "${TORCH:-torch>=2.4,<3}" \
-    'stable-baselines3>=2.4,<3' 'safetensors>=0.4,<1' 'onnx>=1.16,<2' 'onnxruntime>=1.18,<2'
+    'stable-baselines3>=2.4,<3' 'minari>=0.5.3,<0.6' 'safetensors>=0.4,<1' 'onnx>=1.16,<2' 'onnxruntime>=1.18,<2'
 site() { "$1/bin/python" -c 'import site; print(site.getsitepackages()[0])'; }
 # Its own packages first: a path file adds those of .venv behind them, and addsitedir reads their path files, too.
 echo "import site; site.addsitedir('$(site "$PWD/.venv")')" > "$(site "$venv")/project.pth"

@@ -113,6 +113,25 @@ def test_sigterm_during_an_import_ends_the_verb_after_it(lake, tmp_path):
     assert errors == "not interrupted\nterminated: stopped before the end\n"
 
 
+def test_sigterm_during_an_import_ends_a_call_right_after_it():
+    """The main thread is never woken between the import and a call of compiled code that takes hours."""
+    program = """
+import hashlib, os, signal
+from scenarionet_pipelines.cli.interrupt import handle_signals, interruptible
+importing = {"__name__": "importlib._bootstrap", "os": os, "signal": signal, "hashlib": hashlib}
+exec('''
+def load():
+    os.kill(os.getpid(), signal.SIGTERM)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
+''', importing)
+handle_signals()
+with interruptible():
+    importing["load"]()
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=HANGS_AFTER)
+    assert (done.returncode, done.stdout, done.stderr) == (143, "", "terminated: stopped before the end\n")
+
+
 def test_sigterm_ends_a_query_that_duckdb_cannot_interrupt(lake):
     running = start("filter", lake, "--where", UNENDING, "--name", "x")
     when_handled(running)
