@@ -77,10 +77,12 @@ class Film:
         """
         batch, row = WorldBatch([world]), world.ego if row is None else row
         agents: Int32 = np.array([[0, row]], np.int32)
+        # From outside the ego alone has the ego's colour; from inside, the vehicle of the camera is drawn as such.
+        own: Int32 = np.array([world.ego if self.view in ("chase", "orbit") else row], np.int32)
         for number, moment in enumerate(moments):
             after = moments[min(number + 1, len(moments) - 1)]
             state = _state(world, moment, after)
-            yield self.camera(number * world.dt, world.size[row]).frames(batch, state, agents)["rgb"][0]
+            yield self.camera(number * world.dt, world.size[row]).frames(batch, state, agents, own=own)["rgb"][0]
 
 
 def recorded_moments(world: World) -> list[Moment]:

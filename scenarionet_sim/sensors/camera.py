@@ -215,7 +215,12 @@ class Camera(Sensor):
         return made
 
     def frames(
-        self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator | None = None
+        self,
+        batch: WorldBatch,
+        state: State,
+        agents: Int32,
+        rng: np.random.Generator | None = None,
+        own: Int32 | None = None,
     ) -> dict[str, Array]:
         """Return what agents see by channel: (A, height, width) or (A, height, width, values).
 
@@ -224,18 +229,27 @@ class Camera(Sensor):
             state: Current state of all objects.
             agents: (A, 2) int32 world and row of each agent.
             rng: Source of noise and jitter; unused without them.
+            own: (A,) int32 rows that are shown as the own vehicle; None for those of the agents.
 
         Raises:
             BadParameter: These are not the parts of a simulation, or an agent is not in it.
         """
-        return self._frames(batch, state, _of_simulation(batch, state, agents), rng)
+        return self._frames(batch, state, _of_simulation(batch, state, agents), rng, own)
 
     def _frames(
-        self, batch: WorldBatch, state: State, agents: Int32, rng: np.random.Generator | None
+        self,
+        batch: WorldBatch,
+        state: State,
+        agents: Int32,
+        rng: np.random.Generator | None,
+        own: Int32 | None = None,
     ) -> dict[str, Array]:
         if self.device == "cuda":
             return {name: seen.copy_to_host() for name, seen in self.frames_on_card(batch, state, agents, rng).items()}
-        drawn = partial(draw, batch, state, self._rig(batch, state, agents, rng), threads=self.threads)
+        rig = self._rig(batch, state, agents, rng)
+        if own is not None:
+            rig.owners[:, 1] = own
+        drawn = partial(draw, batch, state, rig, threads=self.threads)
         return self._finished(drawn, scaled_down, add_pixel_noise, rng)
 
     def frames_on_card(
