@@ -112,7 +112,7 @@ class EnvConfig:
             value = getattr(self, name)
             if name == "sensors" and isinstance(value, str):
                 if value not in OBSERVATIONS:
-                    raise BadParameter(f"unknown sensors {value!r}; choose from {', '.join(OBSERVATIONS)}")
+                    raise BadParameter(f"sensors={value!r}; expected {' or '.join(OBSERVATIONS)}, or your own")
                 object.__setattr__(self, name, value := OBSERVATIONS[value])
             if isinstance(value, Sensor | Policy):
                 object.__setattr__(self, name, (value,))
