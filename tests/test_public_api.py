@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import gc
 import importlib
 import inspect
 import pkgutil
 import subprocess
 import sys
+import typing
 
 import pytest
 
 import scenarionet_data
 from scenarionet_data import Database, Lake, ScenarioLoader
 from scenarionet_data.public_names import paused_collector
+from scenarionet_data.scenario import settings
 from tests.fixtures.lakes import write_lake
 from tests.fixtures.scenarios import make_scenario
 
@@ -44,8 +47,8 @@ FORWARDED = {
 """Functions with ``**`` parameters, and what rejects unknown names or uses any of them."""
 
 
-def public_functions():
-    """Public functions and methods, and constructors, by qualified name."""
+def defined():
+    """Modules, and name and value of what each defines."""
     for package in map(importlib.import_module, PACKAGES):
         for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             try:
@@ -54,17 +57,24 @@ def public_functions():
                 assert (error.name or "").split(".")[0] not in PACKAGES, found.name
                 continue
             for name, value in vars(module).items():
-                if name.startswith("_") or getattr(value, "__module__", None) != module.__name__:
-                    continue
-                members = vars(value).items() if inspect.isclass(value) else ()
-                functions = [(name, value)] if inspect.isfunction(value) else []
-                for member, attribute in members:
-                    function = getattr(attribute, "__func__", attribute)
-                    is_public = not member.startswith("_") or member == "__init__"
-                    if is_public and inspect.isfunction(function) and function.__module__ == module.__name__:
-                        functions.append((f"{name}.{member}", function))
-                for qualified, function in functions:
-                    yield f"{module.__name__}.{qualified}", function
+                if getattr(value, "__module__", None) == module.__name__:
+                    yield module, name, value
+
+
+def public_functions():
+    """Public functions and methods, and constructors, by qualified name."""
+    for module, name, value in defined():
+        if name.startswith("_"):
+            continue
+        members = vars(value).items() if inspect.isclass(value) else ()
+        functions = [(name, value)] if inspect.isfunction(value) else []
+        for member, attribute in members:
+            function = getattr(attribute, "__func__", attribute)
+            is_public = not member.startswith("_") or member == "__init__"
+            if is_public and inspect.isfunction(function) and function.__module__ == module.__name__:
+                functions.append((f"{name}.{member}", function))
+        for qualified, function in functions:
+            yield f"{module.__name__}.{qualified}", function
 
 
 def test_no_public_function_accepts_arbitrary_keywords():
@@ -74,6 +84,25 @@ def test_no_public_function_accepts_arbitrary_keywords():
         if any(each.kind is each.VAR_KEYWORD for each in inspect.signature(function).parameters.values())
     }
     assert swallowing - set(FORWARDED) == set()
+
+
+def test_a_setting_with_another_default_stays_within_its_bounds():
+    """The check reads the annotation of the class itself: one without the bound of its parent's takes any number."""
+    bounds = {name for name, value in vars(settings).items() if typing.get_origin(value) is typing.Annotated}
+
+    def bounded(cls):
+        annotations = vars(cls).get("__annotations__", {})
+        return {name for name, kind in annotations.items() if str(kind).removesuffix(" | None") in bounds}
+
+    classes = {value for _, _, value in defined() if inspect.isclass(value) and dataclasses.is_dataclass(value)}
+    assert sum(map(len, map(bounded, classes))) > 50, "settings are annotated otherwise"
+    lost = {
+        f"{cls.__module__}.{cls.__qualname__}.{name}"
+        for cls in classes
+        for parent in cls.__mro__[1:]
+        for name in bounded(parent) & set(vars(cls).get("__annotations__", {})) - bounded(cls)
+    }
+    assert lost == set()
 
 
 @pytest.fixture

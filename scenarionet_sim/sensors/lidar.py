@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from scenarionet_data.scenario.settings import Count
+from scenarionet_data.scenario.settings import Count, Positive
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.sensors.compiled import RaySensor
 from scenarionet_sim.sensors.observation_kernels import LIDAR
@@ -31,5 +31,5 @@ class Lidar(RaySensor):
     kind: ClassVar[int] = LIDAR
 
     rays: Count = 240
-    range: float = 50.0
+    range: Positive = 50.0
     types: tuple[ObjectType, ...] | None = None

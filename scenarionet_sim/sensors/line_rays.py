@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from scenarionet_data.scenario.settings import Count
+from scenarionet_data.scenario.settings import Count, Positive
 from scenarionet_data.scenario.vocabulary import MapFeatureType, is_road_edge, is_road_line
 from scenarionet_sim.sensors.base import map_types, require
 from scenarionet_sim.sensors.compiled import RaySensor
@@ -41,7 +41,7 @@ class LineRays(RaySensor):
     kind: ClassVar[int] = LINE_RAYS
 
     rays: Count = 12
-    range: float = 50.0
+    range: Positive = 50.0
     types: tuple[MapFeatureType, ...] = ()
 
     def __post_init__(self) -> None:
@@ -60,5 +60,5 @@ class BoundaryDetector(LineRays):
 class LaneLineDetector(LineRays):
     """Rays at painted lines, broken and solid, over 20 m. See :class:`LineRays`."""
 
-    range: float = 20.0
+    range: Positive = 20.0
     types: tuple[MapFeatureType, ...] = map_types(is_road_line)

@@ -328,10 +328,12 @@ def world(lake):
     return World.from_scenario(Lake(lake).loader()[0])
 
 
-@pytest.mark.parametrize("options", [{"rays": 1.5}, {"rays": -1}, {"range": math.inf}, {"range": math.nan}])
-def test_rays(options):
-    with pytest.raises(BadParameter, match=next(iter(options))):
-        Lidar(**options)
+@pytest.mark.parametrize(
+    "name, value", [("rays", 1.5), ("rays", -1), ("range", -1.0), ("range", math.inf), ("range", math.nan)]
+)
+def test_rays(name, value):
+    with pytest.raises(BadParameter, match=name):
+        Lidar(**{name: value})
 
 
 def test_simulations(only):
