@@ -55,8 +55,12 @@ class MissingDependency(SourceError):
     """
 
     def __init__(self, need: str, extra: str, alternative: str = "") -> None:
+        super().__init__(need, extra, alternative)  # so that workers can send it
+
+    def __str__(self) -> str:
+        need, extra, alternative = self.args
         install = f"pip install 'scenarionet-lake[{extra}]', or in a checkout pip install -e '.[{extra}]'"
-        super().__init__(f"{need}: {'; '.join(filter(None, (install if extra else '', alternative)))}")
+        return f"{need}: {'; '.join(filter(None, (install if extra else '', alternative)))}"
 
 
 @contextmanager

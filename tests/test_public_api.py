@@ -15,6 +15,7 @@ import pytest
 
 import scenarionet_data
 from scenarionet_data import Database, Lake, ScenarioLoader
+from scenarionet_data.errors import ScenarioNetError
 from scenarionet_data.public_names import paused_collector
 from scenarionet_data.scenario import settings
 from tests.fixtures.lakes import write_lake
@@ -103,6 +104,19 @@ def test_a_setting_with_another_default_stays_within_its_bounds():
         for name in bounded(parent) & set(vars(cls).get("__annotations__", {})) - bounded(cls)
     }
     assert lost == set()
+
+
+def test_errors_come_back_from_workers():
+    """One that cannot be unpickled looks as if the worker had been killed."""
+    errors = {each for _, _, each in defined() if inspect.isclass(each) and issubclass(each, ScenarioNetError)}
+    errors = {each for each in errors if ".web." not in each.__module__}  # which answers in its own process
+    assert len(errors) > 20
+    for kind in errors:
+        parameters = inspect.signature(kind).parameters.values()
+        error = kind(*(each.name for each in parameters if each.default is each.empty))
+        make, given = error.__reduce__()[:2]  # as pickle does, unless Dask has taught it another way
+        again = make(*given)
+        assert (type(again), str(again)) == (kind, str(error))
 
 
 @pytest.fixture
