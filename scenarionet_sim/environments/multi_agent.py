@@ -9,16 +9,21 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
-from pettingzoo import ParallelEnv
 
 from scenarionet_data.arrays.dtypes import Array, Int32
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import MultiAgentConfig, make_config, with_settings
 from scenarionet_sim.environments.episodes import Episodes, action_space
 from scenarionet_sim.environments.rendering import METADATA, Renderer, metadata_here
 from scenarionet_sim.policies.external import External
 from scenarionet_sim.task.task import ARRIVED, DRIVING, TIMED_OUT
+
+try:
+    from pettingzoo import ParallelEnv
+except FileNotFoundError as error:  # it reads the files of all its games to list them
+    gone = f"environments of many agents need all files of pettingzoo; there is no {error.filename}"
+    raise MissingDependency(gone, "", "pip install --force-reinstall pettingzoo") from error
 
 Named = dict[str, Any]
 

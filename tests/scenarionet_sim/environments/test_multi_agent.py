@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import pickle
+import sys
 
 import gymnasium
 import numpy as np
@@ -10,7 +12,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from pettingzoo.test import parallel_api_test
 
-from scenarionet_data.errors import BadParameter
+from scenarionet_data.errors import BadParameter, MissingDependency
 from scenarionet_sim.backends.bullet import Bullet
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.environments.multi_agent import ScenarioNetParallelEnv
@@ -184,3 +186,15 @@ def test_what_an_agent_touches_when_it_appears_is_no_crash(scene):
     infos = [found["t1"] for *_, found, _ in later if "t1" in found]
     assert [info["collision"] for info in infos[:2]] == [0.0, -1.0]
     assert {info["vehicle_crashes"] for info in infos} == {0.0} == {info["cost"] for info in infos}
+
+
+def test_missing_files_of_pettingzoo_are_said(tmp_path, monkeypatch):
+    """Its import reads the files of its games, which those who make images small may have removed."""
+    (tmp_path / "pettingzoo").mkdir()
+    (tmp_path / "pettingzoo" / "__init__.py").write_text("open('atari/pong.py')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in [name for name in sys.modules if name.split(".")[0] == "pettingzoo"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules, ScenarioNetParallelEnv.__module__)
+    with pytest.raises(MissingDependency, match=r"there is no atari/pong\.py: pip install --force-reinstall"):
+        importlib.import_module(ScenarioNetParallelEnv.__module__)
