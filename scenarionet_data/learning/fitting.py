@@ -23,7 +23,7 @@ from scenarionet_data.storage import checkpoints, evaluation_runs
 from scenarionet_data.storage.files.lake_files import LakeFiles
 
 BatchLosses = Mapping[str, Tensor]
-"""BatchLosses of a batch by name, whose sum is minimised."""
+"""Losses of a batch by name, whose sum is minimised."""
 
 OnEpoch = Callable[[list[dict[str, Any]]], None]
 """Called after each epoch with its rows of the table ``training``: of the training, and of each test."""

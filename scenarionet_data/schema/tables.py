@@ -247,7 +247,7 @@ class Table:
             sample: The first rows that will be written, see :meth:`writer_options`.
             zstd_level: See :meth:`writer_options`.
         """
-        options = self._options if sample is None else self.writer_options(sample, zstd_level)
+        options = self.writer_options(sample, zstd_level) if sample is not None or zstd_level else self._options
         writer = pq.ParquetWriter(path, self.schema, **options)
         writer.add_key_value_metadata({"scenarionet.schema": self.tag, **footer, **SEALED})
         return writer

@@ -197,7 +197,7 @@ def test_obvious_meanings(lake):
         (lambda lake, samples: plots.draw_distributions(lake, 3), "columns: expected several.*, found 3"),
         (lambda lake, samples: plots.draw_distributions(lake, bins="x"), "bins: expected a whole number of 1 or more"),
         (lambda lake, samples: plots.Drawing(size="x"), "size='x'; expected a whole number"),
-        (lambda lake, samples: plots.Drawing(speed=0), "expected a width, a size and a speed above 0"),
+        (lambda lake, samples: plots.Drawing(speed=0), "speed=0; expected a number above 0"),
         (lambda lake, samples: plots.Drawing().save(None, None), "expected a path, found None"),
         (lambda lake, samples: plots.write_figure(None, None), "expected a path, found None"),
         (lambda lake, samples: plots.TopDown(plots.Scene.of(lake.loader()[0]), "x"), "window='x'; expected a Window"),
