@@ -47,6 +47,7 @@ class TokenConfig(FitConfig):
 
     kind = "token model"
     command = "scenarionet traffic learn --kind tokens"
+    uses_gpu = True
 
     tokens: int = 2048
     radius: float = 0.07

@@ -105,7 +105,7 @@ def train(run: FitRun, config: TokenConfig, start: str | None = None) -> TokenMo
         BadParameter: No road user is there for the time of a token, or the run to begin with has another network.
         LakeError: The run to begin with cannot be loaded.
     """
-    lake, device = run.lake, torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    lake = run.lake
     begun = None if start is None else load_tokens(lake.files, start)
     own, given = asdict(config if begun is None else begun.config), asdict(config)
     others = [f"{name}={own[name]}" for name in _NETWORK if own[name] != given[name]]
@@ -114,7 +114,7 @@ def train(run: FitRun, config: TokenConfig, start: str | None = None) -> TokenMo
             f"the network of run {start} has {', '.join(others)}; give the same: -p {' -p '.join(others)}"
         )
     recordings = read_recordings(lake, run.database)
-    model = make_model(config, recordings, run.seed, device, begun)
+    model = make_model(config, recordings, run.seed, config.device, begun)
     tested = {name: read_recordings(lake, name) for name in run.tests}
     fit_tokens(run, model, recordings, tested, {"start": None if begun is None else weights_digest(begun)})
     model.cpu().eval()

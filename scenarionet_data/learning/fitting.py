@@ -37,6 +37,7 @@ class FitConfig:
         kind: What is trained, the name of its settings in the description of a run.
         command: The command that trains it.
         clip: Largest norm of the gradient.
+        uses_gpu: Whether it is trained on a GPU if there is one.
         size: Width of features.
         epochs: Times that all samples are seen.
         batch_size: Samples of a batch.
@@ -47,6 +48,7 @@ class FitConfig:
     kind: ClassVar[str]
     command: ClassVar[str]
     clip: ClassVar[float] = 1.0
+    uses_gpu: ClassVar[bool] = False
 
     size: int = 64
     epochs: int = 2
@@ -58,6 +60,11 @@ class FitConfig:
         heads = getattr(self, "heads", 1)  # of attention, in some networks
         if self.size % heads:
             raise BadParameter(f"size: wanted a multiple of heads, {heads}, found {self.size}")
+
+    @property
+    def device(self) -> torch.device:
+        """What trains here."""
+        return torch.device("cuda" if self.uses_gpu and torch.cuda.is_available() else "cpu")
 
     @classmethod
     def parse(cls, given: Mapping[str, str]) -> Self:

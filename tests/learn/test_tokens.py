@@ -19,7 +19,8 @@ torch = pytest.importorskip("torch", reason="no torch: run `make test-learn`")
 
 from scenarionet_data.errors import BadParameter, LakeError  # noqa: E402
 from scenarionet_data.generation.frames import composed, relative  # noqa: E402
-from scenarionet_data.generation.token_model import TokenConfig, TokenModel  # noqa: E402
+from scenarionet_data.generation.snapshots import TrafficConfig  # noqa: E402
+from scenarionet_data.generation.token_model import LANE, TokenConfig, TokenModel  # noqa: E402
 from scenarionet_data.generation.token_recordings import map_pieces, read_recordings, train  # noqa: E402
 from scenarionet_data.generation.token_training import (  # noqa: E402
     Recordings,
@@ -38,6 +39,8 @@ from scenarionet_sim import evaluate  # noqa: E402
 from scenarionet_sim.policies.tokens import TokenTraffic, _pieces  # noqa: E402
 from scenarionet_sim.simulation.simulation import Simulation  # noqa: E402
 from scenarionet_sim.worlds.world import World  # noqa: E402
+from tests.fixtures.lakes import write_lake  # noqa: E402
+from tests.fixtures.scenarios import make_scenario  # noqa: E402
 
 CONFIG = TokenConfig(tokens=64, radius=0.2, size=16, heads=2, epochs=2, batch_size=3)
 CPU = torch.device("cpu")
@@ -240,7 +243,8 @@ def test_the_simulator_sees_the_map_as_in_training(lake, recordings):
     np.testing.assert_allclose(here[order[0]], there[order[1]], atol=1e-2)
 
 
-def test_the_command_line_learns_the_same(lake):
+def test_the_command_line_learns_the_same(lake, monkeypatch):
+    monkeypatch.setattr("scenarionet_pipelines.cli.progress._SECONDS_BETWEEN_LINES", 0.01)
     settings = {"tokens": 64, "radius": 0.2, "size": 16, "heads": 2, "epochs": 2, "batch_size": 3}
     words = ["traffic", "learn", str(lake.root), "recorded", "--kind", "tokens", "--json", "--test", "recorded"]
     for name, value in settings.items():
@@ -249,6 +253,7 @@ def test_the_command_line_learns_the_same(lake):
     assert result.exit_code == 0, result.output
     told = json.loads(result.stdout)
     assert "--traffic model:typed" in told["next"]
+    assert told["device"] in ("cpu", "cuda") and f"train typed on {told['device']}" in result.stderr
     assert [(row["test"], row["round"]) for row in told["curve"]] == [
         (n, e) for e in (1, 2) for n in (None, "recorded")
     ]
@@ -276,6 +281,23 @@ def test_mistakes_are_said(lake):
     lake.filter("FALSE", name="empty", allow_empty=True)
     with pytest.raises(BadParameter, match="no road user is there"):
         train(FitRun(lake, "empty", "none"), CONFIG)
+
+
+def test_only_tokens_are_learned_on_a_gpu_and_only_if_there_is_one(monkeypatch):
+    for is_available, device in ((True, "cuda"), (False, "cpu")):
+        monkeypatch.setattr(torch.cuda, "is_available", lambda found=is_available: found)
+        assert (CONFIG.device.type, TrafficConfig().device.type) == (device, "cpu")
+
+
+@pytest.mark.parametrize("options", [{"has_map": False}, {"num_lanes": 0}], ids=["no map", "no lanes"])
+def test_recordings_without_lanes_are_learned_and_driven(tmp_path, options):
+    lake = write_lake(tmp_path / "lake", [make_scenario(number, **options) for number in range(2)])
+    lake.filter("TRUE", name="recorded")
+    assert (read_recordings(lake, "recorded").pieces[..., 4] != LANE).all()
+    train(FitRun(lake, "recorded", "bare"), replace(CONFIG, epochs=1))
+    evaluate(lake, "recorded", policy="constant", traffic="model:bare", name="driven")
+    errors = Lake(lake.root).sql("SELECT error, is_reactive FROM results WHERE run = 'driven'")
+    assert len(errors) == 2 and errors["error"].null_count() == 2 and errors["is_reactive"].all()
 
 
 def test_one_scenario_is_enough_and_damaged_weights_are_said(lake):

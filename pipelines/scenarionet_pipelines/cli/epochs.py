@@ -32,9 +32,12 @@ class EpochsVerb(DatabaseVerb, Choosing, Progressing):
         """
         from scenarionet_data.learning.fitting import FitRun  # needs torch
 
-        epochs = config.epochs
+        epochs, device = config.epochs, config.device.type
         curve: list[dict[str, Any]] = []
-        with self.progress(f"train {run}", "epoch") as progress, keeping(lambda: f"checkpoints are kept in run {run}"):
+        with (
+            self.progress(f"train {run} on {device}", "epoch") as progress,
+            keeping(lambda: f"checkpoints are kept in run {run}"),
+        ):
             progress.update(0, epochs)
 
             def note(rows: list[dict[str, Any]]) -> None:
@@ -47,6 +50,6 @@ class EpochsVerb(DatabaseVerb, Choosing, Progressing):
             numbers = ", ".join(f"{name} {value:.3f}" for name, value in json.loads(row["learned"]).items())
             lines.append(f"epoch {row['round']}/{epochs}  {row['test'] or 'training'}: {numbers}")
         self.say(
-            {"run": run, "curve": curve, "next": following},
-            [*lines, f"run {run}: {count(epochs, 'epoch')}. Use it: {following}"],
+            {"run": run, "device": device, "curve": curve, "next": following},
+            [*lines, f"run {run}: {count(epochs, 'epoch')} on {device}. Use it: {following}"],
         )

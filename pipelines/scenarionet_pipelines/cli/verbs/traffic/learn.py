@@ -16,7 +16,7 @@ class LearnVerb(EpochsVerb):
     """Train a model of traffic: where vehicles stand on lanes, how fast and how large they are, and how they move.
 
     With --kind tokens it is a model of motion alone, for `sim --traffic model:RUN`: every half second, each road user
-    takes one of 2,048 recorded motions. It learns on a GPU if there is one.
+    takes one of 2,048 recorded motions. It learns on a GPU if there is one, and says on what.
 
     Settings are those of TrafficConfig in scenarionet_data.generation.snapshots, or of TokenConfig in
     scenarionet_data.generation.token_model; -p changes one, for example -p epochs=2. Run the same command again to
