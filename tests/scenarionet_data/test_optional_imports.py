@@ -11,6 +11,8 @@ import pytest
 
 from scenarionet_data.optional_imports import hidden
 
+pytestmark = pytest.mark.integration
+
 USE = """
 import sys
 from scenarionet_data.schema import tables

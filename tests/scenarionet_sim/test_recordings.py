@@ -48,9 +48,8 @@ def pickled(recordings, tmp_path_factory):
     return Scenarios(lake)
 
 
-@pytest.mark.parametrize(
-    "backend", [Kinematic(), pytest.param(Bullet(), marks=pytest.mark.integration)], ids=["kinematic", "bullet"]
-)
+@pytest.mark.integration
+@pytest.mark.parametrize("backend", [Kinematic(), Bullet()], ids=["kinematic", "bullet"])
 def test_every_recording_replays_to_success(pickled, backend):
     env = ScenarioNetEnv(scenarios=pickled, policies=(Replay(),), backend=backend)
     for _ in range(len(env)):

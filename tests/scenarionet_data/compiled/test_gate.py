@@ -62,6 +62,7 @@ def test_other_versions_are_outside_of_the_gate(monkeypatch, version):
     assert not gate.uses_internals.__wrapped__()
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("reason", ["version", "variable"])
 def test_kernels_of_other_versions_are_compiled_by_numba_alone(monkeypatch, reason):
     monkeypatch.setenv(gate.PLAIN, "1" if reason == "variable" else "0")

@@ -20,6 +20,8 @@ from scenarionet_data.scenario.vocabulary import is_lane
 from tests.fixtures.reading import scenarios
 from tests.scenarionet_data.converters.damage import DamageConformance, RowDamage
 
+pytestmark = pytest.mark.integration
+
 
 class TestCommonRoadDamage(DamageConformance):
     converter = CommonRoad()

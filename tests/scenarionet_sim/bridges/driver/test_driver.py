@@ -133,6 +133,7 @@ def serve(peer: socket.socket, spoil: Callable[[bytes, int], bytes | None] = lam
         peer.sendall(spoiled)
 
 
+@pytest.mark.integration
 def test_in_lockstep_it_drives_to_the_bit_as_in_this_process(lake: Path):
     evaluate(lake, policy=f"{__name__}:Here", name="here")
     with driver(serve) as policy:
