@@ -50,11 +50,19 @@ def test_a_missing_file_is_a_sentence(tmp_path):
 
 
 @pytest.mark.integration
-def test_an_environment_that_cannot_be_built_is_a_sentence(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "line, said",
+    [
+        ("no-such-package-of-anybody==1", "No matching distribution found for no-such-package-of-anybody==1"),
+        ("numpy ( == 1", r"Invalid requirement: 'numpy \( == 1'"),
+    ],
+    ids=["missing", "misspelt"],
+)
+def test_an_environment_that_cannot_be_built_is_a_sentence(tmp_path, monkeypatch, line, said):
     monkeypatch.setenv("SCENARIONET_CACHE", str(tmp_path / "cache"))
     file = tmp_path / "requirements.txt"
-    file.write_text("--no-index\nno-such-package-of-anybody==1\n")
-    with pytest.raises(BadParameter, match=r"requirements\.txt: no environment can be made of it: ERROR: No matching"):
+    file.write_text(f"--no-index\n{line}\n")
+    with pytest.raises(BadParameter, match=rf"requirements\.txt: no environment can be made of it: ERROR: {said}"):
         made_interpreter(str(file))
     assert not [path for path in (tmp_path / "cache").rglob("*") if path.is_file()], "nothing is left"
 

@@ -125,6 +125,25 @@ def test_the_command_exits_with_the_verdict(generated):
     assert regressed("--policy", "idm").exit_code == 2, "one policy"
 
 
+@pytest.mark.integration
+def test_the_command_says_which_requirements_cannot_be_installed(generated, tmp_path, monkeypatch):
+    """Nothing is simulated and nothing left, and what the lake knows of the old policy serves the next attempt."""
+    monkeypatch.setenv("SCENARIONET_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(ROOT)
+    words = ["runs", "regress", generated, "all_of_it", "--quiet", "--policy", "constant", LATE]
+    assert "constant, deterministic: 12 simulated" in run(*words).output
+    before = Lake(generated).sql("SELECT count(*) FROM results").item()
+    (tmp_path / "asked.txt").write_text("--no-index\nno-such-package-of-anybody==1\n")
+    for option in ("--old-python", "--new-python"):
+        told = run(*words, option, tmp_path / "asked.txt")
+        assert told.exit_code == 2 and told.stdout == ""
+        (sentence,) = told.stderr.splitlines()
+        assert "asked.txt: no environment can be made of it: ERROR: No matching distribution" in sentence
+    assert Lake(generated).sql("SELECT count(*) FROM results").item() == before
+    assert not [path for path in (tmp_path / "cache").rglob("*") if path.is_file()]
+    assert "constant, deterministic: 0 simulated, 12 known before" in run(*words).output
+
+
 @pytest.mark.long
 def test_a_random_policy_against_itself_with_other_seeds_gives_few_false_alarms(tmp_path):
     convert("pg", "0:30", tmp_path / "lake", version="v1")
