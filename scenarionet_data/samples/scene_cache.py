@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarionet_data.arrays.dtypes import Array, Int64
 from scenarionet_data.samples.choices import Choices
-from scenarionet_data.samples.scene_kernels import WORD, Cutting, SceneMemory, measure, store
+from scenarionet_data.samples.scene_kernels import ALIGNMENT, WORD, Cutting, SceneMemory, measure, store
 from scenarionet_data.samples.scene_rows import SceneReader
 from scenarionet_data.samples.selection import Selection
 
@@ -17,8 +17,8 @@ from scenarionet_data.samples.selection import Selection
 class SceneCache:
     """The scenarios that were read last, as blocks of memory that kernels read; for one thread.
 
-    The memory is filled from its start to its end, and again: a block displaces the oldest ones. It takes up what was
-    written to, at most its size.
+    The memory grows to its limit as it is filled; from then on it is filled from its start again, and a block displaces
+    the oldest ones.
 
     Args:
         reader: Reads the others.
@@ -98,10 +98,7 @@ class SceneCache:
 
     def _make_room(self, scenarios: Array, sizes: Int64) -> list[int]:
         """Place the first of some scenarios, as many as there is room for at once; returns their places [words]."""
-        if sizes[0] > self.num_bytes:
-            self._displace(0, self.num_bytes, set())
-            enough = int(sizes.max()) * len(self._blocks)  # for all scenarios, if those are the largest
-            self.memory, self._end = _memory(max(min(self._limit, enough), int(sizes[0]))), 0
+        self._grow(self._end + int(sizes.sum()), max(self._limit, int(sizes[0])))
         placed: list[int] = []
         new: set[int] = set()
         for scenario, size in zip(scenarios.tolist(), sizes.tolist(), strict=True):
@@ -117,6 +114,14 @@ class SceneCache:
             new.add(scenario)
             placed.append(first // WORD)
         return placed
+
+    def _grow(self, wanted: int, most: int) -> None:
+        """Take memory up to a place, at least as much again, so that little is copied; at most ``most`` bytes."""
+        size = min(max(wanted, 2 * self.num_bytes), most) // ALIGNMENT * ALIGNMENT
+        if self.num_bytes < min(wanted, size):
+            grown = _memory(size)
+            grown.bytes[: self.num_bytes] = self.memory.bytes
+            self.memory = grown
 
     def _displace(self, first: int, end: int, new: set[int]) -> bool:
         """Forget the oldest blocks between two places; returns whether none of them is new."""

@@ -10,6 +10,8 @@ import pytest
 
 from scenarionet_data import Agents, Augmentation, Polylines, Samples, Targets, TimeWindow
 from scenarionet_data.errors import BadParameter
+from tests.fixtures.lakes import write_lake
+from tests.fixtures.scenarios import make_scenario
 
 pytestmark = pytest.mark.filterwarnings("ignore::scenarionet_data.samples.selection.SamplesWarning")
 CHOICES = {
@@ -52,6 +54,21 @@ def test_a_scenario_is_read_once(lake, monkeypatch):
     for _ in range(2):
         samples.batch(range(len(samples)))
     assert len(read) == len(set(read)) > 1
+
+
+def test_memory_grows_until_it_holds_all(tmp_path, monkeypatch):
+    """However small the scenario is that is read first."""
+    scenarios = [make_scenario(seed, num_objects=4 + 20 * seed, num_lanes=2 + 20 * seed) for seed in range(4)]
+    samples = Samples(write_lake(tmp_path / "lake", scenarios), window=TimeWindow(0.4, 1.2), targets=Targets("moving"))
+    reader, read = samples._cache.reader, []
+    whole = reader.read
+    monkeypatch.setattr(reader, "read", lambda scenarios: read.extend(scenarios.tolist()) or whole(scenarios))
+    for _ in range(2):
+        for number in range(len(samples)):
+            samples.batch([number])
+    assert len(read) == len(scenarios)
+    sizes = [end - first for _, first, end in samples._cache._kept]
+    assert 4 * sizes[0] < sum(sizes) <= samples._cache.num_bytes < 2 * sum(sizes)
 
 
 def test_memory_is_bounded(lake):
