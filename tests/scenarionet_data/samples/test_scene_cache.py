@@ -59,13 +59,14 @@ def test_a_scenario_is_read_once(lake, monkeypatch):
 def test_memory_grows_until_it_holds_all(tmp_path, monkeypatch):
     """However small the scenario is that is read first."""
     scenarios = [make_scenario(seed, num_objects=4 + 20 * seed, num_lanes=2 + 20 * seed) for seed in range(4)]
-    samples = Samples(write_lake(tmp_path / "lake", scenarios), window=TimeWindow(0.4, 1.2), targets=Targets("moving"))
+    lake, choices = write_lake(tmp_path / "lake", scenarios), {"window": TimeWindow(0.4, 1.2)}
+    samples, anew = (Samples(lake, targets=Targets("moving"), cache_bytes=size, **choices) for size in (2**29, 0))
     reader, read = samples._cache.reader, []
     whole = reader.read
     monkeypatch.setattr(reader, "read", lambda scenarios: read.extend(scenarios.tolist()) or whole(scenarios))
     for _ in range(2):
         for number in range(len(samples)):
-            samples.batch([number])
+            assert_equal(samples.batch([number]), anew.batch([number]))
     assert len(read) == len(scenarios)
     sizes = [end - first for _, first, end in samples._cache._kept]
     assert 4 * sizes[0] < sum(sizes) <= samples._cache.num_bytes < 2 * sum(sizes)
