@@ -1,9 +1,9 @@
 """How known drivers fare in logical scenarios and in recorded cut-ins: writes a page with one table for each.
 
-    python docs/examples/driver_results.py lake docs/guides/driver_results.md
+    python docs/examples/driver_results.py lake docs/guides/driver_results.md --recordings waymo=/data/waymo/training
 
-The lake has recordings, in which cut-ins are mined; logical scenarios are added to it. What a lake has already is not
-made again, nor are runs simulated again.
+Recordings are converted into the lake, cut-ins are mined in all that it has, and logical scenarios are added to it.
+What a lake has already is not made again, nor are runs simulated again.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ MEASURES = f"""
 """
 
 
-def make_databases(lake: str, logical: tuple[str, ...], number: int) -> dict[str, str]:
+def make_databases(lake: str, recordings: tuple[str, ...], logical: tuple[str, ...], number: int) -> dict[str, str]:
     """Make the scenarios that the lake does not have; return databases by title."""
-    for name in logical:
-        convert("logical", name, lake, options={"number": number})
-        with suppress(DatabaseExists):
-            Lake(lake).filter(f"parent = 'logical/{name}'", name=f"results_{name}")
+    for each in recordings:
+        dataset, _, raw = each.partition("=")
+        report = convert(dataset, raw, lake, split="train")
+        click.echo(f"{dataset}: {report.converted} scenarios of {raw}, {report.quarantined} quarantined")
     opened = Lake(lake)
     with suppress(DatabaseExists):
         made = "'pg', 'logical', 'moment', 'variation', 'generated'"
@@ -51,6 +51,10 @@ def make_databases(lake: str, logical: tuple[str, ...], number: int) -> dict[str
         opened.keep_moments("results_cut_ins", {"cut_in": event("cut_in")}, "results_searched")
         choice = MomentChoice(margin=4.0, order_by="value", limit=number)
         cut_moments(lake, "results_cut_ins", choice, name="results_recorded")
+    for name in logical:
+        convert("logical", name, lake, options={"number": number})
+        with suppress(DatabaseExists):
+            Lake(lake).filter(f"parent = 'logical/{name}'", name=f"results_{name}")
     return {
         "results_recorded": "Recorded cut-ins",
         **{f"results_{name}": f"Logical scenario `{name}`" for name in logical},
@@ -60,12 +64,13 @@ def make_databases(lake: str, logical: tuple[str, ...], number: int) -> dict[str
 @click.command()
 @click.argument("lake")
 @click.argument("page", type=click.Path(path_type=Path))
+@click.option("--recordings", multiple=True, metavar="DATASET=RAW", help="Recordings to convert first; repeatable.")
 @click.option("--logical", multiple=True, default=("cut_in",), help="Logical scenarios.")
 @click.option("--number", default=40, help="Scenarios of each kind.")
-def main(lake: str, page: Path, logical: tuple[str, ...], number: int) -> None:
+def main(lake: str, page: Path, recordings: tuple[str, ...], logical: tuple[str, ...], number: int) -> None:
     """Write the tables below the first line `<!-- results -->` of a page."""
     tables = []
-    for database, title in make_databases(lake, logical, number).items():
+    for database, title in make_databases(lake, recordings, logical, number).items():
         rows = []
         for driver, words in DRIVERS.items():
             run = f"{database}-{driver}"

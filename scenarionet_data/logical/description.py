@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import product
@@ -138,6 +138,8 @@ class LogicalScenario:
         parameters: What differs between concrete scenarios.
         values: Further names of the expressions, computed in this order.
         actors: The road users, the ego first.
+        correlation: How parameters depend on each other, by a Gaussian copula: correlation of the normal scores of two
+            of them, ``"ego_speed, gap"``.
     """
 
     name: str
@@ -148,11 +150,36 @@ class LogicalScenario:
     values: Mapping[str, str] = field(default_factory=dict)
     duration: float = 10.0
     dt: float = 0.1
+    correlation: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def time(self) -> Float64:
         """(T,) timestamps [s]."""
         return np.asarray(np.arange(round(self.duration / self.dt) + 1) * self.dt, np.float64)
+
+    def correlations(self, names: Sequence[str]) -> Float64:
+        """Return the correlation of the normal scores of some parameters (d, d).
+
+        Raises:
+            BadParameter: A pair has a name that is no parameter, or a value that cannot be.
+        """
+        found, known = np.eye(len(names)), [each.name for each in self.parameters]
+        for pair, text in self.correlation.items():
+            both = [each.strip() for each in pair.split(",")]
+            try:
+                value = float(text)
+            except ValueError:
+                value = np.nan
+            if len(set(both)) != 2 or not set(both) <= set(known) or not abs(value) <= 1:
+                raise BadParameter(
+                    f'{self.name}: correlation "{pair}" = {text}; wanted two of {", ".join(known)}, and -1 to 1'
+                )
+            if set(both) <= set(names):
+                row, column = map(names.index, both)
+                found[row, column] = found[column, row] = value
+        if np.linalg.eigvalsh(found).min() < -1e-6:
+            raise BadParameter(f"{self.name}: correlations {dict(self.correlation)} contradict each other")
+        return found
 
     def draw(self, number: int, seed: int = 0, method: str = "random") -> Float64:
         """Return the parameters (n, P) of concrete scenarios; ``grid`` is every combination of their values.
@@ -162,7 +189,8 @@ class LogicalScenario:
                 not only some values.
         """
         if method != "grid":
-            return draw(self.parameters, number, seed, method, self.name)  # type: ignore[arg-type]
+            dependence = self.correlations([each.name for each in self.parameters])
+            return draw(self.parameters, number, seed, method, self.name, dependence)  # type: ignore[arg-type]
         axes = [each.choices for each in self.parameters]
         for each, values in zip(self.parameters, axes, strict=True):
             if values is None:
@@ -221,8 +249,9 @@ def parse_logical(text: str, name: str) -> LogicalScenario:
 
 
 def _check(logical: LogicalScenario) -> None:
-    """Refuse road users that cannot be placed."""
+    """Refuse road users that cannot be placed, and correlations that cannot be."""
     seen: list[str] = []
+    logical.correlations([each.name for each in logical.parameters])
     if not 0 < logical.dt <= logical.duration < np.inf:
         raise BadParameter(
             f"{logical.name}: duration={logical.duration:g}, dt={logical.dt:g}; wanted 0 < dt <= duration"

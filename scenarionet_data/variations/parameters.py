@@ -1,7 +1,8 @@
 """Parameters of variations: what is changed, how its values are distributed, and values drawn from that.
 
 A distribution is a text: ``0.8:1.2`` (uniform), ``0,1`` (one of these), ``10:50:5`` (one of 10, 15, ..., 50),
-``1.5`` (always), or the name of a continuous distribution of SciPy with its arguments, ``norm(0, 2)``. All are drawn by
+``1.5`` (always), the name of a continuous distribution of SciPy with its arguments, ``norm(0, 2)``, or
+``quantiles(2, 5, 9)``, values at equal steps of probability with straight lines between them. All are drawn by
 the inverse of their distribution function, from points of the unit cube: random ones, Sobol's or a Latin hypercube.
 """
 
@@ -34,6 +35,9 @@ FRICTION = "friction"
 
 _CHANGES_OF = {LIGHTS: ("start",), ROAD: (FRICTION,)}
 
+QUANTILES = "quantiles("
+"""Beginning of a distribution that is given by its quantiles."""
+
 _CALL = re.compile(r"(\w+)\(([^()]*)\)")
 _EDGE = 1e-9  # unbounded distributions are infinite at 0 and 1
 
@@ -56,7 +60,12 @@ class DistributedParameter:
             MissingDependency: It needs SciPy.
         """
         text, inner = self.distribution.strip(), quantiles.clip(_EDGE, 1 - _EDGE)
-        if call := _CALL.fullmatch(text):
+        if text.startswith(QUANTILES) and (call := _CALL.fullmatch(text)):
+            known = np.array(self._numbers(call[2], ","))
+            if len(known) < 2 or (np.diff(known) < 0).any():
+                raise BadParameter(f"{self.name}={text}: wanted two or more quantiles, none below the one before")
+            values = np.asarray(np.interp(quantiles, np.linspace(0.0, 1.0, len(known)), known), np.float64)
+        elif call := _CALL.fullmatch(text):
             values = np.asarray(_scipy_distribution(self.name, call[1])(*self._numbers(call[2], ",")).ppf(inner))
         elif (choices := self.choices) is not None:
             values = choices[(inner * len(choices)).astype(np.int64)]
@@ -171,8 +180,33 @@ def distribution_text(value: Any) -> str:
     return ":".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
+def correlated(cube: Float64, correlation: Float64) -> Float64:
+    """Return points (n, d) of the unit cube that depend on each other by a Gaussian copula.
+
+    Args:
+        cube: Independent, uniform points (n, d).
+        correlation: Of their normal scores (d, d).
+
+    Raises:
+        MissingDependency: SciPy is not installed.
+    """
+    if (correlation == np.eye(len(correlation))).all():
+        return cube
+    try:
+        from scipy.special import ndtr, ndtri
+    except ModuleNotFoundError as error:
+        raise MissingDependency("a table [correlation] needs scipy", "vary") from error
+    root = np.linalg.cholesky(correlation + _EDGE * np.eye(len(correlation)))
+    return np.asarray(ndtr(ndtri(cube.clip(_EDGE, 1 - _EDGE)) @ root.T))
+
+
 def draw(
-    parameters: Sequence[DistributedParameter], number: int, seed: int = 0, method: Method = "random", parent: str = ""
+    parameters: Sequence[DistributedParameter],
+    number: int,
+    seed: int = 0,
+    method: Method = "random",
+    parent: str = "",
+    correlation: Float64 | None = None,
 ) -> Float64:
     """Return values (number, parameters), the same for the same arguments.
 
@@ -184,6 +218,7 @@ def draw(
         seed: Seed.
         method: How the space is filled.
         parent: The scenario that is varied; others have other values.
+        correlation: Of the parameters' normal scores (parameters, parameters); None for independent ones.
 
     Raises:
         BadParameter: The number, the seed or the method is wrong.
@@ -206,4 +241,6 @@ def draw(
             cube = qmc.Sobol(len(parameters), rng=rng).random_base2((number - 1).bit_length())[:number]
         else:
             cube = qmc.LatinHypercube(len(parameters), rng=rng).random(number)
+    if correlation is not None:
+        cube = correlated(cube, correlation)
     return np.stack([each.at(column) for each, column in zip(parameters, cube.T, strict=True)], axis=1)

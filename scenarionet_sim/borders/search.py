@@ -19,11 +19,11 @@ import numpy as np
 
 from scenarionet_data import Lake, convert
 from scenarionet_data.arrays.dtypes import Float64, is_count
-from scenarionet_data.errors import BadParameter, QueryError
+from scenarionet_data.errors import BadParameter, QueryError, needing
 from scenarionet_data.logical import LogicalScenario, read_logical
 from scenarionet_data.scenario.description import make_scenario_id
 from scenarionet_data.scenario.settings import check_is, check_settings
-from scenarionet_data.variations.parameters import DistributedParameter, distribution_text
+from scenarionet_data.variations.parameters import QUANTILES, DistributedParameter, correlated, distribution_text
 from scenarionet_sim.borders.lattice import MIXED, Lattice, LatticePoint
 from scenarionet_sim.evaluation.evaluation import evaluate
 
@@ -98,6 +98,21 @@ class SearchSpace:
         """The parameters that have more than one value."""
         return tuple(each for each in self.scenario.parameters if np.ptp(each.at(np.array([0.0, 1.0]))) > 0)
 
+    def shares(self, cells: int) -> Float64:
+        """Return the share of the distribution in each of ``cells`` along each axis, which correlations make unequal.
+
+        Parameters that have one value do not count. Without correlations all shares are equal; otherwise each is that
+        of 2^18 points of Sobol's sequence.
+        """
+        dimensions = len(self.axes)
+        correlation = self.scenario.correlations([each.name for each in self.axes])
+        if (correlation == np.eye(dimensions)).all():
+            return np.full((cells,) * dimensions, 1.0 / cells**dimensions)
+        with needing("correlations need scipy", "vary"):
+            from scipy.stats import qmc
+        points = correlated(qmc.Sobol(dimensions, rng=np.random.default_rng(0)).random_base2(18), correlation)
+        return np.asarray(np.histogramdd(points, cells, [(0.0, 1.0)] * dimensions)[0] / len(points))
+
     @property
     def halvings(self) -> tuple[int, int]:
         """Cells along each axis at the beginning and in the end."""
@@ -119,6 +134,7 @@ class SearchReport:
         resolution: Largest distance of the border from the middle of a cell that it crosses, as a share of each range.
         border: Name of the database of the scenarios on either side of the border; empty if there are none.
         controls, wrong: Scenarios away from the border that were compared with what is predicted; that differ.
+        shares: Shares of the distribution in the cells, as the regions.
     """
 
     axes: tuple[str, ...]
@@ -130,12 +146,15 @@ class SearchReport:
     border: str
     controls: int
     wrong: int
+    shares: Any = field(repr=False, compare=False)
 
     @property
     def failing(self) -> tuple[float, float]:
         """Least and largest share of what can be that fails, by the distributions of the parameters."""
-        fails, mixed = float((self.regions == FAILS).mean()), float((self.regions == MIXED).mean())
-        possible = 1.0 - float((self.regions == IMPOSSIBLE).mean())
+        fails, mixed, impossible = (
+            float(self.shares[self.regions == each].sum()) for each in (FAILS, MIXED, IMPOSSIBLE)
+        )
+        possible = 1.0 - impossible
         return (fails / possible, (fails + mixed) / possible) if possible > 0 else (math.nan, math.nan)
 
 
@@ -191,7 +210,9 @@ def search(
     edges = tuple(tuple(each.at(column).tolist()) for each, column in zip(space.axes, at.T, strict=True))
     simulated = len(lattice.tried) + controls - impossible
     size = 0.5 * step / cells
-    return SearchReport(tuple(names), edges, lattice.regions, simulated, impossible, size, border, controls, wrong)
+    return SearchReport(
+        tuple(names), edges, lattice.regions, simulated, impossible, size, border, controls, wrong, space.shares(cells)
+    )
 
 
 class _Rounds:
@@ -206,7 +227,8 @@ class _Rounds:
 
     def quantiles(self, points: Float64) -> Float64:
         """Quantiles (n, d) of points in steps; of distributions without ends within them."""
-        ends = np.array([_TAIL * ("(" in each.distribution) for each in self._space.axes])
+        texts = [each.distribution for each in self._space.axes]
+        ends = np.array([_TAIL * ("(" in text and not text.startswith(QUANTILES)) for text in texts])
         return np.asarray((points / self._space.halvings[1]).clip(ends, 1.0 - ends))
 
     def judge(self, points: list[LatticePoint]) -> list[int]:

@@ -50,12 +50,21 @@ def test_a_program_on_an_exported_road(tmp_path):
     assert found["on_road"] > 0.9
 
 
-@pytest.mark.parametrize("name", ["pedestrianJaywalking", "badlyParkedCarPullingIn", "OAS_Scenarios/oas_scenario_03"])
-def test_examples_of_its_repository_run_unchanged(name):
-    """With a checkout of Scenic at SCENIC_CHECKOUT, and its map of Town01 for all of them."""
+@pytest.mark.parametrize(
+    ("name", "town"),
+    [
+        ("pedestrianJaywalking", "Town01"),
+        ("badlyParkedCarPullingIn", "Town01"),
+        ("Carla_Challenge/carlaChallenge2", "Town07"),
+        ("OAS_Scenarios/oas_scenario_03", "Town01"),
+        ("OAS_Scenarios/oas_scenario_30", "Town10HD"),
+    ],
+)
+def test_examples_of_its_repository_run_unchanged(name, town):
+    """With a checkout of Scenic at SCENIC_CHECKOUT, on maps of it."""
     if not os.environ.get("SCENIC_CHECKOUT"):
         pytest.skip("set SCENIC_CHECKOUT to the folder of a checkout of Scenic")
     checkout = Path(os.environ["SCENIC_CHECKOUT"])
-    road = checkout / "assets" / "maps" / "CARLA" / "Town01.xodr"
+    road = checkout / "assets" / "maps" / "CARLA" / f"{town}.xodr"
     found = sample(checkout / "examples" / "driving" / f"{name}.scenic", road, 5, 100)
     assert found["simulated"] >= 4 and found["on_road"] > 0.9

@@ -81,6 +81,6 @@ class SearchVerb(LakeVerb):
             lines.append(
                 f"--most {self.most} was reached before --resolution {self.resolution}: raise it, or fix values"
             )
-        content = {key: value for key, value in asdict(found).items() if key != "regions"}
+        content = {key: value for key, value in asdict(found).items() if key not in ("regions", "shares")}
         self.say(content | {"failing": [low, high], "grid": grid}, lines)
         return True
