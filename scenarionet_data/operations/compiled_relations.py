@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
-from scenarionet_data.arrays.dtypes import Int64
+from scenarionet_data.arrays.dtypes import Int64, UInt64
 from scenarionet_data.operations.moments import NAMED, relation, runs_of
 from scenarionet_data.query import pair_kernels as kernels
 from scenarionet_data.query.lake_view import LakeView
@@ -26,10 +27,20 @@ _ANGLES = {"same": (0, 45), "opposite": (135, inf), "perpendicular": (45, 135)}
 _SIDES = {"same": kernels.SAME_SIDE, "opposite": kernels.OPPOSITE_SIDE}
 _ROUNDS = {"either": 0, "counterclockwise": 1, "clockwise": -1}
 _NO_LINKS = LinkedLanes(*(np.zeros(count, np.int64) for count in (1, 0, 0)))
-_NUMBERED = (
-    "(SELECT dataset, version, map_id, lane_id, row_number() OVER (ORDER BY dataset, version, map_id, lane_id) - 1 AS "
-    "lane FROM lane_outlines)"
+_LANE = "hash(dataset, version, map_id, {})"
+"""SQL of a number of a lane; two lanes of a million have the same one with a probability of 1e-8."""
+_WALKED = """
+SELECT track, found.lane AS lane, len(lanes)::BIGINT AS near, len(found.lane)::BIGINT AS num_steps
+FROM walked_lanes JOIN owners USING (scenario_id, track_id) ORDER BY track
+"""
+_NEAR = f"""
+SELECT {_LANE.format("near.lane_id")} AS lane
+FROM (
+    SELECT track, dataset, version, map_id, unnest(lanes) AS near, unnest(range(len(lanes))) AS i
+    FROM walked_lanes JOIN owners USING (scenario_id, track_id)
 )
+ORDER BY track, i
+"""
 _LINKS = f"""
 WITH links AS (
     SELECT dataset, version, map_id, lane_id, other_lane_id, {kernels.CONTINUES} AS kind FROM lane_continuations
@@ -40,10 +51,7 @@ WITH links AS (
         dataset, version, map_id, lane_id, unnest(list_concat(left_neighbors, right_neighbors)), {kernels.NEIGHBOUR}
     FROM lane_outlines
 )
-SELECT n.lane, o.lane AS other, bit_or(kind) AS kind
-FROM links JOIN {_NUMBERED} AS n USING (dataset, version, map_id, lane_id) JOIN {_NUMBERED} AS o ON
-    o.dataset = n.dataset AND o.version = n.version AND o.map_id = n.map_id AND o.lane_id = other_lane_id
-GROUP BY ALL ORDER BY ALL
+SELECT {_LANE.format("lane_id")} AS lane, {_LANE.format("other_lane_id")} AS other, kind FROM links
 """
 
 
@@ -94,44 +102,84 @@ class CompiledRelations:
         return pa.table(columns, ["scenario_id", "track_id", "other_id", "first_timestep", "last_timestep"])
 
     @cached_property
+    def _motions(self) -> pa.Table:
+        """The view ``motions`` of objects that were observed, in any order."""
+        motions = self._view.arrow("SELECT * FROM motions WHERE len(timestep) > 0")
+        return motions.combine_chunks()
+
+    @cached_property
+    def _order(self) -> Int64:
+        """Rows of _motions by scenario and track."""
+        keys = [("scenario_id", "ascending"), ("track_id", "ascending")]
+        order: Int64 = pc.sort_indices(self._motions, sort_keys=keys).to_numpy().astype(np.int64)
+        return order
+
+    @cached_property
     def _owners(self) -> pa.Table:
-        along_x = "min(least(x, box_x) - radius), max(greatest(x, box_x) + radius)"
-        return self._view.arrow(
-            f"SELECT scenario_id, track_id, count(*), {along_x}, {along_x.replace('x, box_x', 'y, box_y')} "
-            "FROM smoothed GROUP BY ALL ORDER BY ALL"
-        )
+        return self._motions.select(["scenario_id", "track_id"]).take(self._order)
 
     @cached_property
     def _states(self) -> PairStates:
-        columns = [name for name in PairStates._fields[5:] if name != "walks"]
-        rows = self._view.arrow(
-            f"SELECT timestep::BIGINT AS timestep, {', '.join(columns)}, "
-            "coalesce(object_type IN ('VEHICLE', 'PEDESTRIAN', 'CYCLIST'), false) AS walks\n"
-            "FROM smoothed ORDER BY scenario_id, track_id, smoothed.timestep"
-        ).combine_chunks()  # chunks would be joined to arrays that can be written to, of another type for kernels
+        columns = {name: _elements(self._motions[name]) for name in PairStates._fields[5:] if name != "walks"}
+        lengths = pc.list_value_length(self._motions["timestep"]).to_numpy()
+        starts = np.cumsum(lengths) - lengths
+        reach = [
+            edge.reduceat(outermost(columns[axis], columns[f"box_{axis}"]) + sign * columns["radius"], starts)[
+                self._order
+            ]
+            for axis in ("x", "y")
+            for edge, outermost, sign in ((np.fmin, np.minimum, -1), (np.fmax, np.maximum, 1))
+        ]
+        walks = pc.is_in(self._motions["object_type"], pa.array(["VEHICLE", "PEDESTRIAN", "CYCLIST"]))
         _, tracks = np.unique(self._owners["scenario_id"].to_numpy(), return_counts=True)
         return PairStates(
             _ends(tracks),
-            _ends(self._owners[2].to_numpy()),
-            np.stack([self._owners[edge].to_numpy() for edge in range(3, 7)], axis=1),
-            rows["timestep"].to_numpy(),
-            rows["timestep"].to_numpy()[:0],  # no lanes
-            *(rows[name].to_numpy() for name in (*columns, "walks")),
+            np.stack([starts, starts + lengths], axis=1)[self._order],
+            np.stack(reach, axis=1),
+            _elements(self._motions["timestep"]).astype(np.int64),
+            np.zeros(0, np.int64),  # no lanes
+            **columns,
+            walks=np.repeat(walks.to_numpy(), lengths),
         )
 
     @cached_property
     def _lanes(self) -> Int64:
-        keys = "scenario_id, track_id, timestep"
-        lanes_of = f"FROM object_lanes JOIN {_NUMBERED} AS numbered USING (dataset, version, map_id, lane_id)"
-        sql = f"SELECT coalesce(lane, -1) AS lane FROM smoothed LEFT JOIN ({lanes_of}) USING ({keys}) ORDER BY {keys}"
-        lanes: Int64 = self._view.arrow(sql).combine_chunks()["lane"].to_numpy()
+        """The number of the lane of each state; -1 for none."""
+        owners = {"owners": self._owners.append_column("track", pa.array(np.arange(len(self._owners))))}
+        walked = self._view.arrow(_WALKED, tables=owners)
+        near, count = (walked[name].to_numpy() for name in ("near", "num_steps"))
+        lane = pc.fill_null(pc.list_flatten(walked["lane"]), 0).to_numpy().astype(np.int64)
+        near_lanes = self._view.arrow(_NEAR, tables=owners)["lane"].to_numpy()
+        numbers = np.searchsorted(self._lane_keys, near_lanes)
+        on_lane = lane > 0
+        lane += np.repeat(np.cumsum(near) - near, count) - 1
+        first = self._states.tracks[walked["track"].to_numpy(), 0]
+        lanes = np.full(len(self._states.timestep), -1)
+        lanes[(np.repeat(first - np.cumsum(count) + count, count) + np.arange(len(lane)))[on_lane]] = numbers[
+            lane[on_lane]
+        ]
         return lanes
 
     @cached_property
+    def _lane_keys(self) -> UInt64:
+        """The keys of all lanes, ascending; a lane's number is its place."""
+        return np.unique(self._view.arrow(f"SELECT {_LANE.format('lane_id')} FROM lane_outlines")[0].to_numpy())
+
+    @cached_property
     def _links(self) -> LinkedLanes:
-        rows = self._view.arrow(_LINKS)
-        lanes, others, kinds = (rows[name].to_numpy().astype(np.int64) for name in ("lane", "other", "kind"))
-        return LinkedLanes(_ends(np.bincount(lanes, minlength=max(others, default=0) + 1)), others, kinds)
+        lane, other, kind = (column.to_numpy() for column in self._view.arrow(_LINKS).columns)
+        lanes, others = (np.searchsorted(self._lane_keys, keys) for keys in (lane, other))
+        count = len(self._lane_keys)
+        is_known = self._lane_keys[np.minimum(others, count - 1)] == other  # maps name lanes that they lack
+        pairs, inverse = np.unique(lanes[is_known] * count + others[is_known], return_inverse=True)
+        kinds = np.zeros(len(pairs), np.int64)
+        np.bitwise_or.at(kinds, inverse, kind[is_known])
+        return LinkedLanes(_ends(np.bincount(pairs // count, minlength=count)), pairs % count, kinds)
+
+
+def _elements(lists: pa.ChunkedArray) -> Any:
+    """The elements of lists, one after the other; NaN of null."""
+    return pc.list_flatten(lists).combine_chunks().to_numpy(zero_copy_only=False)
 
 
 def _ends(counts: Int64) -> Int64:

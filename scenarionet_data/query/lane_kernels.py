@@ -56,33 +56,37 @@ class NearLanes(NamedTuple):
 @device_function
 def _is_inside(px: float, py: float, xs: Array, ys: Array) -> bool:
     """Whether a point is in a polygon, by the even-odd rule."""
-    inside = False
+    inside, last = False, len(xs) - 1
+    is_above = len(xs) > 0 and ys[last] > py
     for corner in range(len(xs)):
-        following = corner + 1 if corner + 1 < len(xs) else 0
-        if (ys[corner] > py) != (ys[following] > py):
-            share = (py - ys[corner]) * (xs[following] - xs[corner]) / (ys[following] - ys[corner])
-            inside ^= px < xs[corner] + share
+        was_above, is_above = is_above, ys[corner] > py
+        if was_above != is_above:
+            share = (py - ys[last]) * (xs[corner] - xs[last]) / (ys[corner] - ys[last])
+            inside ^= px < xs[last] + share
+        last = corner
     return inside
 
 
 @device_function
 def _aside(px: float, py: float, xs: Array, ys: Array) -> float:
     """How far a point is to the left of the nearest segment of a line [m]."""
-    nearest, aside = inf, 0.0
+    nearest, aside, bound = inf, 0.0, inf
     for start in range(len(xs) - 1):
         dx, dy, x, y = xs[start + 1] - xs[start], ys[start + 1] - ys[start], px - xs[start], py - ys[start]
         squared = dx * dx + dy * dy
         share = min(max((x * dx + y * dy) / squared, 0.0), 1.0) if squared > 0 else 0.0
-        gap = sqrt((x - share * dx) ** 2 + (y - share * dy) ** 2)
-        left = (dx * y - dy * x) / max(sqrt(squared), 1e-9)
+        apart = (x - share * dx) ** 2 + (y - share * dy) ** 2
+        if apart > bound:  # roots are dear
+            continue
+        gap, left = sqrt(apart), (dx * y - dy * x) / max(sqrt(squared), 1e-9)
         if gap < nearest or (gap == nearest and left < aside):
-            nearest, aside = gap, left
+            nearest, aside, bound = gap, left, apart * (1 + 1e-12)
     return aside
 
 
 @kernel
 def choose_lanes(steps: PlacedSteps, lanes: NearLanes, chosen: Array, aside: Array) -> None:
-    """Find the lane that each object is on at each step; see the view ``object_lanes``.
+    """Find the lane that each object is on at each step; see the view ``walked_lanes``.
 
     Args:
         steps: Positions of N objects.

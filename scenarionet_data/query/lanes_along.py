@@ -10,34 +10,33 @@ from scenarionet_data.arrays.dtypes import Int64
 from scenarionet_data.query.lane_kernels import NearLanes, PlacedSteps, choose_lanes
 
 _LINES = ", ".join(f"{name} DOUBLE[]" for name in ("xs", "ys", "line_xs", "line_ys"))
-_STEP = ("px", "py", "yaw_rate", "box_px", "box_py", "heading", "length", "width")
-STEPS = f"STRUCT({', '.join(f'{name} DOUBLE' for name in _STEP)})[]"
-"""Type of the steps of an object in SQL, see the view ``walks``."""
 PARAMETERS = (
-    STEPS,
+    *["DOUBLE[]"] * 3,
     f"STRUCT(turns INTEGER, is_intersection BOOLEAN, {_LINES})[]",
 )
-RETURNS = "STRUCT(lane INTEGER, aside DOUBLE)[]"
+RETURNS = "STRUCT(lane INTEGER[], aside DOUBLE[])"
 """Types in SQL."""
 
 
-def lanes_along(steps: pa.ChunkedArray, lanes: pa.ChunkedArray) -> pa.ListArray:
-    """Return the lane that each object is on at each step; see the view ``object_lanes``.
+def lanes_along(
+    x: pa.ChunkedArray, y: pa.ChunkedArray, yaw_rate: pa.ChunkedArray, lanes: pa.ChunkedArray
+) -> pa.StructArray:
+    """Return the lane that each object is on at each step; see the view ``walked_lanes``.
 
     Args:
-        steps: For each object a list of steps, see the view ``walks``.
+        x, y, yaw_rate: Lists over the steps of each object, in the frame of the lanes [m, rad/s].
         lanes: For each object a list of the lanes near it, by name, with outlines and centrelines [m].
 
     Returns:
-        For each step the number of the lane in this list, from 1, and how far the position is to the left of the lane's
-        centreline [m]; nulls off the lanes.
+        For each object lists over its steps: the number of the lane in this list, from 1, and how far the position is
+        to the left of the lane's centreline [m]; nulls off the lanes.
     """
-    walked, near = pc.list_flatten(steps).combine_chunks(), pc.list_flatten(lanes).combine_chunks()
+    near, ends = pc.list_flatten(lanes).combine_chunks(), offsets(x)
     outline, line = near.field("xs"), near.field("line_xs")
-    found = np.full(len(walked), -1)
-    aside = np.zeros(len(walked))
+    found = np.full(ends[-1], -1)
+    aside = np.zeros(ends[-1])
     choose_lanes(
-        PlacedSteps(offsets(steps), *(walked.field(name).to_numpy() for name in ("px", "py", "yaw_rate"))),
+        PlacedSteps(ends, *(pc.list_flatten(each).to_numpy() for each in (x, y, yaw_rate))),
         NearLanes(
             offsets(lanes),
             near.field("turns").to_numpy().astype(np.int64),
@@ -54,9 +53,8 @@ def lanes_along(steps: pa.ChunkedArray, lanes: pa.ChunkedArray) -> pa.ListArray:
     )
     is_off = found < 0
     columns = [pa.array(found + 1, pa.int32(), mask=is_off), pa.array(aside, mask=is_off)]
-    return pa.ListArray.from_arrays(
-        pa.array(offsets(steps), pa.int32()), pa.StructArray.from_arrays(columns, ["lane", "aside"])
-    )
+    lists = [pa.ListArray.from_arrays(pa.array(ends, pa.int32()), column) for column in columns]
+    return pa.StructArray.from_arrays(lists, ["lane", "aside"])
 
 
 def offsets(lists: pa.Array | pa.ChunkedArray) -> Int64:

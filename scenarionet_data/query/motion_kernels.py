@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from math import floor, inf, pi
 
+import numpy as np
+
 from scenarionet_data.arrays.dtypes import Array
 from scenarionet_data.compiled.decorators import device_function, kernel
 
@@ -62,3 +64,37 @@ def smooth(ends: Array, seconds: Array, recorded: Array, rates: Array, smoothed:
             turned = recorded[3, after] - recorded[3, before]
             rates[2, at] = (turned - 2 * pi * floor((turned + pi) / (2 * pi))) / between
             smoothed[6, at] = median_around(recorded[2], at, first, last)
+
+
+@kernel(allocates=False)
+def mark_turns(ends: Array, seconds: Array, yaw_rate: Array, sides: Array) -> None:
+    """Mark the observations of N objects at which they turn; see the view ``turning_steps``.
+
+    Args:
+        ends: (N + 1,) int64 where the observations of each object begin.
+        seconds, yaw_rate: (S,) float64 [s, rad/s].
+        sides: (S,) uint8 filled with 1 for left, 2 for right, 3 where one turn ends and the other begins, else 0.
+    """
+    sides[:] = 0
+    for track in range(len(ends) - 1):
+        first, end = ends[track], ends[track + 1]
+        step = seconds[first + 1] - seconds[first] if end - first > 1 else 0.0
+        start = first
+        while start < end:
+            stop, sign = start + 1, np.sign(yaw_rate[start])
+            while stop < end and sign != 0 and np.sign(yaw_rate[stop]) == sign:
+                stop += 1
+            last = min(stop, end - 1)  # the first observation of the next run, at which the turn ends
+            total, leftmost, rightmost = 0.0, 0.0, 0.0  # the two of the first and the last observation of the object
+            for at in range(start, last + 1):
+                rate = yaw_rate[at] * (180 / pi)
+                total += rate
+                if at == first or at == end - 1:
+                    leftmost, rightmost = max(leftmost, rate), min(rightmost, rate)
+            turned, mean = total * step, total / (last + 1 - start)
+            is_left = turned > 45 or (turned > 15 and mean > 5 and leftmost > 5)
+            is_right = turned < -45 or (turned < -15 and mean < -5 and rightmost < -5)
+            if is_left or is_right:
+                for at in range(start, last + 1):
+                    sides[at] |= 1 if is_left else 2
+            start = stop

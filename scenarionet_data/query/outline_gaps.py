@@ -7,9 +7,15 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.query.lane_kernels import BoxSteps, Outlines, measure_gaps
-from scenarionet_data.query.lanes_along import STEPS, offsets
+from scenarionet_data.query.lanes_along import offsets
 
-PARAMETERS = (STEPS, "STRUCT(xs DOUBLE[], ys DOUBLE[])[]", "BOOLEAN", "DOUBLE")
+_STEP = ("px", "py", "yaw_rate", "box_px", "box_py", "heading", "length", "width")
+PARAMETERS = (
+    f"STRUCT({', '.join(f'{name} DOUBLE[]' for name in _STEP)})",
+    "STRUCT(xs DOUBLE[], ys DOUBLE[])[]",
+    "BOOLEAN",
+    "DOUBLE",
+)
 RETURNS = "DOUBLE[]"
 """Types in SQL."""
 
@@ -20,7 +26,7 @@ def outline_gaps(
     """Return the distance of each object to the nearest of some outlines at each step.
 
     Args:
-        steps: For each object a list of steps, see the view ``walks``.
+        steps: For each object lists of what it did at each step, see the view ``walks``.
         outlines: For each object a list of polygons near it [m].
         is_box: Whether its box counts, as recorded; or the smoothed centre of its box alone.
         reach: Largest distance that matters [m].
@@ -28,12 +34,13 @@ def outline_gaps(
     Returns:
         For each step the distance [m], 0 inside; larger ones than ``reach`` may be infinite.
     """
-    walked, near = pc.list_flatten(steps).combine_chunks(), pc.list_flatten(outlines).combine_chunks()
+    walked, near = steps.combine_chunks(), pc.list_flatten(outlines).combine_chunks()
     names = ("box_px", "box_py", "heading", "length", "width") if is_box[0].as_py() else ("px", "py")
-    columns = [walked.field(name).to_numpy() for name in names]
-    gaps = np.empty(len(walked))
+    columns = [walked.field(name).flatten().to_numpy(zero_copy_only=False) for name in names]
+    ends = offsets(walked.field("px"))
+    gaps = np.empty(ends[-1])
     measure_gaps(
-        BoxSteps(offsets(steps), *columns, *[np.zeros(len(walked))] * (5 - len(columns))),
+        BoxSteps(ends, *columns, *[np.zeros(ends[-1])] * (5 - len(columns))),
         Outlines(
             offsets(outlines),
             offsets(near.field("xs")),
@@ -43,4 +50,4 @@ def outline_gaps(
         reach[0].as_py(),
         gaps,
     )
-    return pa.ListArray.from_arrays(pa.array(offsets(steps), pa.int32()), pa.array(gaps))
+    return pa.ListArray.from_arrays(pa.array(ends, pa.int32()), pa.array(gaps))

@@ -17,11 +17,11 @@ CONTINUES, SAME_SIDE, OPPOSITE_SIDE, EXIT, NEIGHBOUR = 1, 2, 4, 8, 16
 
 
 class PairStates(NamedTuple):
-    """Rows of the view ``smoothed`` by scenario, track and timestep, and the lane, -1 for none, of each.
+    """Rows of the view ``smoothed``, those of an object one after the other, and the lane, -1 for none, of each.
 
     Attributes:
         scenarios: (N + 1,) int64 where the tracks of each scenario begin.
-        tracks: (T + 1,) int64 where the states of each track begin.
+        tracks: (T, 2) int64 where the states of each track begin and end.
         bounds: (T, 4) float64 left, right, low, high of all that its boxes reach [m].
         timestep, lane: (S,) int64.
         x, y, vx, vy, speed, course, box_x, box_y, heading, heading_x, heading_y, length, width, radius: (S,) float64,
@@ -123,9 +123,6 @@ def link_kinds(links: LinkedLanes, lane: int, other: int) -> int:
 @device_function(forceinline=True)
 def holds(relation: int, given: Array, s: PairStates, links: LinkedLanes, i: int, j: int) -> bool:
     """Whether a relation holds between the objects of two states of one timestep; as in ``sql/relations``."""
-    if relation == ON_LANES:
-        lanes = s.lane[i], s.lane[j]
-        return lanes[0] >= 0 and lanes[1] >= 0 and (link_kinds(links, lanes[0], lanes[1]) & int(given[0])) != 0
     if relation == COURSES:
         waits = s.speed[i] < 1 and s.speed[j] > 1 and s.walks[i]
         other_waits = not waits and s.speed[j] < 1 and s.speed[i] > 0.5 and s.walks[j]
@@ -138,6 +135,8 @@ def holds(relation: int, given: Array, s: PairStates, links: LinkedLanes, i: int
     distance = sqrt(dx * dx + dy * dy)
     if relation == NEAR:
         return is_within(s, i, j, distance, given[0])
+    if relation != FOLLOWING and not distance <= given[0] + s.radius[i] + s.radius[j]:
+        return False
     dx, dy = s.x[j] - s.box_x[i], s.y[j] - s.box_y[i]
     ahead, left = dx * s.heading_x[i] + dy * s.heading_y[i], dy * s.heading_x[i] - dx * s.heading_y[i]
     if relation == BESIDE:
@@ -156,6 +155,8 @@ def holds(relation: int, given: Array, s: PairStates, links: LinkedLanes, i: int
             return False
         v_ahead = s.vx[i] * s.heading_x[i] + s.vy[i] * s.heading_y[i]
         v_left = s.vy[i] * s.heading_x[i] - s.vx[i] * s.heading_y[i]
+        if given[1] < 90 and v_ahead * ahead + v_left * left < 0:  # angles take long
+            return False
         angle = wrap_angle(atan2(v_left, v_ahead) - atan2(left, ahead)) * (180 / pi)
         return abs(angle) <= given[1] and is_within(s, i, j, distance, given[0])
     # FOLLOWING
@@ -168,6 +169,18 @@ def holds(relation: int, given: Array, s: PairStates, links: LinkedLanes, i: int
     nearest = min(abs(left + s.width[j] / 2), abs(left - s.width[j] / 2))
     is_behind = (s.lane[i] == s.lane[j] or kinds & EXIT != 0) and abs(left) < 5
     return cos(course - other_course) > 0.5 and (is_behind or (kinds & NEIGHBOUR != 0 and nearest <= s.width[i] / 2))
+
+
+@device_function
+def on_lanes(kinds: int, s: PairStates, links: LinkedLanes, rows: Array, held: Array) -> None:
+    """Find the steps at which two objects are on lanes that have to do with each other in some ways, see CONTINUES."""
+    lane, other, is_linked = -1, -1, False
+    for at in range(len(rows)):
+        i, j = rows[at]
+        if s.lane[i] != lane or s.lane[j] != other:  # it takes long to look up, and lanes stay the same for long
+            lane, other = s.lane[i], s.lane[j]
+            is_linked = lane >= 0 and other >= 0 and (link_kinds(links, lane, other) & kinds) != 0
+        held[at] = is_linked
 
 
 @device_function
@@ -206,6 +219,29 @@ def crosses(given: Array, s: PairStates, rows: Array, held: Array) -> None:
         held[:] = False
 
 
+@device_function
+def common_rows(s: PairStates, track: int, other: int, rows: Array) -> int:
+    """Fill in the rows of two objects at the timesteps at which both were observed, and return how many they are."""
+    i, end = s.tracks[track]
+    j, other_end = s.tracks[other]
+    later, both = s.timestep[j] - s.timestep[i], 0
+    is_whole = s.timestep[end - 1] - s.timestep[i] == end - 1 - i
+    if is_whole and s.timestep[other_end - 1] - s.timestep[j] == other_end - 1 - j:
+        i, j = i + max(later, 0), j + max(-later, 0)
+        both = max(min(end - i, other_end - j), 0)
+        for at in range(both):
+            rows[at, 0], rows[at, 1] = i + at, j + at
+        return int(both)
+    while i < end and j < other_end:
+        if s.timestep[i] == s.timestep[j]:
+            rows[both, 0], rows[both, 1] = i, j
+            both += 1
+        later = s.timestep[j] - s.timestep[i]
+        i += later >= 0
+        j += later <= 0
+    return both
+
+
 @kernel(divides_by_zero=True)
 def find_spans(relation: int, given: Array, reach: float, s: PairStates, links: LinkedLanes) -> Array:
     """Find the uninterrupted spans of timesteps at which a relation holds.
@@ -232,16 +268,11 @@ def find_spans(relation: int, given: Array, reach: float, s: PairStates, links: 
                 gap = max(max(mine[0] - its[1], its[0] - mine[1]), max(mine[2] - its[3], its[2] - mine[3]))
                 if track == other or gap > reach:
                     continue
-                i, j, both = s.tracks[track], s.tracks[other], 0
-                while i < s.tracks[track + 1] and j < s.tracks[other + 1]:
-                    if s.timestep[i] == s.timestep[j]:
-                        rows[both, 0], rows[both, 1] = i, j
-                        both += 1
-                    later = s.timestep[j] - s.timestep[i]
-                    i += later >= 0
-                    j += later <= 0
+                both = common_rows(s, track, other, rows)
                 if relation == CROSSED:
                     crosses(given, s, rows[:both], held[:both])
+                elif relation == ON_LANES:
+                    on_lanes(int(given[0]), s, links, rows[:both], held[:both])
                 else:
                     for at in range(both):
                         held[at] = holds(relation, given, s, links, rows[at, 0], rows[at, 1])

@@ -9,33 +9,53 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
-from scenarionet_data.query.motion_kernels import smooth
+from scenarionet_data.query.motion_kernels import mark_turns, smooth
 
 ArrowColumn: TypeAlias = pa.Array | pa.ChunkedArray
 
 _SMOOTHED = ("x", "y", "vx", "vy", "accel_x", "accel_y")
-_LISTS = {"timestep": "INTEGER[]"} | dict.fromkeys(
-    ("seconds", *_SMOOTHED, "yaw_rate", "box_x", "box_y", "heading"), "DOUBLE[]"
+_LISTS = (
+    {"timestep": "INTEGER[]"}
+    | dict.fromkeys(
+        (
+            *(
+                "seconds",
+                *_SMOOTHED,
+                "yaw_rate",
+                "speed",
+                "course",
+                "box_x",
+                "box_y",
+                "heading",
+                "heading_x",
+                "heading_y",
+            ),
+            *("length", "width", "radius"),
+        ),
+        "DOUBLE[]",
+    )
+    | {"turning": "UTINYINT[]"}
 )
-PARAMETERS = ("FLOAT[]", "FLOAT[]", "FLOAT[]", "FLOAT[]", "BOOLEAN[]", "INTEGER", "DOUBLE[]", "DOUBLE")
+_STATES = ("x", "y", "z", "heading", "length", "width")
+PARAMETERS = (
+    f"STRUCT({', '.join(f'{name} FLOAT[]' for name in _STATES)})",
+    "BOOLEAN[]",
+    "INTEGER",
+    "DOUBLE[]",
+    "DOUBLE",
+)
 RETURNS = f"STRUCT({', '.join(f'{name} {kind}' for name, kind in _LISTS.items())}, extent DOUBLE)"
 """Types in SQL."""
 
 
 def track_motion(
-    x: ArrowColumn,
-    y: ArrowColumn,
-    z: ArrowColumn,
-    heading: ArrowColumn,
-    valid: ArrowColumn,
-    start: ArrowColumn,
-    timestamps: ArrowColumn,
-    dt: ArrowColumn,
+    states: pa.ChunkedArray, valid: ArrowColumn, start: ArrowColumn, timestamps: ArrowColumn, dt: ArrowColumn
 ) -> pa.StructArray:
     """Return the motion of objects at the timesteps at which they were observed; see the view ``smoothed``.
 
     Args:
-        x, y, z, heading: Lists over the spans of N objects [m, rad]; z is null where no heights are recorded.
+        states: Of N objects by name the lists x, y, z, heading over their spans [m, rad], z null where no heights are
+            recorded; and length and width, over the same spans, or of the one size that they have at all times [m].
         valid: Lists of which steps were observed; null for all of them.
         start: First timestep of each span.
         timestamps: Times of the scenario's timesteps [s]; null if they are ``dt`` apart.
@@ -43,9 +63,12 @@ def track_motion(
 
     Returns:
         For each object lists of ``timestep``, ``seconds``, smoothed ``x``, ``y``, ``vx``, ``vy``, ``accel_x`` and
-        ``accel_y`` [m, m/s, m/s^2], ``yaw_rate`` [rad/s], and as recorded ``box_x``, ``box_y`` and ``heading``; and
-        ``extent`` [m], the diagonal of the box around all its smoothed positions.
+        ``accel_y`` [m, m/s, m/s^2], ``yaw_rate`` [rad/s], ``speed`` [m/s] and ``course`` [rad]; of its box as recorded
+        ``box_x``, ``box_y``, ``heading``, the same as a vector, ``length``, ``width``, ``radius``; and ``turning``, 1
+        where it turns left, 2 where right, 3 for both; and ``extent`` [m], the diagonal of the box around all its
+        smoothed positions.
     """
+    x, y, z, heading, length, width = (states.combine_chunks().field(name) for name in _STATES)
     spans = _lengths(x)
     track = np.repeat(np.arange(len(spans)), spans)
     place = np.arange(len(track)) - (np.cumsum(spans) - spans)[track]
@@ -60,9 +83,22 @@ def track_motion(
     rates, smoothed = np.empty((3, len(track))), np.empty((7, len(track)))
     smooth(ends, seconds, np.stack([box_x, box_y, height, angle]), rates, smoothed)
 
-    lists = [timestep.astype(np.int32), seconds, *smoothed[:-1], rates[2], box_x, box_y, angle]
+    turning = np.empty(len(track), np.uint8)
+    mark_turns(ends, seconds, rates[2], turning)
+    vx, vy = smoothed[2:4]
+    sizes = [_sizes(each, track, place) for each in (length, width)]
+    lists = [
+        timestep.astype(np.int32),
+        seconds,
+        *smoothed[:-1],
+        rates[2],
+        np.sqrt(vx * vx + vy * vy),
+        np.arctan2(vy, vx),
+    ]
+    lists += [box_x, box_y, angle, np.cos(angle), np.sin(angle)]
+    lists += [*sizes, np.sqrt(sizes[0] * sizes[0] + sizes[1] * sizes[1]) / 2, turning]
     offsets = pa.array(ends.astype(np.int32))
-    columns = [pa.ListArray.from_arrays(offsets, pa.array(each)) for each in lists]
+    columns = [pa.ListArray.from_arrays(offsets, pa.array(each, from_pandas=True)) for each in lists]
     is_seen = count > 0
     starts, extent = ends[:-1][is_seen], np.zeros(len(count))
     for axis in (smoothed[0], smoothed[1], smoothed[-1]) if len(track) else ():
@@ -82,6 +118,16 @@ def _values(lists: ArrowColumn, spans: Int64, default: float) -> Float64:
     given = pc.fill_null(pc.cast(pc.list_flatten(lists), pa.float64()), default)
     values[np.repeat(_lengths(lists) > 0, spans)] = given.to_numpy()
     return values
+
+
+def _sizes(lists: ArrowColumn, track: Int64, place: Int64) -> Float64:
+    """The elements of lists at some places, the last one beyond their end; NaN of empty lists."""
+    lengths = _lengths(lists)
+    values = np.append(pc.cast(pc.list_flatten(lists), pa.float64()).to_numpy(), np.nan)
+    ends = np.cumsum(lengths)
+    at = np.minimum((ends - lengths)[track] + place, ends[track] - 1)
+    found: Float64 = values[np.where(lengths[track] > 0, at, -1)]
+    return found
 
 
 def _times(timestamps: ArrowColumn, dt: ArrowColumn, track: Int64, timestep: Int64) -> Float64:

@@ -2,33 +2,46 @@
 -- m/s or more and within 60 degrees of the lane's direction: from where it began to drift to that side until it
 -- stops. Steps at which it is turning are left out.
 -- direction = "either"
-WITH beside AS (  -- tracks that are ever on two lanes beside each other
+WITH visited AS (
+    SELECT scenario_id, track_id, dataset, version, map_id, lanes[lane].lane_id AS lane_id
+    FROM (SELECT *, unnest(list_distinct(found.lane)) AS lane FROM walked_lanes)
+),
+beside AS (  -- tracks that are ever on two lanes beside each other
     SELECT DISTINCT t.scenario_id, t.track_id
-    FROM (SELECT DISTINCT scenario_id, track_id, dataset, version, map_id, lane_id FROM object_lanes) AS t
-    JOIN lane_outlines USING (dataset, version, map_id, lane_id)
-    JOIN (SELECT DISTINCT scenario_id, track_id, lane_id FROM object_lanes) AS o
-        ON o.scenario_id = t.scenario_id AND o.track_id = t.track_id
+    FROM visited AS t JOIN lane_outlines USING (dataset, version, map_id, lane_id)
+    JOIN visited AS o ON o.scenario_id = t.scenario_id AND o.track_id = t.track_id
     WHERE list_contains(left_neighbors, o.lane_id) OR list_contains(right_neighbors, o.lane_id)
 ),
 lanes AS MATERIALIZED (
     SELECT
-        p.scenario_id, p.track_id, p.timestep, px, py, p.dataset, p.version, p.map_id, lane_id, lane_offset,
-        row_number() OVER track AS i, lag(lane_id) OVER track AS previous
-    FROM source_places AS p SEMI JOIN beside USING (scenario_id, track_id)
-    LEFT JOIN object_lanes USING (scenario_id, track_id, timestep)
-    WINDOW track AS (PARTITION BY p.scenario_id, p.track_id ORDER BY p.timestep)
+        scenario_id, track_id, timestep, lane, lane_offset,
+        row_number() OVER track AS i, lag(lane) OVER track AS previous
+    FROM (
+        SELECT
+            scenario_id, track_id,
+            unnest(timesteps) AS timestep, unnest(found.lane) AS lane, unnest(found.aside) AS lane_offset
+        FROM walked_lanes SEMI JOIN beside USING (scenario_id, track_id)
+    )
+    WINDOW track AS (PARTITION BY scenario_id, track_id ORDER BY timestep)
+),
+changed AS (
+    SELECT
+        l.*, dataset, version, map_id, lanes[lane].lane_id AS lane_id, lanes[previous].lane_id AS previous_id
+    FROM lanes AS l JOIN walked_lanes USING (scenario_id, track_id)
+    WHERE lane <> previous
 ),
 crossings AS (
     SELECT scenario_id, track_id, i, CASE WHEN is_left THEN 1 ELSE -1 END AS side
     FROM (
         SELECT
-            l.*, list_contains(left_neighbors, l.lane_id) AS is_left,
-            nearest_segment(px, py, line_xs, line_ys).heading AS lane_course
-        FROM lanes AS l JOIN lane_outlines AS p ON
-            p.dataset = l.dataset AND p.version = l.version AND p.map_id = l.map_id AND p.lane_id = previous
-        WHERE l.lane_id <> previous AND (is_left OR list_contains(right_neighbors, l.lane_id))
+            l.*, list_contains(left_neighbors, l.lane_id) AS is_left, vx, vy,
+            nearest_segment(x + origin_x, y + origin_y, line_xs, line_ys).heading AS lane_course
+        FROM changed AS l JOIN lane_outlines AS p ON
+            p.dataset = l.dataset AND p.version = l.version AND p.map_id = l.map_id AND p.lane_id = previous_id
+        JOIN smoothed USING (scenario_id, track_id, timestep)
+        JOIN (SELECT scenario_id, origin_x, origin_y FROM metadata_rows) USING (scenario_id)
+        WHERE is_left OR list_contains(right_neighbors, l.lane_id)
     )
-    JOIN smoothed USING (scenario_id, track_id, timestep)
     WHERE
         abs(vy * cos(lane_course) - vx * sin(lane_course)) >= 0.1
         AND abs(cos(atan2(vy, vx) - lane_course)) >= 0.5
@@ -45,7 +58,7 @@ drifts AS (
         c.i IS NOT NULL AS is_crossing,
         is_crossing OR side * (lane_offset - lag(lane_offset) OVER track) > 0 AS drifts
     FROM lanes AS l
-    JOIN (SELECT DISTINCT scenario_id, track_id, side FROM crossings) AS changed USING (scenario_id, track_id)
+    JOIN (SELECT DISTINCT scenario_id, track_id, side FROM crossings) AS sides USING (scenario_id, track_id)
     LEFT JOIN crossings AS c USING (scenario_id, track_id, side, i)
     WINDOW track AS (PARTITION BY scenario_id, track_id, side ORDER BY i)
 ),

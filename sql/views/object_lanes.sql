@@ -1,32 +1,17 @@
--- needs: walks, lane_outlines, lanes_along
--- One row per object and timestep at which it is on a lane, by the smoothed centre of its box, with `lane_offset` [m], how
--- far that is to the left of the lane's middle. Where lanes overlap, as on intersections, it is on the lane that holds
--- most of its timesteps, then on the one that holds most of the rest, and so on; of equal ones on that which turns as it
--- does (up to 0.15 rad/s is straight on).
+-- needs: walked_lanes
+-- One row per object and timestep at which it is on a lane (see walked_lanes), with `lane_offset` [m], how far the
+-- smoothed centre of its box is to the left of the lane's middle.
 -- kept: relations read it again and again
 CREATE VIEW object_lanes AS
-WITH near AS (
+WITH steps AS (
     SELECT
-        scenario_id, track_id,
-        list({
-            'turns': turns, 'is_intersection': is_intersection, 'xs': xs, 'ys': ys, 'line_xs': line_xs, 'line_ys': line_ys
-        } ORDER BY lane_id) AS outlines,
-        list({
-            'lane_id': lane_id, 'lane_type': lane_type, 'is_intersection': is_intersection, 'lane_heading': lane_heading
-        } ORDER BY lane_id) AS lanes
-    FROM walks JOIN lane_outlines USING (dataset, version, map_id)
-    WHERE min_x <= "right" AND max_x >= "left" AND min_y <= high AND max_y >= low
-    GROUP BY scenario_id, track_id
-),
-found AS (
-    SELECT
-        scenario_id, track_id, dataset, version, map_id, lanes, unnest(timesteps) AS timestep,
-        unnest(lanes_along(steps, outlines)) AS found
-    FROM walks JOIN near USING (scenario_id, track_id)
+        scenario_id, track_id, dataset, version, map_id, lanes,
+        unnest(timesteps) AS timestep, unnest(found.lane) AS lane, unnest(found.aside) AS lane_offset
+    FROM walked_lanes
 )
 SELECT
-    scenario_id, track_id, timestep, dataset, version, map_id, lanes[found.lane].lane_id AS lane_id,
-    lanes[found.lane].lane_type AS lane_type, lanes[found.lane].is_intersection AS is_intersection,
-    lanes[found.lane].lane_heading AS lane_heading, found.aside AS lane_offset
-FROM found
-WHERE found.lane IS NOT NULL;
+    scenario_id, track_id, timestep, dataset, version, map_id, lanes[lane].lane_id AS lane_id,
+    lanes[lane].lane_type AS lane_type, lanes[lane].is_intersection AS is_intersection,
+    lanes[lane].lane_heading AS lane_heading, lane_offset
+FROM steps
+WHERE lane IS NOT NULL;
