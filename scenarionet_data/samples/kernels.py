@@ -197,20 +197,19 @@ def _describe(scene: SceneObjects, row: int, moment: int, sample: int, agent: in
         out.size[sample, agent * NUM_EXTENTS + axis] = size
 
 
-@device_function(divides_by_zero=True)
+@device_function(divides_by_zero=True, in_lanes=True)
 def _write(track: Track, first: int, out: Float32, valid: Bool, is_interpolated: Bool) -> None:
     """Write states from a timestep on, which are 0 where they are not valid."""
-    flags = track.flags[first:]
     for step in range(len(valid)):
-        valid[step], is_interpolated[step] = flags[step] & VALID != 0, flags[step] == VALID | INTERPOLATED
+        flags = track.flags[first + step]
+        valid[step], is_interpolated[step] = flags & VALID != 0, flags == VALID | INTERPOLATED
     for step in range(len(valid)):
-        at = step * NUM_FEATURES
-        out[at + X], out[at + Y] = track.x[first + step], track.y[first + step]
-        out[at + HEADING] = track.heading[first + step]
-        out[at + VX], out[at + VY] = track.vx[first + step], track.vy[first + step]
-    for step in range(len(valid)):
-        if not valid[step]:
-            out[step * NUM_FEATURES : (step + 1) * NUM_FEATURES] = 0.0
+        at, is_seen = step * NUM_FEATURES, track.flags[first + step] & VALID != 0
+        out[at + X] = track.x[first + step] if is_seen else 0.0
+        out[at + Y] = track.y[first + step] if is_seen else 0.0
+        out[at + HEADING] = track.heading[first + step] if is_seen else 0.0
+        out[at + VX] = track.vx[first + step] if is_seen else 0.0
+        out[at + VY] = track.vy[first + step] if is_seen else 0.0
 
 
 @device_function(divides_by_zero=True)

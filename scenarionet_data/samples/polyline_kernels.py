@@ -141,11 +141,7 @@ def _find_near(pieces: _Pieces, x: Any, y: Any, spacing: float, radius: float, n
         aside, ahead = pieces.first_x[piece] - x, pieces.first_y[piece] - y
         if aside * aside + ahead * ahead > beyond * beyond:  # and its other points are outside of the radius
             continue
-        line = pieces.points[2 * piece * points : 2 * (piece + 1) * points]
-        line_x, line_y = line[:points], line[points:]
-        for point in range(points):
-            aside, ahead = line_x[point] - x, line_y[point] - y
-            near.squares[point] = aside * aside + ahead * ahead
+        _measure(pieces.points[2 * piece * points : 2 * (piece + 1) * points], x, y, near.squares)
         nearest = near.bits[0]  # numbers of at least 0 are in the order of their bits, and integers compared at once
         for point in range(1, points):
             nearest = min(nearest, near.bits[point])
@@ -154,6 +150,15 @@ def _find_near(pieces: _Pieces, x: Any, y: Any, spacing: float, radius: float, n
             near.pieces[found], near.distances[found] = piece, near.squares[0]
             found += 1
     return found
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _measure(line: Float32, x: Any, y: Any, squares: Float32) -> None:
+    """Squares of the distances of a piece's points."""
+    points = len(squares)
+    for point in range(points):
+        aside, ahead = line[point] - x, line[points + point] - y
+        squares[point] = aside * aside + ahead * ahead
 
 
 @device_function(divides_by_zero=True)
@@ -178,25 +183,42 @@ def _sort(near: _Near, count: int) -> None:
 @device_function(divides_by_zero=True)
 def _move(pieces: _Pieces, near: Int64, order: Int64, pose: Float64, lines: _Lines) -> None:
     """Move the points of some pieces to the sample's frame, with the direction from each to the next one."""
-    points = len(lines.x) // _TOGETHER
-    count = len(order) * points
+    count = len(order) * (len(lines.x) // _TOGETHER)
+    _gather(pieces.points, near, order, lines.x, lines.y)
+    cos, sin = np.float32(np.cos(pose[2])), np.float32(np.sin(pose[2]))
+    frame = np.float32(pose[0]), np.float32(pose[1]), cos, sin, np.float32(pose[3])
+    _turn(lines.x[:count], lines.y[:count], frame, lines.own_x, lines.own_y)
+    x, y = lines.own_x[:count], lines.own_y[:count]  # also from one piece to the next one, which is overwritten
+    _direct(x, y, x[1:], y[1:], lines.direction_x, lines.direction_y)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _gather(points: Float32, near: Int64, order: Int64, x: Float32, y: Float32) -> None:
+    """Join the points of some pieces."""
+    count = len(x) // _TOGETHER
     for place in range(len(order)):
-        first = 2 * near[order[place]] * points
-        from_x, from_y = pieces.points[first : first + points], pieces.points[first + points : first + 2 * points]
-        to_x, to_y = lines.x[place * points :], lines.y[place * points :]
-        for point in range(points):
-            to_x[point], to_y[point] = from_x[point], from_y[point]
-    origin_x, origin_y, mirror, cos, sin = pose[0], pose[1], pose[3], np.cos(pose[2]), np.sin(pose[2])
-    x, y, own_x, own_y = lines.x[:count], lines.y[:count], lines.own_x[:count], lines.own_y[:count]
-    for point in range(count):
+        first, to = 2 * near[order[place]] * count, place * count
+        for point in range(count):
+            x[to + point], y[to + point] = points[first + point], points[first + count + point]
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _turn(x: Float32, y: Float32, frame: tuple[Any, Any, Any, Any, Any], own_x: Float32, own_y: Float32) -> None:
+    """Move points to a frame: its origin, cos and sin of its heading, and -1 if it is mirrored, else 1."""
+    origin_x, origin_y, cos, sin, mirror = frame
+    for point in range(len(x)):
         ahead, aside = x[point] - origin_x, y[point] - origin_y
         own_x[point], own_y[point] = cos * ahead + sin * aside, mirror * (cos * aside - sin * ahead)
-    next_x, next_y, direction_x, direction_y = own_x[1:], own_y[1:], lines.direction_x, lines.direction_y
-    for point in range(count - 1):  # also from one piece to the next one, which is overwritten
-        ahead, aside = next_x[point] - own_x[point], next_y[point] - own_y[point]
-        step = np.sqrt(ahead * ahead + aside * aside)
-        direction_x[point] = ahead / step if step > 0.0 else np.float32(0.0)
-        direction_y[point] = aside / step if step > 0.0 else np.float32(0.0)
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _direct(x: Float32, y: Float32, next_x: Float32, next_y: Float32, to_x: Float32, to_y: Float32) -> None:
+    """Directions from points to the next ones; 0 where these are the same."""
+    for point in range(len(next_x)):
+        ahead, aside = next_x[point] - x[point], next_y[point] - y[point]
+        square = ahead * ahead + aside * aside
+        scale = 1.0 / np.sqrt(square) if square > 0.0 else 0.0
+        to_x[point], to_y[point] = scale * ahead, scale * aside
 
 
 @device_function(divides_by_zero=True)
@@ -215,18 +237,25 @@ def _write(
     sample, line = place
     features = out.points[sample, NUM_FEATURES * points * line : NUM_FEATURES * points * (line + len(order))]
     valid = out.valid[sample, points * line : points * (line + len(order))]
-    for point in range(len(valid)):
-        features[NUM_FEATURES * point + X] = lines.own_x[point]
-        features[NUM_FEATURES * point + Y] = lines.own_y[point]
-        features[NUM_FEATURES * point + DIRECTION_X] = lines.direction_x[point]
-        features[NUM_FEATURES * point + DIRECTION_Y] = lines.direction_y[point]
+    _interleave(lines.own_x, lines.own_y, lines.direction_x, lines.direction_y, features)
+    valid[:] = True
     for number in range(len(order)):
         piece = near[order[number]]
         first, length = number * points, pieces.lengths[piece]
         out.kind[sample, line + number] = pieces.kinds[piece]
-        valid[first : first + length], valid[first + length : first + points] = True, False
         last = first + length - 1
         for axis in range(DIRECTION_X, NUM_FEATURES):
             before = features[NUM_FEATURES * (last - 1) + axis] if length > 1 else np.float32(0.0)
             features[NUM_FEATURES * last + axis] = before
+        valid[last + 1 : first + points] = False
         features[NUM_FEATURES * (last + 1) : NUM_FEATURES * (first + points)] = 0.0
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _interleave(x: Float32, y: Float32, direction_x: Float32, direction_y: Float32, features: Float32) -> None:
+    """Write the features of points."""
+    for point in range(len(features) // NUM_FEATURES):
+        features[NUM_FEATURES * point + X] = x[point]
+        features[NUM_FEATURES * point + Y] = y[point]
+        features[NUM_FEATURES * point + DIRECTION_X] = direction_x[point]
+        features[NUM_FEATURES * point + DIRECTION_Y] = direction_y[point]

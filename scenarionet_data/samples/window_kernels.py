@@ -5,6 +5,7 @@ K = H + F timesteps, of history and future.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +36,7 @@ _SAME_TIME = 1e-6
 """Times closer than this are the same [s]."""
 _JITTER = 0.05
 """Recorded times may be this many timesteps away from the sample's, and are kept."""
+_FULL_TURN = 2.0 * math.pi
 
 
 class Rules(NamedTuple):
@@ -186,23 +188,43 @@ def fill_run(
     first, last = max(begin, shift), min(end, shift + fields[SPAN])
     if first >= last:
         return
-    span, count, flags = np.int64(fields[SPAN]), last - first, scene.flags[fields[FIRST] + first - shift :]
+    span, flags = np.int64(fields[SPAN]), scene.flags[fields[FIRST] + first - shift :]
     recorded = scene.states[NUM_STATE_FIELDS * fields[FIRST] + first - shift :]
-    x, y, heading = recorded[:count], recorded[span : span + count], recorded[2 * span : 2 * span + count]
-    vx, vy = recorded[3 * span : 3 * span + count], recorded[4 * span : 4 * span + count]
-    origin_x, origin_y, turn, cos, sin, mirror = pose
-    own_x, own_y, own_heading = track.x[first:last], track.y[first:last], track.heading[first:last]
-    own_vx, own_vy = track.vx[first:last], track.vy[first:last]
-    for step in range(count):
-        ahead, aside = x[step] - origin_x, y[step] - origin_y
-        own_x[step], own_y[step] = cos * ahead + sin * aside, mirror * (cos * aside - sin * ahead)
-    for step in range(count):
-        own_heading[step] = _wrapped(mirror * (heading[step] - turn))
-    for step in range(count):
-        ahead, aside = np.float64(vx[step]), np.float64(vy[step])
-        own_vx[step], own_vy[step] = cos * ahead + sin * aside, mirror * (cos * aside - sin * ahead)
-    for step in range(count):
-        track.flags[first + step] = flags[step]
+    own = (
+        track.x[first:last],
+        track.y[first:last],
+        track.heading[first:last],
+        track.vx[first:last],
+        track.vy[first:last],
+    )
+    _move(recorded, span, pose, *own)
+    for step in range(first, last):
+        track.flags[step] = flags[step - first]
+
+
+@device_function(divides_by_zero=True, in_lanes=True)
+def _move(
+    recorded: Float32,
+    span: int,
+    pose: tuple[float, float, float, float, float, float],
+    x: Float32,
+    y: Float32,
+    heading: Float32,
+    vx: Float32,
+    vy: Float32,
+) -> None:
+    """Move states to the sample's frame: differences of float32 numbers, so that it may compute with these."""
+    origin_x, origin_y, turn = np.float32(pose[0]), np.float32(pose[1]), np.float32(pose[2])
+    cos, sin, mirror = np.float32(pose[3]), np.float32(pose[4]), np.float32(pose[5])
+    for step in range(len(x)):
+        ahead, aside = recorded[step] - origin_x, recorded[span + step] - origin_y
+        x[step], y[step] = cos * ahead + sin * aside, mirror * (cos * aside - sin * ahead)
+    for step in range(len(heading)):
+        angle = mirror * (recorded[2 * span + step] - turn)
+        heading[step] = angle - _FULL_TURN * np.floor(angle / _FULL_TURN + 0.5)
+    for step in range(len(vx)):
+        ahead, aside = recorded[3 * span + step], recorded[4 * span + step]
+        vx[step], vy[step] = cos * ahead + sin * aside, mirror * (cos * aside - sin * ahead)
 
 
 @device_function(divides_by_zero=True)
