@@ -205,7 +205,7 @@ def fill_run(
 @device_function(divides_by_zero=True, in_lanes=True)
 def _move(
     recorded: Float32,
-    span: int,
+    span: Any,
     pose: tuple[float, float, float, float, float, float],
     x: Float32,
     y: Float32,
