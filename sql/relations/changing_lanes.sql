@@ -30,17 +30,28 @@ changed AS (
     FROM lanes AS l JOIN walked_lanes USING (scenario_id, track_id)
     WHERE lane <> previous
 ),
+segments AS (  -- of the line of the lane before
+    SELECT
+        l.*, list_contains(left_neighbors, l.lane_id) AS is_left, vx, vy,
+        unnest(range(1, len(line_xs))) AS k, line_xs[k + 1] - line_xs[k] AS dx, line_ys[k + 1] - line_ys[k] AS dy,
+        x + origin_x - line_xs[k] AS ahead, y + origin_y - line_ys[k] AS aside
+    FROM changed AS l JOIN lane_outlines AS p ON
+        p.dataset = l.dataset AND p.version = l.version AND p.map_id = l.map_id AND p.lane_id = previous_id
+    JOIN smoothed USING (scenario_id, track_id, timestep)
+    JOIN (SELECT scenario_id, origin_x, origin_y FROM metadata_rows) USING (scenario_id)
+    WHERE is_left OR list_contains(right_neighbors, l.lane_id)
+),
 crossings AS (
     SELECT scenario_id, track_id, i, CASE WHEN is_left THEN 1 ELSE -1 END AS side
     FROM (
         SELECT
-            l.*, list_contains(left_neighbors, l.lane_id) AS is_left, vx, vy,
-            nearest_segment(x + origin_x, y + origin_y, line_xs, line_ys).heading AS lane_course
-        FROM changed AS l JOIN lane_outlines AS p ON
-            p.dataset = l.dataset AND p.version = l.version AND p.map_id = l.map_id AND p.lane_id = previous_id
-        JOIN smoothed USING (scenario_id, track_id, timestep)
-        JOIN (SELECT scenario_id, origin_x, origin_y FROM metadata_rows) USING (scenario_id)
-        WHERE is_left OR list_contains(right_neighbors, l.lane_id)
+            scenario_id, track_id, i, is_left, vx, vy,
+            arg_min(
+                atan2(dy, dx),
+                (segment_gap(ahead, aside, dx, dy), (dx * aside - dy * ahead) / greatest(sqrt(dx ** 2 + dy ** 2), 1e-9))
+            ) AS lane_course
+        FROM segments
+        GROUP BY ALL
     )
     WHERE
         abs(vy * cos(lane_course) - vx * sin(lane_course)) >= 0.1
