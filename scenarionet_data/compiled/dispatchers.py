@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import Any, NoReturn
 
 from numba import njit, types
-from numba.core import registry
+from numba.core import compiler_lock, registry
 
 from scenarionet_data.compiled.announcing import Compilation, compilations
 from scenarionet_data.compiled.compiler import loop_compiler
@@ -23,6 +23,8 @@ from scenarionet_data.public_names import paused_collector
 _njit: Any = njit  # Numba's types omit options and internals
 _numba_types: Any = types
 _CPUDispatcher: Any = registry.CPUDispatcher
+_one_at_a_time: Any = compiler_lock.global_compiler_lock
+"""Decorator and lock of Numba: one thread of the process compiles."""
 
 
 def as_kernel(plain: Any, options: dict[str, Any], *, allocates: bool, is_wide: bool) -> Any:
@@ -63,8 +65,9 @@ class Kernel(CompiledFunction):
 
     _is_cache_open = False
 
+    @_one_at_a_time  # type: ignore[untyped-decorator]
     def compile(self, sig: Any) -> Any:
-        """Compile for one signature, or read the cache."""
+        """Compile for one signature, or read the cache; threads wait, or they close each other's lock on files."""
         if not self._is_cache_open:  # late, as the stamp needs functions defined further down in the module
             self._is_cache_open = True
             with suppress(RuntimeError):  # no folder to write to: compile in every process

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -92,6 +95,21 @@ def test_kernel_is_recompiled_when_its_device_function_changes(tmp_path, monkeyp
     assert run() == (6.0, [True])
     (tmp_path / "device_of_test.py").write_text(DEVICE.replace(old, new))
     assert run() == (result, [result == 6.0])
+
+
+def test_threads_that_call_a_new_kernel_do_not_close_each_others_lock(tmp_path, monkeypatch):
+    def close_slowly(file, close=os.close):
+        time.sleep(0.05)
+        close(file)
+
+    monkeypatch.setattr("scenarionet_data.compiled.kernel_cache.os.close", close_slowly)
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "new.py").write_text(KERNEL.replace("scaled(value)", "value").replace("from device_of_test", "# from"))
+    spec = importlib.util.spec_from_file_location("new_kernel", tmp_path / "new.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(lambda _: module.total(np.ones(3)), range(4))) == [3.0] * 4
 
 
 def test_cache_that_names_a_renamed_class_is_ignored(tmp_path, monkeypatch):
