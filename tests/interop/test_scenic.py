@@ -55,7 +55,7 @@ def test_a_program_on_an_exported_road(tmp_path):
     [
         ("pedestrianJaywalking", "Town01"),
         ("badlyParkedCarPullingIn", "Town01"),
-        ("Carla_Challenge/carlaChallenge2", "Town07"),
+        ("Carla_Challenge/carlaChallenge3", "Town01"),
         ("OAS_Scenarios/oas_scenario_03", "Town01"),
         ("OAS_Scenarios/oas_scenario_30", "Town10HD"),
     ],
