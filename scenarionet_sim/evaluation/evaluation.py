@@ -23,7 +23,7 @@ from scenarionet_sim.drivers.own_process import executor_of
 from scenarionet_sim.drivers.requirements import made_interpreter
 from scenarionet_sim.drivers.trained import PREFIX, pinned
 from scenarionet_sim.evaluation.parts import EvaluationJob, ends_of_lost_part, imported_code, simulate_part
-from scenarionet_sim.evaluation.specification import PART_SIZE, Evaluation, scenarios_of
+from scenarionet_sim.evaluation.specification import Evaluation, scenarios_of
 from scenarionet_sim.rollouts.parts import parts_of, run_parts
 from scenarionet_sim.rollouts.span import EPISODES
 from scenarionet_sim.scenarios.selection import resolved
@@ -193,7 +193,7 @@ def run_evaluation(
     tables = ("rollouts", "results") if rollouts else ("results",)
     run = evaluation_runs.claim(open_files(evaluation.lake), name, tables, evaluation.description)
     total, done = len(scenarios_of(evaluation)), run.done() - run.failed()
-    parts = parts_of(total * evaluation.rollouts, PART_SIZE)
+    parts = parts_of(total * evaluation.rollouts, evaluation.part_size)
     jobs = [EvaluationJob(evaluation, part, run, rollouts) for part in parts if part.number not in done]
     left = {item // evaluation.rollouts for job in jobs for item in range(job.part.first, job.part.end)}
     report = EvaluationReport(name, total, total - len(left))
@@ -216,7 +216,7 @@ def find_broken(
 ) -> list[tuple[str, str]]:
     """Return the scenarios whose replay does not reach the destination, with the reason; writes nothing."""
     evaluation = plan_evaluation(lake, database, "replay")
-    parts = parts_of(len(scenarios_of(evaluation)), PART_SIZE)
+    parts = parts_of(len(scenarios_of(evaluation)), evaluation.part_size)
     jobs = [EvaluationJob(evaluation, part, None, has_trajectories=False) for part in parts]
     broken = []
     for ends in run_parts(jobs, simulate_part, workers, on_progress, executor, ends_of_lost_part):

@@ -27,7 +27,7 @@ from scenarionet_data.storage import evaluation_runs
 from scenarionet_sim.drivers.own_process import executor_of
 from scenarionet_sim.evaluation.comparison import runs_in_words
 from scenarionet_sim.evaluation.parts import EvaluationJob, simulate
-from scenarionet_sim.evaluation.specification import PART_SIZE, RULE, Evaluation, scenarios_of
+from scenarionet_sim.evaluation.specification import RULE, Evaluation, scenarios_of
 from scenarionet_sim.rollouts.parts import parts_of, run_parts
 
 FORMAT = 1
@@ -206,21 +206,21 @@ def verify(
     else:
         snapshot = lake.snapshot.number
     told, ids = receipt.description, tuple(scenario_id for scenario_id, _ in receipt.scenarios)
-    for key, wanted in (("rule", RULE), ("part", PART_SIZE)):
+    evaluation = _evaluation(lake, told, ids, snapshot)
+    for key, wanted in (("rule", RULE), ("part", evaluation.part_size)):
         if told.get(key) != wanted:
             raise BadParameter(
                 f"{receipt.run!r} was made with {key} {told.get(key)!r}, this version has {wanted!r}; verify it with "
                 f"{told.get('software', 'the version that made it')}"
             )
     check_scenarios(Lake(lake.root, snapshot), receipt)
-    evaluation = _evaluation(lake, told, ids, snapshot)
     stored: dict[str, list[Values]] = {scenario_id: [] for scenario_id in ids}
     for row in receipt.rows:
         stored[row["scenario_id"]].append(row)
     ordered = [rows for scenario_id in ids for rows in [sorted(stored[scenario_id], key=lambda row: row["rollout"])]]
     has_trajectories = any(row[_TRAJECTORY] is not None for row in receipt.rows)
     jobs = []
-    for part in parts_of(len(ids) * evaluation.rollouts, PART_SIZE):
+    for part in parts_of(len(ids) * evaluation.rollouts, evaluation.part_size):
         items = range(part.first, part.end)
         rows = [
             row

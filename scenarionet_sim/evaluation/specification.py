@@ -8,11 +8,15 @@ from functools import cache
 from typing import Any
 
 from scenarionet_data import Lake, ScenarioLoader, version
+from scenarionet_sim.bridges.commonroad.by_name import is_outside
 from scenarionet_sim.drivers.by_name import Drivers, resolve_drivers
 from scenarionet_sim.drivers.code import policy_name
 
 PART_SIZE = 32
 """Rollouts per part: the most work that a killed worker loses."""
+
+OUTSIDE_PART_SIZE = 2
+"""Likewise of planners of CommonRoad, which take a second for each of a scenario's: their worlds gain nothing together."""
 
 RULE = "to the end of the episode, off the road only where the recording is on it, progress along its lanes"
 """What metrics cover. Runs from before there was a choice of words say nothing: an ego of IDM that had reached the end
@@ -55,6 +59,11 @@ class Evaluation:
     code: str = ""
 
     @property
+    def part_size(self) -> int:
+        """Rollouts per part."""
+        return min(PART_SIZE, OUTSIDE_PART_SIZE) if is_outside(self.policy) else PART_SIZE
+
+    @property
     def description(self) -> dict[str, Any]:
         """Everything the results depend on, as stored with the run."""
         spec = {name: value for name, value in asdict(self).items() if name != "lake"}
@@ -62,7 +71,7 @@ class Evaluation:
         for name in ("tracker", "route", "python", "code"):  # as in runs from before there was a choice
             if spec[name] == getattr(type(self), name):
                 del spec[name]
-        return spec | {"rule": RULE, "part": PART_SIZE, "software": version.name_and_version()}
+        return spec | {"rule": RULE, "part": self.part_size, "software": version.name_and_version()}
 
     @property
     def default_name(self) -> str:

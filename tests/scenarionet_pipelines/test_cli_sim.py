@@ -65,7 +65,7 @@ def test_progress_counts_the_scenarios_of_the_run_and_of_missing_references(lake
             ok("sim", lake, "--workers", "1", *words)
         return found
 
-    monkeypatch.setattr("scenarionet_sim.evaluation.evaluation.PART_SIZE", 2)  # of three scenarios: two parts
+    monkeypatch.setattr("scenarionet_sim.evaluation.specification.PART_SIZE", 2)  # of three scenarios: two parts
     assert counted("--policy", "replay", "--no-references") == [(0, 3), (1, 3), (3, 3)]
     first = counted("--policy", "constant")
     assert first[0] == (0, 12) and first[-1] == (12, 12), "the run, the recording, constant velocity, random actions"

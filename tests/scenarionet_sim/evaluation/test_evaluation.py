@@ -16,6 +16,7 @@ from scenarionet_sim.evaluation import evaluation as evaluations
 from scenarionet_sim.evaluation.evaluation import EvaluationReport, evaluate, find_broken, plan_evaluation
 from scenarionet_sim.evaluation.recording import record
 from scenarionet_sim.evaluation.references import run_references
+from scenarionet_sim.evaluation.specification import Evaluation
 from scenarionet_sim.policies.constant_velocity import ConstantVelocity
 from scenarionet_sim.sensors.state import EgoState
 from tests.fixtures.drives import Other, make_drive
@@ -61,7 +62,7 @@ class NoDriver:
 
 @pytest.fixture
 def lake(tmp_path, monkeypatch) -> Lake:
-    monkeypatch.setattr(evaluations, "PART_SIZE", 2)
+    monkeypatch.setattr("scenarionet_sim.evaluation.specification.PART_SIZE", 2)
     evaluations.scenarios_of.cache_clear()
     return write_lake(tmp_path / "lake", SCENARIOS)
 
@@ -295,3 +296,9 @@ def test_report_is_shown_as_html():
     html = EvaluationReport("idm", scenarios=20, skipped=3, broken=broken, seconds=1.5)._repr_html_()
     assert "20, 3 of them simulated earlier" in html
     assert html.count("&lt;b&gt;no lanes&lt;/b&gt;") == 10 and "<b>" not in html
+
+
+def test_parts_of_slow_planners_are_small():
+    """So that workers share few scenarios, and what is finished is kept."""
+    sizes = [Evaluation("lake", None, 1, policy).part_size for policy in ("idm", "commonroad:reactive")]
+    assert sizes == [32, 2]

@@ -41,7 +41,7 @@ class Killed(Careful):
 @pytest.mark.integration
 def test_killed_worker_loses_its_rollouts_only(tmp_path, monkeypatch):
     monkeypatch.setenv("SCENARIONET_TEST_KILLED", str(tmp_path / "killed"))
-    monkeypatch.setattr(evaluations, "PART_SIZE", 1)
+    monkeypatch.setattr("scenarionet_sim.evaluation.specification.PART_SIZE", 1)
     evaluations.scenarios_of.cache_clear()
     lake = write_lake(tmp_path / "lake", SCENARIOS)
     policy = f"{__name__}:{{}}".format

@@ -9,7 +9,6 @@ import pytest
 
 from scenarionet_data import Lake
 from scenarionet_data.errors import BadParameter
-from scenarionet_sim.evaluation import evaluation as evaluations
 from scenarionet_sim.evaluation.evaluation import evaluate
 from scenarionet_sim.evaluation.receipts import Receipt, make_receipt, verify
 from tests.fixtures.drives import Other, make_drive
@@ -39,8 +38,7 @@ def test_a_run_comes_out_again(lake, monkeypatch):
 
 
 def test_parts_and_workers_do_not_matter(lake, receipt, monkeypatch):
-    monkeypatch.setattr(evaluations, "PART_SIZE", 4)
-    monkeypatch.setattr("scenarionet_sim.evaluation.receipts.PART_SIZE", 4)
+    monkeypatch.setattr("scenarionet_sim.evaluation.specification.PART_SIZE", 4)
     parts_of_four = replace(receipt, description={**receipt.description, "part": 4})
     assert verify(lake, parts_of_four, workers=2).first is None
 
