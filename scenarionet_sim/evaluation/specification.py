@@ -16,7 +16,7 @@ PART_SIZE = 32
 """Rollouts per part: the most work that a killed worker loses."""
 
 OUTSIDE_PART_SIZE = 2
-"""Likewise of planners of CommonRoad, which take a second for each of a scenario's: their worlds gain nothing together."""
+"""Likewise of planners of CommonRoad, which take a second for each of a scenario: worlds gain nothing together."""
 
 RULE = "to the end of the episode, off the road only where the recording is on it, progress along its lanes"
 """What metrics cover. Runs from before there was a choice of words say nothing: an ego of IDM that had reached the end

@@ -25,7 +25,8 @@ _BRAKE = 6.0  # [m/s²] where there is no plan
 class CommonRoadPlanner(Planner):
     """Asks a planner of CommonRoad every third timestep, and drives by its newest plan until then.
 
-    Where it finds none, the vehicle brakes with 6 m/s² beside its route; the planner is asked again a timestep later.
+    Where it finds none, the vehicle brakes with 6 m/s² beside its route until then. To find none takes longest: the
+    reactive planner tries ever denser samples, in 1 to 2 s, and answers in 0.07 s where it finds one.
 
     Attributes:
         horizon: Timesteps of a plan.
@@ -35,7 +36,8 @@ class CommonRoadPlanner(Planner):
     horizon: int
 
     def __init__(self) -> None:
-        self.num_plans = self.num_failed = self._since = 0
+        self.num_plans = self.num_failed = 0
+        self._since = REPLAN
         self._scene: CommonRoadScene | None = None
         self._plan: Float64 | None = None
 
@@ -45,7 +47,7 @@ class CommonRoadPlanner(Planner):
             self._scene = CommonRoadScene(view, self.horizon)
             self.begin(self._scene)
         self._since += 1
-        if self._plan is None or self._since >= REPLAN:
+        if self._since >= REPLAN:
             self._scene.show(view)
             self._plan, self._since = self.plan(self._scene, speed_ahead(view)), 0
             self.num_plans += 1
