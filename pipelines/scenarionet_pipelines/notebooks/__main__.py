@@ -1,9 +1,12 @@
-"""``make notebooks``: runs every notebook on generated scenarios and writes the pages in docs/notebooks."""
+"""``make notebooks``: runs every notebook on generated scenarios and writes the pages in docs/notebooks.
+
+``ARGS='testing --folder FOLDER'`` runs it in a folder with a lake, to which it adds what it makes.
+"""
 
 from __future__ import annotations
 
-import sys
 import tempfile
+from contextlib import nullcontext
 from pathlib import Path
 
 import click
@@ -16,16 +19,21 @@ from scenarionet_pipelines.notebooks.rendering import render
 PAGES = Path(__file__).parents[3] / "docs" / "notebooks"
 
 
-def main(chosen: list[str]) -> None:
+@click.command()
+@click.argument("chosen", nargs=-1)
+@click.option("--folder", help="Folder with a lake of recordings, instead of generated scenarios.")
+def main(chosen: tuple[str, ...], folder: str | None) -> None:
     """Render these notebooks, or all of them."""
-    with tempfile.TemporaryDirectory() as folder, ProgressDisplay("notebooks", "notebook") as progress:
-        make_example_lake(Path(folder))
+    place = tempfile.TemporaryDirectory() if folder is None else nullcontext(folder)
+    with place as found, ProgressDisplay("notebooks", "notebook") as progress:
+        if folder is None:
+            make_example_lake(Path(found))
         wanted = chosen or names()
         for number, name in enumerate(wanted):
             progress.update(number, len(wanted), 0)
-            page = render(execute(name, Path(folder)), name, PAGES, Path(folder))
+            page = render(execute(name, Path(found)), name, PAGES, Path(found))
             click.echo(page)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
