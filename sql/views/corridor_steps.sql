@@ -8,7 +8,7 @@ CREATE VIEW corridor_steps AS
 SELECT
     *,
     CASE WHEN lag(timestep) OVER track = timestep - 1 THEN
-        lag({'near_side': near_side, 'ahead': ahead, 'gap': gap, 'speed': speed, 'ego_speed': ego_speed}) OVER track
+        lag({'seconds': seconds, 'near_side': near_side, 'ahead': ahead, 'gap': gap, 'speed': speed, 'ego_speed': ego_speed}) OVER track
     END AS before
 FROM (
     SELECT
