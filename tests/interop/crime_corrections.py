@@ -167,6 +167,8 @@ CORRECTIONS = {
          "math.sin(suc_orientation - max_orientation) > 0"),
         ("suc_orientation < max_orientation\n                        and suc_orientation - math.pi * 2 < max_orientation",
          "math.sin(suc_orientation - max_orientation) < 0"),
+        # A lane exactly to the east, whose angle is 0, is taken for none, so that the car keeps to the direction before.
+        ("            if lane_orient_updated:\n", "            if lane_orient_updated is not None:\n"),
         # On the way back along the lane acceleration changes twice a step by as much as jerk allows once.
         ("            self.update_inputs_x_y(pre_state)\n            self.adjust_velocity", "            self.adjust_velocity"),
     ],

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scenarionet_data import Lake, ScenarioLoader
 from scenarionet_data.converters.pg import Procedural
 from scenarionet_data.criticality.encounters import conflict_area, distances
 from scenarionet_data.criticality.scene import Meeting, SurroundingTraffic, rates
@@ -47,23 +48,29 @@ def scenes(seeds: Sequence[int] = SEEDS) -> Iterator[Compared]:
     shard = next(iter(converter.shards("0:40", "train", converter.release, converter.Options())))
     for seed in seeds:
         factor = _HURRY[SEEDS.index(seed) % len(_HURRY)]
-        scenario = _begun(_hurried(converter.scenario(shard, seed), factor))
-        ego = scenario.ego_index
-        traffic = _as_written(SurroundingTraffic.of(scenario))
-        scene = Meeting(traffic, ego)
-        valid = scenario.tracks.valid
-        last = valid.shape[1] - 1 - valid[:, ::-1].argmax(axis=1)
-        whole = (valid.sum(axis=1) == last + 1 - valid.argmax(axis=1)) & (
-            scenario.tracks.object_type == ObjectType.VEHICLE
-        )
-        moved = np.abs(scenario.tracks.velocity).max(axis=(1, 2)) > 0.1
-        rows = np.flatnonzero(whole & moved & scene.is_met.any(axis=1))
-        nearest = rows[rows != ego]
-        nearest = nearest[np.argsort(np.nanmin(distances(scene)[nearest], axis=1), kind="stable")]
-        if len(nearest) < 2 or scene.path is None:
-            continue
-        scenario = replace(scenario, ego_id=str(scenario.tracks.ids[nearest[-1]]))
-        yield Compared(scenario, scene, nearest[:-1][:_OTHERS].tolist())
+        yield from meetings(_begun(_hurried(converter.scenario(shard, seed), factor)))
+
+
+def recorded(lake: Lake) -> Iterator[Compared]:
+    """Scenes of recordings at the step of CommonRoad-CriMe, their beginning."""
+    for scenario in ScenarioLoader(lake, lake.select("num_map_features > 0")):
+        if abs(scenario.dt - 0.1) < 1e-3:
+            yield from meetings(_begun(scenario), others=2)
+
+
+def meetings(scenario: ScenarioDescription, others: int = _OTHERS) -> Iterator[Compared]:
+    """The ego among the vehicles that come nearest to it; nothing where it meets fewer than two."""
+    tracks, ego = scenario.tracks, scenario.ego_index
+    scene = Meeting(_as_written(SurroundingTraffic.of(scenario)), ego)
+    last = tracks.valid.shape[1] - 1 - tracks.valid[:, ::-1].argmax(axis=1)
+    whole = tracks.valid.sum(axis=1) == last + 1 - tracks.valid.argmax(axis=1)
+    moved = np.abs(tracks.velocity).max(axis=(1, 2)) > 0.1
+    is_met = scene.is_met.any(axis=1) & (np.arange(len(moved)) != ego)
+    nearest = np.flatnonzero(whole & moved & is_met & (tracks.object_type == ObjectType.VEHICLE))
+    nearest = nearest[np.argsort(np.nanmin(distances(scene)[nearest], axis=1), kind="stable")]
+    if len(nearest) >= 2 and whole[ego] and scene.path is not None:
+        scenario = replace(scenario, ego_id=str(tracks.ids[nearest[-1]]))
+        yield Compared(scenario, scene, nearest[:-1][:others].tolist())
 
 
 def _as_written(traffic: SurroundingTraffic) -> SurroundingTraffic:
