@@ -1,4 +1,4 @@
-"""A driver in a process of its own: python driver_process.py PORT DRIVER.BINPB; then sim --policy driver:PORT."""
+"""A driver in its own process: python driver_process.py PORT|SOCKET DRIVER.BINPB; then sim --policy driver:PORT."""
 
 import math
 import socket
@@ -39,14 +39,18 @@ def is_blocked(ego, objects):
     return any(0.0 < x < 8.0 + ego.speed**2 / 6.0 and abs(y) < 1.5 for x, y in places)
 
 
-def main(port, file):
+def main(place, file):
     """Answer the simulators that connect, one after the other."""
     moments_kind, commands_kind = messages(file, "Moments", "Commands")
-    server = socket.create_server(("127.0.0.1", int(port)))
+    if place.isdecimal():
+        server = socket.create_server(("127.0.0.1", int(place)))
+        server.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    else:
+        server = socket.socket(socket.AF_UNIX)
+        server.bind(place)
+        server.listen()
     while True:
-        connection, _ = server.accept()
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        routes = {}
+        connection, routes = server.accept()[0], {}
         while head := connection.recv(4, socket.MSG_WAITALL):
             moments = moments_kind.FromString(connection.recv(struct.unpack("<I", head)[0], socket.MSG_WAITALL))
             answer = commands_kind()

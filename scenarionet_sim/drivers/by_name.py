@@ -175,7 +175,7 @@ def resolve_drivers(
 
     Args:
         policy: A name in DRIVERS or PLANNERS, a stack (``bridges.stacks``) or a driver (``bridges.driver``) in another
-            process, ``module:Class``, ``runs/NAME`` of a
+            process or a container, ``module:Class``, ``runs/NAME`` of a
             training run, or, in its process, pinned code (see ``drivers.code``) or a planner of CommonRoad.
         traffic: A name in TRAFFIC, or ``model:RUN`` of a training run of tokens.
         backend: A name in BACKENDS: the vehicle of a planner that returns actions.

@@ -19,14 +19,13 @@ from pathlib import Path
 from scenarionet_data.errors import BadParameter, SourceNotFound
 from scenarionet_data.storage.files.cache import folder_of
 from scenarionet_sim.bridges.commonroad.by_name import is_outside
+from scenarionet_sim.bridges.driver.containers import is_container, pinned_image
 from scenarionet_sim.bridges.driver.planner import is_driver
 from scenarionet_sim.bridges.stacks import is_stack
 
 PREFIX = "git:"
 AGENT = "carla:"
 """Before a file of an agent of CARLA's leaderboard, which ``bridges.carla`` makes a planner of."""
-
-_CONTAINERS = ("container:", "docker:", "podman:", "oci:")
 
 
 @dataclass(frozen=True)
@@ -73,17 +72,14 @@ def is_apart(policy: str) -> bool:
 
 
 def pinned_code(policy: str) -> str:
-    """Return a policy with the commit for its reference, and a whole path; others unchanged.
+    """Return a policy with the commit for its reference, the id of its image, or a whole path; others unchanged.
 
     Raises:
-        BadParameter: It is a container, or lacks its parts, or its commit has no such file.
-        SourceNotFound: There is no repository, no such commit or file, or no git.
+        BadParameter: It lacks its parts.
+        SourceNotFound: There is no repository, no such commit, file or image, no git, or no runtime of containers.
     """
-    if policy.startswith(_CONTAINERS):
-        raise BadParameter(
-            f"{policy}: policies in containers are not built; use git:REF:module:Class, with --python for another "
-            "environment, or ros2:dds for a stack that runs in one"
-        )
+    if is_container(policy):
+        return pinned_image(policy)
     if ":" in policy and "@" in policy.rpartition(":")[2] and not policy.startswith(PREFIX):
         place, _, ref = policy.rpartition("@")
         policy = f"{PREFIX}{ref}:{place}"
@@ -113,7 +109,7 @@ def interpreter_of(policy: str, python: str = "") -> str:
 
 
 def policy_name(policy: str) -> str:
-    """Return a policy for names of runs: of one that runs apart the class, and eight digits of its commit.
+    """Return a policy for names of runs: of one that runs apart the class, and eight digits of its commit or image.
 
     Example:
         >>> policy_name("git:0123456789abcdef:planners/mine:Mine"), policy_name("/home/me/mine.py:Mine")
@@ -124,6 +120,9 @@ def policy_name(policy: str) -> str:
         commit = policy.removeprefix(PREFIX)[:8] if policy.startswith(PREFIX) else ""
         module = path.rpartition("/")[2].rpartition(":")[2].removesuffix(".py")
         policy = "-".join(filter(None, [f"{module}.{name}", commit]))
+    if is_container(policy):
+        runtime, _, image = policy.partition(":")
+        policy = f"{runtime}-{image.removeprefix('sha256:')[:8]}"
     return policy
 
 

@@ -1,4 +1,7 @@
-"""A driver in another process as a planner, by name: ``driver:5555``, ``driver:HOST:PORT``, ``driver:/PATH``."""
+"""A driver in another process as a planner, by name: ``driver:5555``, ``driver:HOST:PORT``, ``driver:/PATH``.
+
+Or in a container that is started for it, ``docker:IMAGE``: see ``containers``.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from functools import cache
 from typing import Any
 
 from scenarionet_data.errors import BadParameter, SourceError
+from scenarionet_sim.bridges.driver.containers import Container, is_container
 from scenarionet_sim.bridges.driver.wire import fill, message, read, receive, send
 from scenarionet_sim.bridges.link import AGAIN, GONE, LIMIT
 from scenarionet_sim.planners.base import Action, Planner, Trajectory
@@ -19,7 +23,7 @@ PREFIX = "driver:"
 
 def is_driver(policy: str) -> bool:
     """Return whether the name of a policy is that of a driver in another process."""
-    return policy.startswith(PREFIX)
+    return policy.startswith(PREFIX) or is_container(policy)
 
 
 class DriverPlanner(Planner):
@@ -34,7 +38,7 @@ class DriverPlanner(Planner):
     """
 
     def __init__(self, policy: str) -> None:
-        self._connection, self._episode = connection_to(address_of(policy)), 0
+        self._connection, self._episode = connection_to(policy), 0
 
     def expect(self, view: View) -> None:
         """Add the vehicle to the next message."""
@@ -55,11 +59,11 @@ class DriverConnection:
     the driver has not answered since.
 
     Args:
-        address: Path of a socket, or host and port.
+        address: Path of a socket, host and port, or what starts a container that binds one.
         limit: Longest wait for an answer [s].
     """
 
-    def __init__(self, address: str | tuple[str, int], limit: float) -> None:
+    def __init__(self, address: str | tuple[str, int] | Container, limit: float) -> None:
         self.address, self.limit = address, limit
         self._socket: socket.socket | None = None
         self._episodes = 0
@@ -102,6 +106,12 @@ class DriverConnection:
             self._socket.close()
             self._socket = None
 
+    def end(self) -> None:
+        """Hang up, and end the container."""
+        self.close()
+        if isinstance(self.address, Container):
+            self.address.close()
+
     def _ask(self, asked: Any) -> dict[int, Any]:
         begins = [moment.HasField("begin") for moment in asked.moments]
         if self._socket is None:
@@ -119,14 +129,15 @@ class DriverConnection:
 
     def _open(self, limit: float) -> socket.socket:
         """Connect; a driver may start after the simulator."""
+        address = self.address.socket() if isinstance(self.address, Container) else self.address
         end = time.monotonic() + limit
         while True:
             try:
-                if isinstance(self.address, str):
+                if isinstance(address, str):
                     opened = socket.socket(socket.AF_UNIX)
-                    opened.connect(self.address)
+                    opened.connect(address)
                 else:
-                    opened = socket.create_connection(self.address, timeout=limit)
+                    opened = socket.create_connection(address, timeout=limit)
                     opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 opened.settimeout(self.limit)
                 return opened
@@ -156,8 +167,8 @@ def address_of(policy: str) -> str | tuple[str, int]:
 
 
 @cache
-def connection_to(address: str | tuple[str, int]) -> DriverConnection:
+def connection_to(policy: str) -> DriverConnection:
     """Return the connection of this process to a driver; it stays open from scenario to scenario."""
-    made = DriverConnection(address, LIMIT)
-    atexit.register(made.close)
+    made = DriverConnection(Container(policy) if is_container(policy) else address_of(policy), LIMIT)
+    atexit.register(made.end)
     return made

@@ -73,8 +73,6 @@ def test_bad_code_is_a_sentence(repository, monkeypatch, tmp_path):
         pinned_code("git:main:mine")
     with pytest.raises(SourceNotFound, match=r"there is no file .*other\.py"):
         pinned_code("other.py:Mine")
-    with pytest.raises(BadParameter, match="containers are not built"):
-        pinned_code("docker:image:mine:Mine")
     with pytest.raises(BadParameter, match="not on a cluster"):
         executor_of(f"{repository}/planners/mine.py:Mine", "", 1, OwnProcess(()))
     monkeypatch.chdir(tmp_path)

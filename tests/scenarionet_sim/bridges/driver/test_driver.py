@@ -258,7 +258,7 @@ def test_processes_in_other_languages_drive_as_this_one(lake: Path, tmp_path: Pa
 def test_a_process_that_ends_hangs_up() -> None:
     """Python warns of sockets that are open when it ends."""
     with socket.create_server(("127.0.0.1", 0)) as server:
-        made = f"planner.connection_to(('127.0.0.1', {server.getsockname()[1]}))"
+        made = f"planner.connection_to('driver:{server.getsockname()[1]}')"
         code = f"from scenarionet_sim.bridges.driver import planner; made = {made}; made._socket = made._open(9.0)"
         done = subprocess.run([sys.executable, "-W", "always", "-c", code], capture_output=True, text=True, check=True)
     assert "ResourceWarning: unclosed <socket" not in done.stderr
