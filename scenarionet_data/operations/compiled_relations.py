@@ -104,8 +104,9 @@ class CompiledRelations:
     @cached_property
     def _motions(self) -> pa.Table:
         """The view ``motions`` of objects that were observed, in any order."""
-        motions = self._view.arrow("SELECT * FROM motions WHERE len(timestep) > 0")
-        return motions.combine_chunks()
+        columns = ", ".join(name for name in PairStates._fields[3:] if name not in ("lane", "walks"))
+        sql = f"SELECT scenario_id, track_id, object_type, {columns} FROM motions WHERE len(timestep) > 0"
+        return self._view.arrow(sql).combine_chunks()
 
     @cached_property
     def _order(self) -> Int64:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from scenarionet_data.operations.compiled_relations import CompiledRelations
 
-MAX_STATES = 1_000_000
+MAX_STATES = 1_500_000
 """States of objects that are mined at once: their pairs and intermediate views take some hundred bytes each."""
 _KEPT_WHOLE = 1000
 """Scenarios of a lake whose metadata are kept as a whole, so that one connection answers."""

@@ -6,11 +6,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scenarionet_data.arrays.dtypes import Int64
+from scenarionet_data.arrays.dtypes import Float64, Int64
 from scenarionet_data.query.lane_kernels import NearLanes, PlacedSteps, choose_lanes
 
 _LINES = ", ".join(f"{name} DOUBLE[]" for name in ("xs", "ys", "line_xs", "line_ys"))
 PARAMETERS = (
+    *["DOUBLE"] * 2,
     *["DOUBLE[]"] * 3,
     f"STRUCT(turns INTEGER, is_intersection BOOLEAN, {_LINES})[]",
 )
@@ -19,12 +20,18 @@ RETURNS = "STRUCT(lane INTEGER[], aside DOUBLE[])"
 
 
 def lanes_along(
-    x: pa.ChunkedArray, y: pa.ChunkedArray, yaw_rate: pa.ChunkedArray, lanes: pa.ChunkedArray
+    origin_x: pa.ChunkedArray,
+    origin_y: pa.ChunkedArray,
+    x: pa.ChunkedArray,
+    y: pa.ChunkedArray,
+    yaw_rate: pa.ChunkedArray,
+    lanes: pa.ChunkedArray,
 ) -> pa.StructArray:
     """Return the lane that each object is on at each step; see the view ``walked_lanes``.
 
     Args:
-        x, y, yaw_rate: Lists over the steps of each object, in the frame of the lanes [m, rad/s].
+        origin_x, origin_y: Origins of the frames of the objects in the frame of the lanes [m].
+        x, y, yaw_rate: Lists over the steps of each object [m, rad/s].
         lanes: For each object a list of the lanes near it, by name, with outlines and centrelines [m].
 
     Returns:
@@ -36,7 +43,7 @@ def lanes_along(
     found = np.full(ends[-1], -1)
     aside = np.zeros(ends[-1])
     choose_lanes(
-        PlacedSteps(ends, *(pc.list_flatten(each).to_numpy() for each in (x, y, yaw_rate))),
+        PlacedSteps(ends, shifted(x, origin_x), shifted(y, origin_y), pc.list_flatten(yaw_rate).to_numpy()),
         NearLanes(
             offsets(lanes),
             near.field("turns").to_numpy().astype(np.int64),
@@ -55,6 +62,14 @@ def lanes_along(
     columns = [pa.array(found + 1, pa.int32(), mask=is_off), pa.array(aside, mask=is_off)]
     lists = [pa.ListArray.from_arrays(pa.array(ends, pa.int32()), column) for column in columns]
     return pa.StructArray.from_arrays(lists, ["lane", "aside"])
+
+
+def shifted(lists: pa.Array | pa.ChunkedArray, by: pa.Array | pa.ChunkedArray) -> Float64:
+    """The elements of all lists, each shifted by the number of its list."""
+    moved: Float64 = pc.list_flatten(lists).to_numpy() + np.repeat(
+        by.to_numpy(), pc.list_value_length(lists).to_numpy()
+    )
+    return moved
 
 
 def offsets(lists: pa.Array | pa.ChunkedArray) -> Int64:

@@ -7,11 +7,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scenarionet_data.query.lane_kernels import BoxSteps, Outlines, measure_gaps
-from scenarionet_data.query.lanes_along import offsets
+from scenarionet_data.query.lanes_along import offsets, shifted
 
-_STEP = ("px", "py", "yaw_rate", "box_px", "box_py", "heading", "length", "width")
+_LISTS = ("x", "y", "yaw_rate", "box_x", "box_y", "heading", "length", "width")
 PARAMETERS = (
-    f"STRUCT({', '.join(f'{name} DOUBLE[]' for name in _STEP)})",
+    f"STRUCT(origin_x DOUBLE, origin_y DOUBLE, {', '.join(f'{name} DOUBLE[]' for name in _LISTS)})",
     "STRUCT(xs DOUBLE[], ys DOUBLE[])[]",
     "BOOLEAN",
     "DOUBLE",
@@ -35,9 +35,10 @@ def outline_gaps(
         For each step the distance [m], 0 inside; larger ones than ``reach`` may be infinite.
     """
     walked, near = steps.combine_chunks(), pc.list_flatten(outlines).combine_chunks()
-    names = ("box_px", "box_py", "heading", "length", "width") if is_box[0].as_py() else ("px", "py")
-    columns = [walked.field(name).flatten().to_numpy(zero_copy_only=False) for name in names]
-    ends = offsets(walked.field("px"))
+    prefix, sizes = ("box_", ("heading", "length", "width")) if is_box[0].as_py() else ("", ())
+    columns = [shifted(walked.field(f"{prefix}{axis}"), walked.field(f"origin_{axis}")) for axis in ("x", "y")]
+    columns += [walked.field(name).flatten().to_numpy(zero_copy_only=False) for name in sizes]
+    ends = offsets(walked.field("x"))
     gaps = np.empty(ends[-1])
     measure_gaps(
         BoxSteps(ends, *columns, *[np.zeros(ends[-1])] * (5 - len(columns))),

@@ -44,7 +44,8 @@ PARAMETERS = (
     "DOUBLE[]",
     "DOUBLE",
 )
-RETURNS = f"STRUCT({', '.join(f'{name} {kind}' for name, kind in _LISTS.items())}, extent DOUBLE)"
+_WHOLE = ("extent", "min_x", "max_x", "min_y", "max_y", "longest")
+RETURNS = f"STRUCT({', '.join(f'{name} {kind}' for name, kind in (_LISTS | dict.fromkeys(_WHOLE, 'DOUBLE')).items())})"
 """Types in SQL."""
 
 
@@ -65,8 +66,9 @@ def track_motion(
         For each object lists of ``timestep``, ``seconds``, smoothed ``x``, ``y``, ``vx``, ``vy``, ``accel_x`` and
         ``accel_y`` [m, m/s, m/s^2], ``yaw_rate`` [rad/s], ``speed`` [m/s] and ``course`` [rad]; of its box as recorded
         ``box_x``, ``box_y``, ``heading``, the same as a vector, ``length``, ``width``, ``radius``; and ``turning``, 1
-        where it turns left, 2 where right, 3 for both; and ``extent`` [m], the diagonal of the box around all its
-        smoothed positions.
+        where it turns left, 2 where right, 3 for both; and numbers [m]: ``extent``, the diagonal of the box around all
+        its smoothed positions, ``min_x``, ``max_x``, ``min_y``, ``max_y`` of these and of the recorded ones, and its
+        ``longest`` length.
     """
     x, y, z, heading, length, width = (states.combine_chunks().field(name) for name in _STATES)
     spans = _lengths(x)
@@ -100,10 +102,19 @@ def track_motion(
     offsets = pa.array(ends.astype(np.int32))
     columns = [pa.ListArray.from_arrays(offsets, pa.array(each, from_pandas=True)) for each in lists]
     is_seen = count > 0
-    starts, extent = ends[:-1][is_seen], np.zeros(len(count))
-    for axis in (smoothed[0], smoothed[1], smoothed[-1]) if len(track) else ():
-        extent[is_seen] += (np.maximum.reduceat(axis, starts) - np.minimum.reduceat(axis, starts)) ** 2
-    return pa.StructArray.from_arrays([*columns, pa.array(np.sqrt(extent), mask=~is_seen)], [*_LISTS, "extent"])
+    whole = np.zeros((len(_WHOLE), len(count)))
+    if len(track):
+        starts, (x, y) = ends[:-1][is_seen], smoothed[:2]
+        for axis in (x, y, smoothed[-1]):
+            whole[0, is_seen] += (np.maximum.reduceat(axis, starts) - np.minimum.reduceat(axis, starts)) ** 2
+        whole[0] = np.sqrt(whole[0])
+        for row, outermost, pair in (
+            (1, np.minimum, (x, box_x)), (2, np.maximum, (x, box_x)),
+            (3, np.minimum, (y, box_y)), (4, np.maximum, (y, box_y)), (5, np.fmax, sizes[:1]),
+        ):  # fmt: skip
+            whole[row, is_seen] = outermost.reduce([outermost.reduceat(each, starts) for each in pair])
+    columns += [pa.array(each, mask=~is_seen | np.isnan(each)) for each in whole]
+    return pa.StructArray.from_arrays(columns, [*_LISTS, *_WHOLE])
 
 
 def _lengths(lists: ArrowColumn) -> Int64:

@@ -1,6 +1,7 @@
 -- needs: tracks, metadata_rows, track_motion
 -- One row per object, with lists over the timesteps at which it was observed: the columns of `smoothed`, which has a row
--- for each of their elements, and `extent` [m], the diagonal of the box around all its positions.
+-- for each of their elements; `extent` [m], the diagonal of the box around all its positions, `min_x`, `max_x`, `min_y` and
+-- `max_y` of these and of the recorded ones, and its `longest` length [m].
 -- kept: relations read it again and again
 CREATE VIEW motions AS
 WITH found AS (

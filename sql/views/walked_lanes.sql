@@ -20,5 +20,6 @@ WITH near AS (
     GROUP BY scenario_id, track_id
 )
 SELECT
-    scenario_id, track_id, dataset, version, map_id, timesteps, lanes, lanes_along(steps.px, steps.py, steps.yaw_rate, outlines) AS found
+    scenario_id, track_id, dataset, version, map_id, timesteps, lanes,
+    lanes_along(steps.origin_x, steps.origin_y, steps.x, steps.y, steps.yaw_rate, outlines) AS found
 FROM walks JOIN near USING (scenario_id, track_id);
