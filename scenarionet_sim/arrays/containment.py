@@ -13,33 +13,38 @@ STRIP = 8
 """Consecutive edges of outlines that are left out together, if a point is above or below all of them."""
 
 
-def strips_of(outlines: Float32) -> Float32:
-    """Return the lowest and highest y (S, 2) of every ``STRIP`` edges between consecutive points of (P, 2) outlines.
+_ROUNDING = 1e-3
+"""Distance beside a strip from which no rounding matters [m]."""
 
-    The last edge of an outline, which closes it, is in no strip.
+
+def strips_of(outlines: Float32) -> Float32:
+    """Return the boxes (S, 4), lowest x and y and highest x and y, of every ``STRIP`` edges of (P, 2) outlines.
+
+    Edges are those between consecutive points. The last edge of an outline, which closes it, is in no strip.
     """
     first = np.arange(0, len(outlines), STRIP)
     if not len(first):
-        return np.zeros((0, 2), np.float32)
-    y = outlines[:, 1]
-    follower = y[np.minimum(first + STRIP, len(outlines) - 1)]
-    lowest = np.minimum(np.minimum.reduceat(y, first), follower)
-    return np.stack([lowest, np.maximum(np.maximum.reduceat(y, first), follower)], axis=1)
+        return np.zeros((0, 4), np.float32)
+    follower = outlines[np.minimum(first + STRIP, len(outlines) - 1)]
+    lowest, highest = (reduce.reduceat(outlines, first, axis=0) for reduce in (np.minimum, np.maximum))
+    return np.concatenate([np.minimum(lowest, follower), np.maximum(highest, follower)], axis=1)
 
 
 def blocks_of(strips: Float32) -> Float32:
-    """Return the lowest and highest y (B, 2) of every ``STRIP`` strips."""
+    """Return the boxes (B, 4) of every ``STRIP`` strips."""
     first = np.arange(0, len(strips), STRIP)
     if not len(first):
         return strips
-    return np.stack([np.minimum.reduceat(strips[:, 0], first), np.maximum.reduceat(strips[:, 1], first)], axis=1)
+    lowest, highest = np.minimum.reduceat(strips[:, :2], first), np.maximum.reduceat(strips[:, 2:], first)
+    return np.concatenate([lowest, highest], axis=1)
 
 
 @device_function
 def winding_number(x: float, y: float, outline: Float32, strips: Float32, blocks: Float32, start: int, end: int) -> int:
     """Return the winding number of the closed outline ``outline[start:end]`` (P, 2) around a point; 0 outside.
 
-    Non-zero inside, also where an outline overlaps itself, as a wide lane's does on the inside of a tight bend.
+    Non-zero inside, also where an outline overlaps itself, as a wide lane's does on the inside of a tight bend. Of
+    edges that are all on the right of the point only the first and the last point count, and of others none.
     Source: D. Sunday, "Inclusion of a point in a polygon", 2001.
     """
     if start == end:
@@ -48,15 +53,29 @@ def winding_number(x: float, y: float, outline: Float32, strips: Float32, blocks
     index = start
     while index < end - 1:
         block, strip = index // (STRIP * STRIP), index // STRIP
-        if not blocks[block, 0] <= y < blocks[block, 1]:
-            index = STRIP * STRIP * (block + 1)
-            continue
-        following = min(STRIP * (strip + 1), end - 1)
-        if strips[strip, 0] <= y < strips[strip, 1]:
+        following = min(STRIP * STRIP * (block + 1), end - 1)
+        side = _side_of(x, y, blocks[block])
+        if side == _AMONG:
+            following = min(STRIP * (strip + 1), end - 1)
+            side = _side_of(x, y, strips[strip])
+        if side == _AMONG:
             for edge in range(index, following):
                 turns += _turns(x, y, outline, edge, edge + 1)
+        elif side == _LEFT:
+            turns += int(outline[following, 1] > y) - int(outline[index, 1] > y)
         index = following
     return turns
+
+
+_ELSEWHERE, _LEFT, _AMONG = range(3)
+
+
+@device_function(forceinline=True)
+def _side_of(x: float, y: float, box: Float32) -> int:
+    """Return where a point is, seen from a box of edges: at none of their heights or on the right; left; or else."""
+    if not box[1] <= y < box[3] or x > box[2] + _ROUNDING:
+        return _ELSEWHERE
+    return _LEFT if x < box[0] - _ROUNDING else _AMONG
 
 
 @device_function(forceinline=True)
@@ -94,7 +113,7 @@ class PolygonGrid(NamedTuple):
 
 
 @device_function
-def _is_around(polygons: PolygonGrid, polygon: int, x: float, y: float) -> bool:
+def is_around(polygons: PolygonGrid, polygon: int, x: float, y: float) -> bool:
     """Return whether a point is in a polygon."""
     bounds = polygons.bounds
     if not (bounds[polygon, 0] <= x <= bounds[polygon, 2] and bounds[polygon, 1] <= y <= bounds[polygon, 3]):
@@ -119,20 +138,33 @@ def find_polygon(
         found: (Q,) int32 output: row of the polygon, or -1.
     """
     for query in range(points.shape[0]):
-        x, y = points[query, 0], points[query, 1]
-        found[query] = -1
-        cell = cell_at(x, y, polygons.frame)
-        if cell < 0:
-            continue
+        found[query] = polygon_at(points[query, 0], points[query, 1], polygons, is_selected)
+
+
+@device_function
+def polygon_at(x: float, y: float, polygons: PolygonGrid, is_selected: Bool) -> int:
+    """Return the first selected polygon around a point, or -1."""
+    cell = cell_at(x, y, polygons.frame)
+    if cell >= 0:
         for place in range(polygons.cell_start[cell], polygons.cell_start[cell + 1]):
             polygon = polygons.cell_items[place]
-            if is_selected[polygon] and _is_around(polygons, polygon, x, y):
-                found[query] = polygon
-                break
+            if is_selected[polygon] and is_around(polygons, polygon, x, y):
+                return int(polygon)
+    return -1
 
 
 @kernel(allocates=False)
 def find_stays(
+    points: Float64, polygons: PolygonGrid, num_polygons: int, first: Int32, starts: Int32, around: Int32
+) -> int:
+    """Find the stays of points (T, K, 2) [m]; see :func:`stays_between`."""
+    return stays_between(0, len(points), points, polygons, num_polygons, first, starts, around)
+
+
+@device_function
+def stays_between(
+    begin: int,
+    end: int,
     points: Float64,
     polygons: PolygonGrid,
     num_polygons: int,
@@ -143,10 +175,11 @@ def find_stays(
     """Find the stays of points that move together: the moments at which the polygons around one of them change.
 
     Args:
-        points: (T, K, 2) [m].
+        begin, end: Rows of the T moments.
+        points: (S, K, 2) [m].
         polygons: See :func:`find_polygon`.
         num_polygons: The first polygons, which count.
-        first: (T,) output: first moment of each stay.
+        first: (T,) output: first moment of each stay, from 0 on.
         starts: (T * K + 1,) output: where the polygons around each point of each stay begin in ``around``.
         around: Output: the polygons; room for all in the fullest cell at every point.
 
@@ -154,19 +187,19 @@ def find_stays(
         The number of stays.
     """
     stays, count = 0, points.shape[1]
-    for t in range(len(points)):
-        begin = filled = starts[stays * count]
+    for t in range(end - begin):
+        empty = filled = starts[stays * count]
         for k in range(count):
-            x, y = points[t, k, 0], points[t, k, 1]
+            x, y = points[begin + t, k, 0], points[begin + t, k, 1]
             cell = cell_at(x, y, polygons.frame)
             if cell >= 0:
                 for place in range(polygons.cell_start[cell], polygons.cell_start[cell + 1]):
                     polygon = polygons.cell_items[place]
-                    if polygon < num_polygons and _is_around(polygons, polygon, x, y):
+                    if polygon < num_polygons and is_around(polygons, polygon, x, y):
                         around[filled] = polygon
                         filled += 1
             starts[stays * count + k + 1] = filled
-        if stays == 0 or not _is_repeated(starts, around, stays, count, filled - begin):
+        if stays == 0 or not _is_repeated(starts, around, stays, count, filled - empty):
             first[stays] = t
             stays += 1
     return stays
@@ -182,6 +215,20 @@ def _is_repeated(starts: Int32, around: Int32, stay: int, count: int, length: in
     for n in range(length):
         is_same = is_same and around[here + n] == around[last + n]
     return is_same
+
+
+@device_function
+def is_near_outline(x: float, y: float, outlines: Float32, first: int, end: int, square: float) -> bool:
+    """Return whether a point's squared distance [m²] from the closed outline ``outlines[first:end]`` is at most one."""
+    last = end - 1
+    for n in range(first, end):
+        away_x, away_y = x - outlines[last, 0], y - outlines[last, 1]
+        dx, dy = outlines[n, 0] - np.float64(outlines[last, 0]), outlines[n, 1] - np.float64(outlines[last, 1])
+        share = min(max((away_x * dx + away_y * dy) / max(dx * dx + dy * dy, 1e-12), 0.0), 1.0)
+        away_x, away_y, last = away_x - share * dx, away_y - share * dy, n
+        if away_x * away_x + away_y * away_y <= square:
+            return True
+    return False
 
 
 @device_function

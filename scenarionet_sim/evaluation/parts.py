@@ -28,8 +28,8 @@ from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.rollouts.span import EPISODES
 from scenarionet_sim.rollouts.table import concat_rollouts, rollout_rows
 
-_SCORED_TOGETHER = 8
-"""Rollouts whose metrics are computed together."""
+_SCORED_TOGETHER = 32
+"""Rollouts whose metrics are computed together: all of a part."""
 
 ScenarioEnd = tuple[str, str | None, str | None]
 """Scenario id, how the episode ended, and the error if it could not be simulated."""

@@ -11,16 +11,17 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, IntP
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.metrics.smoothing import fit, smooth_series
 
 _DECIMALS = 8
-_HIGHEST = 2.40, 4.89, 8.37, 4.13, 0.95, 1.93
-"""Upper bounds of all but the first of ``Comfort``."""
+_LOWEST, _HIGHEST = -4.05, np.array([2.40, 4.89, 8.37, 4.13, 0.95, 1.93])
+"""Lower bound of the first of ``Comfort``, and upper bounds of the others."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,15 @@ class Comfort:
         """True if every extreme is within its bound."""
         return self.compare_with_bounds(operator.le)
 
-    def compare_with_bounds(self, is_within: Callable[[float, float], bool]) -> bool:
+    def compare_with_bounds(self, is_within: Callable[[Any, Any], Any]) -> bool:
         """Return whether every extreme is within its bound by a comparison: with the bound itself, or without."""
-        lowest, *highest = vars(self).values()
-        return is_within(-4.05, lowest) and all(map(is_within, highest, _HIGHEST))
+        return bool(are_within_bounds(np.array([[*vars(self).values()]]), is_within)[0])
+
+
+def are_within_bounds(extremes: Float64, is_within: Callable[[Any, Any], Any] = operator.le) -> Bool:
+    """Return which episodes (B,) have all extremes (B, 7), in the order of ``Comfort``, within their bounds."""
+    found: Bool = is_within(_LOWEST, extremes[:, 0]) & is_within(extremes[:, 1:], _HIGHEST).all(axis=1)
+    return found
 
 
 def measure_comfort(acceleration: Float64, heading: Float64, dt: float) -> Comfort:
@@ -62,13 +68,32 @@ def measure_comfort(acceleration: Float64, heading: Float64, dt: float) -> Comfo
         heading: (T,) [rad], wrapped or not.
         dt: [s].
     """
-    count = len(heading)
-    smooth, slope, turn, bend = (fit(min(window, count), order) for window, order in ((8, 2), (15, 2), (5, 2), (5, 3)))
-    extremes = np.zeros(7)
-    find_extremes(acceleration, heading, dt, (smooth, slope, turn, bend), np.empty((_NUM_SERIES, count)), extremes)
-    lowest, *highest = extremes.tolist()
-    return Comfort(lowest, *highest)
+    (found,) = measure_comforts(acceleration, heading, np.array([0, len(heading)]), np.array([dt])).tolist()
+    return Comfort(*found)
 
+
+def measure_comforts(acceleration: Float64, heading: Float64, offsets: Int64, dt: Float64) -> Float64:
+    """Return the extremes (B, 7) of B episodes, of S moments in total, in the order of ``Comfort``.
+
+    Args:
+        acceleration, heading: (S, 2) and (S,), see :func:`measure_comfort`.
+        offsets: (B + 1,) first moment of each.
+        dt: (B,) [s].
+    """
+    extremes, counts = np.zeros((len(dt), 7)), np.diff(offsets)
+    series = np.empty(_NUM_SERIES * int(counts.max(initial=0)))
+    lengths = np.minimum(counts, _LONGEST_WINDOW)
+    for length in np.unique(lengths).tolist():
+        smooth, slope, turn, bend = (fit(min(window, length), order) for window, order in _FITS)
+        which = np.flatnonzero(lengths == length)
+        find_extremes(which, offsets, acceleration, heading, dt, (smooth, slope, turn, bend), series, extremes)
+    return extremes
+
+
+_FITS = (8, 2), (15, 2), (5, 2), (5, 3)
+"""Window and order for accelerations, jerks, yaw rate and yaw acceleration."""
+
+_LONGEST_WINDOW = max(window for window, _ in _FITS)
 
 LON, LAT, SIZE, LON_JERK, JERK, YAW_RATE, YAW_ACCELERATION, _RAW, _TURN, _NUM_SERIES = range(10)
 """Series of an episode: smoothed accelerations along and across, and their magnitude; their derivatives; those of the
@@ -77,6 +102,26 @@ heading; what is smoothed next, and the heading without jumps."""
 
 @kernel(allocates=False)
 def find_extremes(
+    which: IntP, offsets: Int64, accelerations: Float64, headings: Float64, dt: Float64,
+    fits: tuple[Float64, Float64, Float64, Float64], memory: Float64, extremes: Float64,
+) -> None:  # fmt: skip
+    """Write the extremes (B, 7) of some episodes, in the order of ``Comfort``.
+
+    Args:
+        which: The episodes.
+        offsets, accelerations, headings, dt: See :func:`measure_comforts`.
+        fits: For ``_FITS``.
+        memory: (_NUM_SERIES * T,) memory.
+        extremes: Output.
+    """
+    for b in which:
+        begin, end = offsets[b], offsets[b + 1]
+        found, series = extremes[b], memory[: _NUM_SERIES * (end - begin)].reshape((_NUM_SERIES, end - begin))
+        _find_extremes(accelerations[begin:end], headings[begin:end], dt[b], fits, series, found)
+
+
+@device_function
+def _find_extremes(
     acceleration: Float64,
     heading: Float64,
     dt: float,
@@ -84,14 +129,7 @@ def find_extremes(
     series: Float64,
     extremes: Float64,
 ) -> None:
-    """Write the extremes (7,) of an episode, in the order of ``Comfort``.
-
-    Args:
-        acceleration, heading, dt: See :func:`measure_comfort`.
-        fits: For accelerations, jerks, yaw rate and yaw acceleration.
-        series: (_NUM_SERIES, T) memory.
-        extremes: Output.
-    """
+    """Write the extremes (7,) of an episode; see :func:`find_extremes`."""
     turns = 0.0
     for t in range(len(heading)):
         if t and abs(heading[t] - heading[t - 1]) > math.pi:
@@ -139,7 +177,12 @@ def body_acceleration(velocity: Float64, heading: Float64, dt: float) -> Float64
 
 @kernel(allocates=False)
 def _accelerate(velocity: Float64, heading: Float64, dt: float, found: Float64) -> None:
-    """Write the accelerations (T, 2)."""
+    accelerate(velocity, heading, dt, found)
+
+
+@device_function
+def accelerate(velocity: Float64, heading: Float64, dt: float, found: Float64) -> None:
+    """Write the accelerations (T, 2); see :func:`body_acceleration`."""
     last = len(velocity) - 1
     for t in range(last + 1):
         first, end = max(t - 1, 0), min(t + 1, last)

@@ -1,22 +1,71 @@
-"""What metrics look at: the motion of one vehicle, and the boxes around it."""
+"""What metrics look at: the motion of one vehicle, or of many on one map, and the boxes around it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, IntP, UInt8
-from scenarionet_data.compiled.decorators import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64, IntP, UInt8
+from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.backends.base import Drive
 from scenarionet_sim.metrics.comfort import body_acceleration
 from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
 
-_AXLES = Drive().wheelbase
+AXLES = Drive().wheelbase
 """Distance between the axles, as a share of the length."""
+
+
+class Drives(NamedTuple):
+    """Motion of B vehicles over S moments in total, one drive after another, in any fixed frame.
+
+    Attributes:
+        offsets: (B + 1,) first moment of each drive.
+        dt: (B,) mean time between its moments [s].
+        box: (B, 3) length and width of the box, and distance from its centre back to the rear axle [m].
+        centre: (S, 1, 2) of the box [m].
+        heading: (S,) [rad].
+        speed: (S,) magnitude of the velocity [m/s].
+        acceleration: (S, 2) along and across the heading [m/s²].
+        corners: (S, 4, 2) of the box [m]: front left, rear left, rear right, front right.
+        axle: (S, 2) the rear one [m].
+    """
+
+    offsets: Int64
+    dt: Float64
+    box: Float64
+    centre: Float64
+    heading: Float64
+    speed: Float64
+    acceleration: Float64
+    corners: Float64
+    axle: Float64
+
+    @classmethod
+    def room(cls, counts: Int64, dt: Sequence[float], box: Float64) -> Drives:
+        """Return room for drives of some numbers of moments (B,)."""
+        offsets = np.append(0, np.cumsum(counts))
+        total = int(offsets[-1])
+        mean = np.array([mean_step(count, step) for count, step in zip(counts.tolist(), dt, strict=True)])
+        (heading, speed), (acceleration, axle) = np.empty((2, total)), np.empty((2, total, 2))
+        return cls(
+            offsets, mean, box, np.empty((total, 1, 2)), heading, speed, acceleration, np.empty((total, 4, 2)), axle
+        )
+
+    def part(self, drive: int) -> slice:
+        """Return the moments of a drive."""
+        return slice(int(self.offsets[drive]), int(self.offsets[drive + 1]))
+
+
+@lru_cache
+def mean_step(num_moments: int, dt: float) -> float:
+    """Return the mean time [s] between moments at the multiples of one."""
+    return float(np.diff(dt * np.arange(num_moments, dtype=np.float64)).mean()) if num_moments > 1 else dt
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +124,7 @@ class EgoDrive:
             acceleration=body_acceleration(velocity, heading, world.dt),
             length=length,
             width=width,
-            rear=0.5 * _AXLES * length,
+            rear=0.5 * AXLES * length,
         )
 
     @cached_property
@@ -93,6 +142,14 @@ class EgoDrive:
         """(T, 4, 2) corners of the box [m]: front left, rear left, rear right, front right."""
         return self._box[0]
 
+    @property
+    def drives(self) -> Drives:
+        """The same as the only one of its kind."""
+        offsets, box = np.array([0, len(self.time)]), np.array([[self.length, self.width, self.rear]])
+        dt = np.array([self.dt if len(self.time) > 1 else 0.0])
+        heading, centre = np.ascontiguousarray(self.heading), self.position.reshape(-1, 1, 2)
+        return Drives(offsets, dt, box, centre, heading, self.speed, self.acceleration, self.corners, self.rear_axle)
+
     @cached_property
     def _box(self) -> tuple[Float64, Float64]:
         """Corners (T, 4, 2) and rear axle (T, 2) [m]."""
@@ -106,15 +163,23 @@ def place_box(
     position: Float64, heading: Float64, box: tuple[float, float, float], corners: Float64, axle: Float64
 ) -> None:
     """Write corners and rear axle of a box, given by length, width, and distance from the axle to the centre [m]."""
-    length, width, rear = box
     for t in range(len(heading)):
-        cos, sin = math.cos(heading[t]), math.sin(heading[t])
-        for k in range(4):
-            along = 0.5 * length if k in (0, 3) else -0.5 * length
-            across = 0.5 * width if k < 2 else -0.5 * width
-            corners[t, k, 0] = position[t, 0] + cos * along - sin * across
-            corners[t, k, 1] = position[t, 1] + sin * along + cos * across
-        axle[t, 0], axle[t, 1] = position[t, 0] - rear * cos, position[t, 1] - rear * sin
+        place_box_at(position[t, 0], position[t, 1], heading[t], box, corners[t], axle[t])
+
+
+@device_function
+def place_box_at(
+    x: float, y: float, heading: float, box: tuple[float, float, float], corners: Float64, axle: Float64
+) -> None:
+    """Write corners (4, 2) and rear axle (2,) of a box; see :func:`place_box`."""
+    length, width, rear = box
+    cos, sin = math.cos(heading), math.sin(heading)
+    for k in range(4):
+        along = 0.5 * length if k in (0, 3) else -0.5 * length
+        across = 0.5 * width if k < 2 else -0.5 * width
+        corners[k, 0] = x + cos * along - sin * across
+        corners[k, 1] = y + sin * along + cos * across
+    axle[0], axle[1] = x - rear * cos, y - rear * sin
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,12 +200,19 @@ class DrivenEpisode:
         return self.rollout.scored()
 
     @cached_property
+    def num_moments(self) -> int:
+        """Number of moments of the time of the recording; 0 if the vehicle's motion is not known in all of them.
+
+        It moves at least a step and is present all the time: no motion is known across a gap.
+        """
+        rollout = self.rollout
+        states = rollout.position, rollout.velocity, rollout.heading
+        return count_moments(*states, rollout.present, rollout.agent, rollout.num_scored + 1)
+
+    @property
     def is_whole(self) -> bool:
-        """Whether the vehicle moves at least a step and is present all the time: no motion is known across a gap."""
-        scored, agent = self.scored, self.scored.agent
-        states = scored.position[:, agent], scored.velocity[:, agent], scored.heading[:, agent]
-        is_present = bool(scored.present[:, agent].all())
-        return scored.num_steps > 0 and is_present and all(np.isfinite(state).all() for state in states)
+        """Whether the vehicle's motion is known at all moments."""
+        return self.num_moments > 0
 
     @cached_property
     def drive(self) -> EgoDrive:
@@ -151,6 +223,48 @@ class DrivenEpisode:
     def recorded(self) -> EgoDrive:
         """The recording of the vehicle over the same time."""
         return EgoDrive.recorded(self.world, self.scored.agent, self.scored.start, self.scored.num_scored)
+
+
+@kernel(allocates=False)
+def count_moments(position: Float64, velocity: Float64, heading: Float64, present: Bool, agent: int, most: int) -> int:
+    """Return the number of moments up to an object's last one, at all of which its motion is known; else 0."""
+    count, is_gap = 0, False
+    for t in range(min(most, len(present))):
+        if not present[t, agent]:
+            is_gap = True
+            continue
+        if is_gap:
+            return 0
+        size = abs(position[t, agent, 0]) + abs(position[t, agent, 1]) + abs(heading[t, agent])
+        if not np.isfinite(size + abs(velocity[t, agent, 0]) + abs(velocity[t, agent, 1])):
+            return 0
+        count += 1
+    return count if count > 1 else 0
+
+
+class MovingBoxes(NamedTuple):
+    """Boxes of all objects of B episodes, moment by moment of each episode.
+
+    Attributes:
+        first: (B,) row of the first object at the first moment of each episode.
+        counts: (B,) number of its objects.
+        agents: (B,) which of them is evaluated.
+        first_size: (B,) row of its first object in ``size``.
+        position, velocity: (R, 2) [m, m/s].
+        heading: (R,) [rad].
+        present: (R,) observed.
+        size: (K, 2) length and width [m].
+    """
+
+    first: Int64
+    counts: Int64
+    agents: Int64
+    first_size: Int64
+    position: Float64
+    velocity: Float64
+    heading: Float64
+    present: Bool
+    size: Float64
 
 
 @dataclass(frozen=True, eq=False)

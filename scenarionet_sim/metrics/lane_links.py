@@ -6,15 +6,14 @@ Source: nuplan-devkit, ``planning/metrics/utils/route_extractor.py`` (definition
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from functools import cached_property
-from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32
 from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_sim.arrays.containment import PolygonGrid
 from scenarionet_sim.roads.roads import Roads
 
 _ROUNDING = 1e-6  # [m]
@@ -23,75 +22,72 @@ LaneRows = tuple[int, ...]
 """Rows of lanes in ``Roads``."""
 
 
-@dataclass(frozen=True, eq=False)
-class LaneLinks:
-    """Which lanes of a map follow one another; answers are remembered, as moments ask for the same lanes.
+class LaneLinks(NamedTuple):
+    """The M lanes of a map, and which of them follow one another; from ``roads.once(LaneLinks.of)``.
 
     Attributes:
-        roads: The map.
+        points, offsets: Centrelines: lane i is ``points[offsets[i]:offsets[i + 1]]`` (n, 2) [m].
+        arcs: (P,) arc length of every point along its lane [m].
+        followers, follower_offsets: Lanes that follow each lane.
+        leaders, leader_offsets: Lanes that each lane follows.
+        is_connector: (M,) lanes through an intersection, as nuPlan's maps tell them from others.
+        speed_limit: (M,) [m/s], NaN when unknown.
+        polygons: Outlines of the lanes and of all other areas, under a grid.
+        is_crossing: (Q,) which of them are intersections.
+        most: Largest number of lanes of one moment: those in a cell of the grid, or that follow one.
     """
 
-    roads: Roads
-    _after: dict[int, LaneRows] = field(default_factory=dict, init=False, repr=False)
-    _before: dict[int, LaneRows] = field(default_factory=dict, init=False, repr=False)
+    points: Float32
+    offsets: Int32
+    arcs: Float64
+    followers: Int32
+    follower_offsets: Int32
+    leaders: Int32
+    leader_offsets: Int32
+    is_connector: Bool
+    speed_limit: Float32
+    polygons: PolygonGrid
+    is_crossing: Bool
+    most: int
+
+    @classmethod
+    def of(cls, roads: Roads) -> LaneLinks:
+        """Return the lanes of a map."""
+        arcs = np.zeros(len(roads.lanes.values))
+        _sum_hops(roads.lanes.values, roads.lanes.offsets, arcs)
+        after, (polygons, in_cell) = roads.successors, roads.gridded_polygons
+        owner = np.repeat(np.arange(len(after), dtype=np.int32), after.lengths)
+        order, lanes = np.argsort(after.values, kind="stable"), np.arange(len(after) + 1)
+        return cls(
+            points=roads.lanes.values,
+            offsets=roads.lanes.offsets,
+            arcs=arcs,
+            followers=after.values,
+            follower_offsets=after.offsets,
+            leaders=owner[order],
+            leader_offsets=np.searchsorted(after.values[order], lanes).astype(np.int32),
+            is_connector=roads.lane_type == MapFeatureType.LANE_SURFACE_UNSTRUCTURE,
+            speed_limit=roads.speed_limit,
+            polygons=polygons,
+            is_crossing=roads.polygon_type == MapFeatureType.INTERSECTION,
+            most=max(in_cell, 1) + int(after.lengths.max(initial=0)),
+        )
 
     def after(self, lane: int) -> LaneRows:
         """Lanes that follow a lane."""
-        if lane not in self._after:
-            self._after[lane] = tuple(self.roads.successors[lane].tolist())
-        return self._after[lane]
-
-    def before(self, lane: int) -> LaneRows:
-        """Lanes that a lane follows."""
-        if lane not in self._before:
-            places = np.flatnonzero(self.roads.successors.values == lane)
-            self._before[lane] = tuple((np.searchsorted(self.roads.successors.offsets, places, "right") - 1).tolist())
-        return self._before[lane]
-
-    def line(self, lane: int) -> tuple[Float64, Float64]:
-        """Points (P, 2) of a lane, and the arc length (P,) of each [m]."""
-        rows = slice(*self.roads.lanes.offsets[lane : lane + 2])
-        return self.roads.lanes.values[rows].astype(np.float64), self.roads.once(arcs_of_points)[rows]
-
-    @cached_property
-    def is_connector(self) -> Bool:
-        """(M,) lanes through an intersection, as nuPlan's maps tell them from others."""
-        kind: Bool = self.roads.lane_type == MapFeatureType.LANE_SURFACE_UNSTRUCTURE
-        return kind
-
-    def at(self, here: frozenset[int]) -> LaneRows:
-        """The lanes around a point, or else the connectors."""
-        lanes = tuple(sorted(lane for lane in here if not self.is_connector[lane]))
-        return lanes or tuple(sorted(here))
-
-    def continued(self, lanes: LaneRows, here: frozenset[int]) -> LaneRows:
-        """Those of some lanes around a point, or of the followers of the only one."""
-        found = tuple(lane for lane in lanes if lane in here)
-        if not found and len(lanes) == 1:
-            found = tuple(lane for lane in self.after(lanes[0]) if lane in here)
-        return found
-
-    def by_heading(self, lanes: LaneRows, point: Float64, heading: float) -> LaneRows:
-        """The same lanes, the one along a heading first."""
-        if len(lanes) < 2:
-            return lanes
-        line, pose = self.roads.lanes, (*point.tolist(), math.cos(heading), math.sin(heading))
-        turned = [-_cosine_along(line.values, line.offsets, lane, *pose) for lane in lanes]
-        if all(first <= second for first, second in pairwise(turned)):
-            return lanes
-        return tuple(lane for _, lane in sorted(zip(turned, lanes, strict=True), key=lambda pair: pair[0]))
+        return tuple(self.followers[slice(*self.follower_offsets[lane : lane + 2])].tolist())
 
 
-@kernel(allocates=False)
-def _cosine_along(line: Float32, offsets: Int32, lane: int, x: float, y: float, cos: float, sin: float) -> float:
+@device_function
+def cosine_along(line: Float32, offsets: Int32, lane: int, x: float, y: float, heading: float) -> float:
     """Return the cosine of the angle between a direction and a line at its point nearest to (x, y), or -1.
 
     Args:
         line, offsets, lane: (P, 2) points of the lines [m], the first row of each, and which line.
         x, y: The point [m].
-        cos, sin: The direction.
+        heading: The direction [rad].
     """
-    cosine, best = -1.0, np.inf
+    cosine, best, cos, sin = -1.0, np.inf, math.cos(heading), math.sin(heading)
     for n in range(offsets[lane], offsets[lane + 1] - 1):
         x0, y0 = np.float64(line[n, 0]), np.float64(line[n, 1])
         dx, dy = line[n + 1, 0] - x0, line[n + 1, 1] - y0
@@ -102,13 +98,6 @@ def _cosine_along(line: Float32, offsets: Int32, lane: int, x: float, y: float, 
         if apart < best:
             cosine, best = (dx * cos + dy * sin) / math.sqrt(square), apart
     return cosine
-
-
-def arcs_of_points(roads: Roads) -> Float64:
-    """Return the arc length (P,) of every point of the lanes along its lane [m]."""
-    arcs = np.zeros(len(roads.lanes.values))
-    _sum_hops(roads.lanes.values, roads.lanes.offsets, arcs)
-    return arcs
 
 
 @kernel(allocates=False)
@@ -138,6 +127,7 @@ def nearest_arc(
     while n + 2 < end:
         n += 1
         if along[n + 1] < free:
+            n = _last_before(free, along, n + 1, end) - 1
             continue
         x0, y0 = np.float64(points[n, 0]), np.float64(points[n, 1])
         away = math.sqrt((x - x0) * (x - x0) + (y - y0) * (y - y0))
@@ -161,9 +151,13 @@ def nearest_arc(
     return arc, nearest, last
 
 
-@kernel(allocates=False)
-def locate_on_line(position: Float64, points: Float64, along: Float64, arcs: Float64, apart: Float64) -> None:
-    """Write arc length and distance (T,) of the point of a line nearest to each position; see :func:`nearest_arc`."""
-    last = 0
-    for t in range(len(position)):
-        arcs[t], apart[t], last = nearest_arc(position[t, 0], position[t, 1], points, along, 0, len(points), last)
+@device_function
+def _last_before(arc: float, along: Float64, first: int, end: int) -> int:
+    """Return the last row of a line, from ``first`` on, whose arc length is less; that of ``first`` is."""
+    while end - first > 1:
+        middle = (first + end) // 2
+        if along[middle] < arc:
+            first = middle
+        else:
+            end = middle
+    return first

@@ -1,4 +1,4 @@
-"""The lanes that a drive is on, and what nuPlan's metrics derive from them.
+"""The lanes that drives are on, and what nuPlan's metrics derive from them.
 
 Source: nuplan-devkit, ``planning/metrics/utils/route_extractor.py``, ``ego_lane_change.py``,
 ``driving_direction_compliance.py`` and ``speed_limit_compliance.py`` (definitions). In nuPlan's maps only lane
@@ -8,22 +8,16 @@ along the heading counts first.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
-import shapely
 
-from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, IntP
-from scenarionet_data.compiled.decorators import kernel
-from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_sim.metrics.drive import EgoDrive
-from scenarionet_sim.metrics.lane_links import LaneLinks, LaneRows, arcs_of_points, nearest_arc
+from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int8, Int32, Int64
+from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_sim.metrics.drive import Drives
+from scenarionet_sim.metrics.lane_kernels import SHARED, LaneMemory, find_routes, share_lanes
+from scenarionet_sim.metrics.lane_links import LaneLinks, LaneRows, nearest_arc
 from scenarionet_sim.roads.roads import Roads
-
-_NEAR_CONNECTOR = 5.0  # [m] from a connector a vehicle is still assigned to it, while in an intersection
 
 
 @dataclass(frozen=True)
@@ -43,221 +37,127 @@ class LaneChange:
 
 @dataclass(frozen=True, eq=False)
 class DrivenLanes:
-    """Lanes of a drive.
+    """Lanes of drives on one map, of S moments in total.
 
     Attributes:
-        graph: The lanes of the map.
-        route: The lanes that the centre is on, for each of T moments; the first one counts.
-        shared: The lanes that all corners of the box are in or, in lanes that follow one another, between, for each
-            moment; none off all lanes, None if the corners are in different lanes.
-        on_lane: (T, 4) whether each corner is on a lane.
+        drives: The drives.
+        links: The lanes of the map.
+        lanes: (S, most) the lanes that the centre is on, of which the first one counts; -1 after the last.
+        shared: (S,) ``SHARED`` where the corners of the box are in one lane, or in lanes that follow one another;
+            ``APART`` where they are in others, and ``OFF`` where all are off the lanes.
+        on_lane: (S, 4) whether each corner is on a lane.
+        changes: (S, 3) from the first moment of each drive on: first and last moment of its lane changes, and whether
+            they are completed.
+        num_changes: (B,) number of the lane changes.
     """
 
-    graph: LaneLinks
-    route: Sequence[LaneRows]
-    shared: Sequence[frozenset[int] | None]
+    drives: Drives
+    links: LaneLinks
+    lanes: Int32
+    shared: Int8
     on_lane: Bool
+    changes: Int32
+    num_changes: Int64
 
     @classmethod
-    def of(cls, drive: EgoDrive, roads: Roads) -> DrivenLanes:
-        """Find the lanes of a drive."""
-        graph, stays = roads.once(LaneLinks), _stays(roads, drive.corners)
-        on_lane = np.array([[bool(lanes) for lanes in stay.lanes] for stay in stays]).reshape(-1, 4)
-        moments = [stay.end - stay.first for stay in stays]
-        return cls(graph, driven_route(graph, drive), _shared(graph, stays), np.repeat(on_lane, moments, axis=0))
+    def of(cls, drives: Drives, roads: Roads) -> DrivenLanes:
+        """Find the lanes of drives."""
+        links, (count, moments) = roads.once(LaneLinks.of), (len(drives.box), len(drives.heading))
+        memory = LaneMemory.of(int(np.diff(drives.offsets).max(initial=0)), links)
+        shared, on_lane = np.empty(moments, np.int8), np.empty((moments, 4), np.bool_)
+        changes, num_changes = np.empty((moments, 3), np.int32), np.zeros(count, np.int64)
+        share_lanes(drives.offsets, drives.corners, links, memory, shared, on_lane, changes, num_changes)
+        return cls(drives, links, lanes_of(drives, links, memory), shared, on_lane, changes, num_changes)
 
-    @cached_property
+    @property
+    def route(self) -> list[LaneRows]:
+        """The lanes that the centre is on, for each of S moments."""
+        ended = np.where(np.cumsum(self.lanes < 0, axis=1) > 0, np.int32(-1), self.lanes)
+        return [tuple(lane for lane in lanes if lane >= 0) for lanes in ended.tolist()]
+
+    @property
     def is_in_lane(self) -> Bool:
-        """(T,) whether the corners of the box are in one lane, or in lanes that follow one another."""
-        return np.array([bool(lanes) for lanes in self.shared], np.bool_)
+        """(S,) whether the corners of the box are in one lane, or in lanes that follow one another."""
+        is_in: Bool = self.shared == SHARED
+        return is_in
 
-    def lane_changes(self) -> list[LaneChange]:
-        """Lane changes, also those that are not completed."""
-        found: list[LaneChange] = []
-        start, first = 0, frozenset[int]()
-        for step, (before, now) in enumerate(pairwise(self.shared), 1):  # one ends before the next begins
-            if not first and now is None and before:
-                start, first = step, before
-            elif first and now is not None:
-                stayed = first | _joined(self.graph.after, first)
-                found.append(LaneChange(start, step, bool(now) and not now & stayed))
-                first = frozenset()
-        return [*found, LaneChange(start, len(self.shared) - 1, False)] if first else found
+    def lane_changes(self, drive: int = 0) -> list[LaneChange]:
+        """Lane changes of a drive, also those that are not completed."""
+        first = int(self.drives.offsets[drive])
+        found = self.changes[first : first + int(self.num_changes[drive])].tolist()
+        return [LaneChange(start, end, bool(is_completed)) for start, end, is_completed in found]
 
-    def progress(self, position: Float64) -> Float64:
-        """Movement (T,) along the lane since the moment before [m]; 0 where the lane is new, or there is none.
-
-        Args:
-            position: (T, 2) centre of the vehicle [m].
-        """
-        progress, lane = np.zeros(len(position)), np.array([lanes[0] if lanes else -1 for lanes in self.route], np.intp)
-        roads = self.graph.roads
-        _find_progress(position, lane, roads.lanes.values, roads.lanes.offsets, roads.once(arcs_of_points), progress)
+    def progress(self) -> Float64:
+        """Movement (S,) along the lane since the moment before [m]; 0 where the lane is new, or there is none."""
+        progress = np.zeros(len(self.lanes))
+        _find_progress(self.drives.offsets, self.drives.centre, self.lanes, self.links, progress)
         return progress
 
     def speed_limit(self) -> Float64:
-        """Limit (T,) of the lane [m/s]: of a connector the highest of the lanes it connects; NaN where unknown."""
-        graph, known = self.graph, self.graph.roads.speed_limit
-        limits: dict[LaneRows, float] = {(): np.nan}
-        for lanes in {*self.route} - {()}:
-            limits[lanes] = float(known[lanes[0]])
-            if graph.is_connector[lanes[0]]:
-                edges = [edge for lane in lanes for edge in (*graph.after(lane), *graph.before(lane))]
-                limits[lanes] = float(known[edges].max()) if edges else np.nan  # which is that of any unknown
-        return np.array([limits[lanes] for lanes in self.route])
+        """Limit (S,) of the lane [m/s]: of a connector the highest of the lanes it connects; NaN where unknown."""
+        limits = np.full(len(self.lanes), np.nan)
+        find_limits(self.lanes, self.links, limits)
+        return limits
+
+
+def lanes_of(drives: Drives, links: LaneLinks, memory: LaneMemory | None = None) -> Int32:
+    """Return the lanes (S, most) that drives are on, see ``DrivenLanes.lanes``."""
+    lanes = np.empty((len(drives.heading), links.most), np.int32)
+    memory = memory or LaneMemory.of(int(np.diff(drives.offsets).max(initial=0)), links)
+    find_routes(drives.offsets, drives.centre, drives.heading, links, memory, lanes)
+    return lanes
 
 
 @kernel(allocates=False)
-def _find_progress(
-    position: Float64, lane: IntP, points: Float32, offsets: Int32, along: Float64, progress: Float64
-) -> None:
-    """Write the movement (T,) along the lane since the last moment on one, by the nearest points on the lanes.
+def _find_progress(offsets: Int64, centre: Float64, lanes: Int32, links: LaneLinks, progress: Float64) -> None:
+    """Write the movement along the lane since the last moment on one, by the nearest points on the lanes.
 
     The arc where the lane is new counts as unknown, and, as the owner has it, an arc of 0.
 
     Args:
-        position: (T, 2) [m].
-        lane: (T,) row of the lane, or -1.
-        points, offsets: The lanes.
-        along: (P,) arc length of the points [m].
-        progress: Output, zeros before.
+        offsets, centre, lanes, links: See ``DrivenLanes``.
+        progress: (S,) output, zeros before.
     """
     last = 0  # row of the nearest segment of the moment before
-    before, arc_before, was_same = lane[0] if len(lane) else -1, np.nan, False
-    for t in range(len(position)):
-        if lane[t] < 0:
+    for drive in range(len(offsets) - 1):
+        before, arc_before, was_same = lanes[offsets[drive], 0], np.nan, False
+        for t in range(offsets[drive], offsets[drive + 1]):
+            lane = lanes[t, 0]
+            if lane < 0:
+                continue
+            is_same = lane == before
+            first, end = links.offsets[lane], links.offsets[lane + 1]
+            arc, _, last = nearest_arc(centre[t, 0, 0], centre[t, 0, 1], links.points, links.arcs, first, end, last)
+            if is_same and was_same and arc != 0.0 and np.isfinite(arc - arc_before):
+                progress[t] = arc - arc_before
+            before, arc_before, was_same = lane, arc, is_same
+
+
+@kernel(allocates=False)
+def find_limits(lanes: Int32, links: LaneLinks, limits: Float64) -> None:
+    """Write the speed limits (S,) of lanes, NaN before; a highest of several is unknown if one of them is."""
+    for t in range(len(lanes)):
+        if lanes[t, 0] < 0:
             continue
-        is_same = lane[t] == before
-        first, end = offsets[lane[t]], offsets[lane[t] + 1]
-        arc, _, last = nearest_arc(position[t, 0], position[t, 1], points, along, first, end, last)
-        if is_same and was_same and arc != 0.0 and np.isfinite(arc - arc_before):
-            progress[t] = arc - arc_before
-        before, arc_before, was_same = lane[t], arc, is_same
+        if t and lanes[t, 0] == lanes[t - 1, 0] and not links.is_connector[lanes[t, 0]]:
+            limits[t] = limits[t - 1]
+            continue
+        limit = links.speed_limit[lanes[t, 0]]
+        if links.is_connector[lanes[t, 0]]:
+            limit = np.float32(-np.inf)
+            for lane in lanes[t]:
+                if lane < 0:
+                    break
+                limit = _highest(limit, lane, links.follower_offsets, links.followers, links.speed_limit)
+                limit = _highest(limit, lane, links.leader_offsets, links.leaders, links.speed_limit)
+        if limit > -np.inf:
+            limits[t] = limit
 
 
-def driven_route(graph: LaneLinks, drive: EgoDrive) -> list[LaneRows]:
-    """Lanes of the centre, from moment to moment: the same, a follower, or else any around it; found once."""
-    known: dict[LaneLinks, list[LaneRows]] = vars(drive).setdefault("_routes", {})
-    if graph in known:
-        return known[graph]
-    route: list[LaneRows] = []
-    for stay in _stays(graph.roads, drive.position[:, None]):
-        (here,) = stay.lanes
-        for step in range(stay.first, stay.end):  # each moment depends on the one before
-            last = route[-1] if route else ()
-            lanes = continued = graph.continued(last, here)
-            if not lanes:
-                lanes = _entered(graph, drive, step, last, here)
-            route.append(graph.by_heading(lanes, drive.position[step], float(drive.heading[step])))
-            if lanes == last and continued == lanes and len(lanes) < 2:  # as nothing changes until the end of the stay
-                route += [lanes] * (stay.end - step - 1)
-                break
-    known[graph] = _without_other_branches(graph, route)
-    return known[graph]
-
-
-def _entered(graph: LaneLinks, drive: EgoDrive, step: int, last: LaneRows, here: frozenset[int]) -> LaneRows:
-    """Lanes of a moment that do not continue those of the moment before."""
-    lanes, roads = graph.at(here), graph.roads
-    if step < 2 or not last or not graph.is_connector[last[0]]:
-        return lanes
-    position = drive.position[step]
-    if lanes:
-        is_crossing = bool(graph.is_connector[lanes[0]])
-    else:
-        is_crossing = bool(roads.is_in(position, roads.polygon_type == MapFeatureType.INTERSECTION))
-    if not is_crossing:
-        return lanes
-    point = shapely.Point(position)
-    outlines = {lane: shapely.Polygon(roads.polygons[lane]) for lane in last}
-    return tuple(lane for lane in last if outlines[lane].distance(point) < _NEAR_CONNECTOR) or lanes
-
-
-@dataclass(frozen=True, eq=False)
-class _Stay:
-    """Moments ``first`` to ``end`` (exclusive) at which K points stay in the same lanes."""
-
-    first: int
-    end: int
-    lanes: tuple[frozenset[int], ...]
-
-
-def _stays(roads: Roads, points: Float64) -> list[_Stay]:
-    """Return the stays of points (T, K, 2) [m] in lanes, in order of time."""
-    first, lanes = roads.stays_in_lanes(points)
-    values, count = lanes.values.tolist(), points.shape[1]
-    around = [frozenset(values[start:end]) for start, end in pairwise(lanes.offsets.tolist())]
-    ends = [*first[1:].tolist(), len(points)]
-    return [
-        _Stay(start, end, tuple(around[count * number : count * (number + 1)]))
-        for number, (start, end) in enumerate(zip(first.tolist(), ends, strict=True))
-    ]
-
-
-def _without_other_branches(graph: LaneLinks, route: list[LaneRows]) -> list[LaneRows]:
-    """Of several lanes keep those on which the drive goes on."""
-    if max(map(len, {*route}), default=0) < 2:
-        return route
-    several = [step for step, lanes in enumerate(route[:-1]) if len(lanes) > 1]
-    for step in reversed(several):
-        lanes, later = route[step], route[step + 1]
-        if len(later) < len(lanes) and set(later) <= set(lanes):
-            route[step] = later
-        if later and not graph.is_connector[later[0]]:
-            route[step] = tuple(lane for lane in lanes if lane in graph.before(later[0])) or route[step]
-    return route
-
-
-def _shared(graph: LaneLinks, stays: Sequence[_Stay]) -> list[frozenset[int] | None]:
-    """Return ``DrivenLanes.shared`` of the corners."""
-    found: list[frozenset[int] | None] = []
-    candidates: LaneRows = ()
-    for stay in stays:
-        for step in range(stay.first, stay.end):  # candidates are the lanes of the moment before
-            before = candidates
-            candidates, lanes = _lanes_of(graph, before, stay.lanes, is_second=step == 1)
-            found.append(lanes)
-            if candidates == before and step > 1:  # as nothing changes until the end of the stay
-                found += [lanes] * (stay.end - step - 1)
-                break
-    return found
-
-
-def _lanes_of(
-    graph: LaneLinks, candidates: LaneRows, corners: tuple[frozenset[int], ...], *, is_second: bool
-) -> tuple[LaneRows, frozenset[int] | None]:
-    """Lanes of the corners, and those that they share, or are between in lanes that follow one another."""
-    lanes: list[LaneRows] = []
-    for here in corners:
-        of_corner = graph.continued(candidates, here)
-        if not of_corner:
-            of_corner = graph.at(here)
-            if is_second:
-                candidates = tuple(dict.fromkeys(candidates + of_corner))
-        lanes.append(of_corner)
-    shared: frozenset[int] | None = frozenset()
-    if any(lanes):
-        each = [frozenset(of_corner) for of_corner in lanes]
-        shared = (all(lanes) and (frozenset.intersection(*each) or _connecting(graph, *each))) or None
-    return tuple(dict.fromkeys(lane for each in lanes for lane in each)), shared
-
-
-def _connecting(
-    graph: LaneLinks,
-    front_left: frozenset[int],
-    rear_left: frozenset[int],
-    rear_right: frozenset[int],
-    front_right: frozenset[int],
-) -> frozenset[int]:
-    """Lanes of the rear corners, or following these, that front corners are in, or in followers, crosswise."""
-    from_left = rear_left | _joined(graph.after, rear_left)
-    from_right = rear_right | _joined(graph.after, rear_right)
-    if not (rear_left & from_right or rear_right & from_left):
-        return frozenset()
-    to_left = front_left | _joined(graph.before, front_left)
-    to_right = front_right | _joined(graph.before, front_right)
-    return to_left & from_right & to_right & from_left
-
-
-def _joined(edges: Callable[[int], LaneRows], lanes: frozenset[int]) -> frozenset[int]:
-    return frozenset(edge for lane in lanes for edge in edges(lane))
+@device_function
+def _highest(limit: np.float32, lane: int, offsets: Int32, edges: Int32, limits: Float32) -> np.float32:
+    """Return the highest of a limit and those of the lanes that a lane is joined to; NaN if one is."""
+    for k in range(offsets[lane], offsets[lane + 1]):
+        other = np.float32(limits[edges[k]])
+        limit = other if np.isnan(other) or other > limit else limit
+    return limit

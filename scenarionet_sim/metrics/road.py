@@ -7,6 +7,7 @@ import numpy as np
 from scenarionet_data.arrays.dtypes import Bool, Float32, Float64, Int32, IntP
 from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.scenario.lane_polygons import HALF_WIDTH
+from scenarionet_sim.arrays.containment import is_near_outline
 from scenarionet_sim.roads.roads import Roads
 
 OFF_ROAD_TOLERANCE = 0.3
@@ -52,16 +53,8 @@ def _mark_near(points: Float64, outlines: Float32, offsets: Int32, rows: IntP, s
     """Mark the points (Q, 2) whose squared distance from the outline of one of some polygons is at most ``square``."""
     for q in range(len(points)):
         for row in rows:
-            last = offsets[row + 1] - 1
-            for n in range(offsets[row], offsets[row + 1]):
-                x, y = points[q, 0] - outlines[last, 0], points[q, 1] - outlines[last, 1]
-                dx, dy = outlines[n, 0] - np.float64(outlines[last, 0]), outlines[n, 1] - np.float64(outlines[last, 1])
-                share = min(max((x * dx + y * dy) / max(dx * dx + dy * dy, 1e-12), 0.0), 1.0)
-                x, y, last = x - share * dx, y - share * dy, n
-                if x * x + y * y <= square:
-                    near[q] = True
-                    break
-            if near[q]:
+            if is_near_outline(points[q, 0], points[q, 1], outlines, offsets[row], offsets[row + 1], square):
+                near[q] = True
                 break
 
 

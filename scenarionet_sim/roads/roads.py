@@ -208,7 +208,7 @@ class Roads:
         Returns:
             (S,) the first moment of each stay, and S * K lists of the lanes (int32) around each point.
         """
-        (polygons, most), (moments, count) = self._gridded_polygons, points.shape[:2]
+        (polygons, most), (moments, count) = self.gridded_polygons, points.shape[:2]
         first, starts = np.empty(moments, np.int32), np.zeros(moments * count + 1, np.int32)
         around = np.empty(moments * count * most, np.int32)
         stays = find_stays(np.ascontiguousarray(points), polygons, self.num_lanes, first, starts, around)
@@ -221,11 +221,11 @@ class Roads:
             return np.full(where.shape[:-1], -1, np.int32)
         flat = np.ascontiguousarray(where.reshape(-1, 2))
         found = np.empty(len(flat), np.int32)
-        find_polygon(flat, self._gridded_polygons[0], is_selected, found)
+        find_polygon(flat, self.gridded_polygons[0], is_selected, found)
         return found.reshape(where.shape[:-1])
 
     @cached_property
-    def _gridded_polygons(self) -> tuple[PolygonGrid, int]:
+    def gridded_polygons(self) -> tuple[PolygonGrid, int]:
         """The polygons, and the largest number of them in a cell."""
         grid, points, offsets = self.polygon_grid, self.polygons.values, self.polygons.offsets
         places, strips = (grid.frame, grid.cell_start, grid.cell_items), strips_of(points)

@@ -10,7 +10,7 @@ from scenarionet_data.arrays.dtypes import Bool, Float64
 from scenarionet_data.scenario.vocabulary import LIGHT_COLORS, LightColor, MapFeatureType
 from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
 from scenarionet_sim.metrics.lane_links import LaneLinks
-from scenarionet_sim.metrics.lanes import driven_route
+from scenarionet_sim.metrics.lanes import lanes_of
 from scenarionet_sim.roads.roads import Roads
 from scenarionet_sim.worlds.world import World
 
@@ -44,8 +44,8 @@ class PlanScene:
             recorded: The whole recorded drive, of which the lanes are the route.
         """
         roads, count = world.roads, len(others.position)
-        driven = [lanes[0] for lanes in driven_route(roads.once(LaneLinks), recorded) if lanes]
-        order = list(dict.fromkeys(driven))
+        driven = lanes_of(recorded.drives, roads.once(LaneLinks.of))[:, 0]
+        order = list(dict.fromkeys(driven[driven >= 0].tolist()))
         lines = [roads.lanes[lane].astype(np.float64) for lane in order if len(roads.lanes[lane]) > 1]
         steps = np.minimum(start + np.arange(count), world.num_steps - 1)
         is_red = np.zeros((count, roads.num_lanes), np.bool_)

@@ -18,16 +18,13 @@ import shapely
 from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_data.scenario.vocabulary import ObjectType
 from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
-from scenarionet_sim.metrics.overlap import keep_overlaps
+from scenarionet_sim.metrics.overlap import MARGIN, keep_overlaps
 
 STOPPED = 0.05
 """Speed up to which a vehicle stands [m/s]."""
 
 AHEAD, BEHIND = math.cos(math.radians(30.0)), math.cos(math.radians(150.0))
 """Cosine of the angle at the rear axle between the heading and an object that is ahead, or behind."""
-
-_MARGIN = 1e-6
-"""Added to sizes of boxes before the exact decision [m], as rounding must not exclude boxes that just touch."""
 
 
 class CollisionKind(StrEnum):
@@ -88,10 +85,8 @@ def find_collisions(ego: EgoDrive, others: SurroundingBoxes, is_in_lane: Bool) -
     found: list[EgoCollision] = []
     collided = np.zeros(len(others.size), np.bool_)
     may_touch = others.present.copy()
-    box_size = np.array([ego.length, ego.width]) + _MARGIN
-    keep_overlaps(
-        ego.position, ego.heading, box_size, others.position, others.heading, others.size + _MARGIN, may_touch
-    )
+    box_size = np.array([ego.length, ego.width]) + MARGIN
+    keep_overlaps(ego.position, ego.heading, box_size, others.position, others.heading, others.size + MARGIN, may_touch)
     for step, track in np.argwhere(may_touch).tolist():
         if collided[track]:
             continue

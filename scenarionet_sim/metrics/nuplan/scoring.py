@@ -7,11 +7,13 @@ and ``planning/metrics/evaluation_metrics/common`` (definitions).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64
+from scenarionet_data.arrays.dtypes import Float64, Int64
+from scenarionet_data.compiled.decorators import kernel
 from scenarionet_data.errors import BadParameter
 
 MULTIPLIERS = (
@@ -52,7 +54,7 @@ def closed_loop_score(parts: Mapping[str, float | None]) -> float:
     if unknown:
         raise BadParameter(f"no part {unknown[0]!r}; there are {', '.join([*MULTIPLIERS, *WEIGHTS])}")
     known = {name: value for name, value in parts.items() if value is not None}
-    factor = float(np.prod([known[name] for name in MULTIPLIERS if name in known]))
+    factor = float(math.prod(known[name] for name in MULTIPLIERS if name in known))
     weights = {name: weight for name, weight in WEIGHTS.items() if name in known}
     total = sum(weight * known[name] for name, weight in weights.items())
     return factor * total / sum(weights.values()) if weights else 0.0
@@ -81,11 +83,35 @@ def driving_direction(progress: Sequence[float] | Float64, dt: float) -> tuple[f
         progress: (T,) movement along the lane since the moment before [m].
         dt: [s].
     """
-    total = np.append(0.0, np.cumsum(progress))
-    lag = int(_DIRECTION_WINDOW / dt + 1e-6) + 1
-    smallest = float(min(total[1 : lag + 1].min(), (total[lag:] - total[: len(total) - lag]).min(initial=np.inf)))
-    distance = abs(smallest)
+    offsets = np.array([0, len(progress)])
+    (distance,) = wrong_way_distances(np.asarray(progress, np.float64), offsets, np.array([dt])).tolist()
     return direction_score(distance), -distance
+
+
+def wrong_way_distances(progress: Float64, offsets: Int64, dt: Float64) -> Float64:
+    """Return the distances (B,) [m] of :func:`driving_direction`.
+
+    Args:
+        progress: (S,) movements of all drives [m].
+        offsets: (B + 1,) first moment of each.
+        dt: (B,) [s].
+    """
+    found, total = np.empty(len(dt)), np.empty(int(np.diff(offsets).max(initial=0)) + 1)
+    _find_distances(progress, offsets, dt, total, found)
+    return found
+
+
+@kernel(allocates=False)
+def _find_distances(progress: Float64, offsets: Int64, dt: Float64, total: Float64, found: Float64) -> None:
+    """Write the distances; ``total`` is memory for the sums over a drive."""
+    for b in range(len(found)):
+        begin, count, smallest, total[0] = offsets[b], offsets[b + 1] - offsets[b], np.inf, 0.0
+        lag = int(_DIRECTION_WINDOW / dt[b] + 1e-6) + 1
+        for t in range(1, count + 1):
+            total[t] = total[t - 1] + progress[begin + t - 1]
+            before = total[t - lag] if t > lag else 0.0
+            smallest = min(smallest, total[t] - before)
+        found[b] = abs(smallest)
 
 
 def direction_score(distance: float, limit: float = 6.0) -> float:

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenarionet_data.arrays.dtypes import Bool, Float64
-from scenarionet_data.compiled.decorators import kernel
+from scenarionet_data.compiled.decorators import device_function, kernel
 from scenarionet_sim.arrays.overlap import is_overlapping
-from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
+from scenarionet_sim.metrics.drive import Drives, EgoDrive, MovingBoxes, SurroundingBoxes
 from scenarionet_sim.metrics.nuplan.collisions import AHEAD, BEHIND, EgoCollision
 
 STEP, HORIZON, BOUND = 0.1, 3.0, 0.95
@@ -90,20 +90,71 @@ def _project(
     for t in range(len(position)):
         if speed[t] <= _STANDING:
             continue
-        cos, sin = math.cos(heading[t]), math.sin(heading[t])
+        own = position[t, 0], position[t, 1], math.cos(heading[t]), math.sin(heading[t]), speed[t]
         for n in range(counts.shape[1]):
-            if not counts[t, n]:
+            if counts[t, n]:
+                other = other_position[t, n, 0], other_position[t, n, 1], other_heading[t, n], other_speed[t, n]
+                found[t] = _soonest(own, axle[t], size[0], other, size[1 + n], limit[t], times, found[t])
+
+
+@device_function
+def _soonest(
+    own: tuple[float, float, float, float, float], axle: Float64, size: Float64,
+    other: tuple[float, float, float, float], other_size: Float64, limit: float, times: Float64, before: float,
+) -> float:  # fmt: skip
+    """Return the first of some times, and before another one, at which two projected boxes overlap; else that one.
+
+    Args:
+        own: Position, cosine and sine of the heading, and speed.
+        axle, size: Rear axle (2,), length and width of the same.
+        other, other_size: Position, heading and speed; length and width.
+        limit, times: See :func:`_project`.
+        before: The time.
+    """
+    px, py, cos, sin, speed = own
+    other_x, other_y, heading, other_speed = other
+    x, y = other_x - axle[0], other_y - axle[1]
+    along = (cos * x + sin * y) / max(math.hypot(x, y), 1e-9)
+    if along <= limit:
+        return before
+    c, s = math.cos(heading), math.sin(heading)
+    dx, dy, vx, vy = other_x - px, other_y - py, other_speed * c - speed * cos, other_speed * s - speed * sin
+    for ahead in times:
+        if ahead >= before:
+            break
+        x, y = dx + vx * ahead, dy + vy * ahead
+        if is_overlapping(x, y, (cos, sin, size[0], size[1]), (c, s, other_size[0], other_size[1])):
+            return float(ahead)
+    return before
+
+
+def least_times(drives: Drives, boxes: MovingBoxes, sees_beside: Bool) -> Float64:
+    """Return the least :func:`time_to_collision` (B,) [s] of drives that do not collide.
+
+    Args:
+        drives, boxes: The drives, and the objects around them.
+        sees_beside: (S,) whether the box is not within one lane, or the rear axle in an intersection.
+    """
+    least = np.full(len(drives.dt), np.inf)
+    times, limit = np.arange(STEP, HORIZON, STEP), np.where(sees_beside, BEHIND, AHEAD)
+    find_least_times(drives, boxes, limit, times, least)
+    return least
+
+
+@kernel(allocates=False)
+def find_least_times(drives: Drives, boxes: MovingBoxes, limit: Float64, times: Float64, least: Float64) -> None:
+    """Write the least times (B,), infinite before."""
+    for b in range(len(least)):
+        for t in range(drives.offsets[b], drives.offsets[b + 1]):
+            if drives.speed[t] <= _STANDING:
                 continue
-            x, y = other_position[t, n, 0] - axle[t, 0], other_position[t, n, 1] - axle[t, 1]
-            along = (cos * x + sin * y) / max(math.hypot(x, y), 1e-9)
-            if along <= limit[t]:
-                continue
-            c, s = math.cos(other_heading[t, n]), math.sin(other_heading[t, n])
-            dx, dy = other_position[t, n, 0] - position[t, 0], other_position[t, n, 1] - position[t, 1]
-            vx, vy = other_speed[t, n] * c - speed[t] * cos, other_speed[t, n] * s - speed[t] * sin
-            for ahead in times:
-                if ahead >= found[t]:
-                    break
-                x, y = dx + vx * ahead, dy + vy * ahead
-                if is_overlapping(x, y, (cos, sin, size[0, 0], size[0, 1]), (c, s, size[1 + n, 0], size[1 + n, 1])):
-                    found[t] = ahead
+            x, y, heading = drives.centre[t, 0, 0], drives.centre[t, 0, 1], drives.heading[t]
+            own = x, y, math.cos(heading), math.sin(heading), drives.speed[t]
+            row = boxes.first[b] + (t - drives.offsets[b]) * boxes.counts[b]
+            for n in range(boxes.counts[b]):
+                if n == boxes.agents[b] or not boxes.present[row + n]:
+                    continue
+                place, velocity = boxes.position[row + n], boxes.velocity[row + n]
+                other = place[0], place[1], boxes.heading[row + n], math.hypot(velocity[0], velocity[1])
+                size = boxes.size[boxes.first_size[b] + n]
+                least[b] = _soonest(own, drives.axle[t], drives.box[b], other, size, limit[t], times, least[b])

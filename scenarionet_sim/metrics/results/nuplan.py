@@ -2,92 +2,126 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from scenarionet_data.arrays.dtypes import Bool
 from scenarionet_data.scenario.vocabulary import MapFeatureType
-from scenarionet_sim.metrics.comfort import measure_comfort
-from scenarionet_sim.metrics.drive import DrivenEpisode, EgoDrive, SurroundingBoxes
-from scenarionet_sim.metrics.lanes import DrivenLanes, driven_route
-from scenarionet_sim.metrics.nuplan.collisions import CollisionKind, collision_score, find_collisions
-from scenarionet_sim.metrics.nuplan.progress import ExpertRoute
+from scenarionet_sim.metrics.comfort import Comfort, are_within_bounds, measure_comforts
+from scenarionet_sim.metrics.drive import SurroundingBoxes
+from scenarionet_sim.metrics.episodes import DrivenEpisodes, MeasuredColumns, rows_of
+from scenarionet_sim.metrics.nuplan.collisions import CollisionKind, EgoCollision, collision_score, find_collisions
+from scenarionet_sim.metrics.nuplan.progress import ExpertRoutes
 from scenarionet_sim.metrics.nuplan.scoring import (
     closed_loop_score,
     direction_score,
-    driving_direction,
     progress_score,
     speed_limit_score,
+    wrong_way_distances,
 )
-from scenarionet_sim.metrics.nuplan.time_to_collision import BOUND, time_to_collision
+from scenarionet_sim.metrics.nuplan.time_to_collision import BOUND, least_times, time_to_collision
+from scenarionet_sim.metrics.overlap import MARGIN, count_overlaps
 from scenarionet_sim.metrics.road import is_off_road
-from scenarionet_sim.roads.roads import Roads
 
 
-def measure(episode: DrivenEpisode) -> dict[str, Any]:
+def measure_together(group: DrivenEpisodes) -> MeasuredColumns:
     """Return nuPlan's metrics; None where the map lacks what one needs, or the drive is too short for its filter."""
-    if not episode.is_whole:
-        return {}
-    drive, recorded, world = episode.drive, episode.recorded, episode.world
-    others, roads = SurroundingBoxes.of(episode.scored, world), world.roads
-    lanes = DrivenLanes.of(drive, roads) if roads.num_lanes else None
-    is_in_lane = np.ones(len(drive.time), np.bool_) if lanes is None else lanes.is_in_lane
-    collisions = find_collisions(drive, others, is_in_lane)
-    knows_lanes, kinds = lanes is not None, Counter(each.kind for each in collisions)
-    crossing = roads.is_in(drive.rear_axle, roads.polygon_type == MapFeatureType.INTERSECTION)
-    soonest = float(time_to_collision(drive, others, collisions, is_in_lane, crossing).min())
+    drives, recorded, roads, lanes = group.drives, group.recorded, group.roads, group.lanes
     if lanes is None:
-        expert = ExpertRoute.of(None, (), recorded.position)
+        is_in_lane = np.ones(len(drives.heading), np.bool_)
+        ratios = ExpertRoutes.without_map(recorded).ratios(drives, recorded)
     else:
-        is_recorded = np.array_equal(drive.position, recorded.position)
-        route = lanes.route if is_recorded else driven_route(lanes.graph, recorded)
-        expert = ExpertRoute.of(lanes.graph, route, recorded.position)
-    comfort = measure_comfort(drive.acceleration, drive.heading, drive.dt)
-    row = {
-        "progress_ratio": expert.ratio(drive.position, recorded.position),
-        **{f"{kind}_collisions": kinds[kind] for kind in CollisionKind},
-        "at_fault_collisions": sum(each.is_at_fault for each in collisions) if knows_lanes else None,
-        "no_ego_at_fault_collisions": collision_score(collisions) if knows_lanes else None,
-        "min_time_to_collision": 0.0 if collisions else soonest,
-        "is_time_to_collision_in_bound": soonest > BOUND,
-        **vars(comfort),
-        "is_comfortable": None if math.isnan(comfort.max_jerk) else comfort.is_comfortable,
-        "off_road_time": _off_road_time(drive, recorded, roads, lanes),
-        **_along_lanes(drive, lanes),
+        is_in_lane = lanes.is_in_lane
+        ratios = ExpertRoutes.of(recorded, group.recorded_lanes, lanes.links).ratios(drives, recorded)
+    crossing = roads.is_in(drives.axle, roads.polygon_type == MapFeatureType.INTERSECTION)
+    collisions, soonest = _contacts(group, is_in_lane, crossing)
+    extremes = measure_comforts(drives.acceleration, drives.heading, drives.offsets, drives.dt)
+    comforts = dict(zip(Comfort.__dataclass_fields__, extremes.T, strict=True))
+    kinds = [Counter(collision.kind for collision in found) for found in collisions]
+    fault: MeasuredColumns = dict.fromkeys(("at_fault_collisions", "no_ego_at_fault_collisions"))
+    if lanes is not None:
+        fault["at_fault_collisions"] = [sum(collision.is_at_fault for collision in found) for found in collisions]
+        fault["no_ego_at_fault_collisions"] = [collision_score(found) for found in collisions]
+    columns: MeasuredColumns = {
+        "progress_ratio": ratios,
+        **{f"{kind}_collisions": [found[kind] for found in kinds] for kind in CollisionKind},
+        **fault,
+        "min_time_to_collision": [0.0 if found else soon for found, soon in zip(collisions, soonest, strict=True)],
+        "is_time_to_collision_in_bound": [soon > BOUND for soon in soonest],
+        **comforts,
+        "is_comfortable": [
+            None if np.isnan(jerk) else is_within
+            for jerk, is_within in zip(comforts["max_jerk"], are_within_bounds(extremes).tolist(), strict=True)
+        ],
+        "off_road_time": _off_road_times(group),
+        **_along_lanes(group),
     }
-    return row | {"nuplan_score": _score(row)}
+    return columns | {"nuplan_score": [_score(row) for row in rows_of(columns, len(group.episodes))]}
 
 
-def _off_road_time(drive: EgoDrive, recorded: EgoDrive, roads: Roads, lanes: DrivenLanes | None) -> float | None:
-    """Return the time [s] outside the drivable area; None if the map has none, or the recording itself is outside."""
+def _contacts(group: DrivenEpisodes, is_in_lane: Bool, crossing: Bool) -> tuple[list[list[EgoCollision]], list[float]]:
+    """Return the collisions of each episode, and the least times to a collision [s].
+
+    Args:
+        group: The episodes.
+        is_in_lane, crossing: (S,) see ``time_to_collision``.
+    """
+    touching = np.empty(len(group.episodes), np.int64)
+    count_overlaps(group.drives, group.boxes, touching, MARGIN)
+    soonest = least_times(group.drives, group.boxes, ~is_in_lane | crossing).tolist()
+    found: list[list[EgoCollision]] = [[] for _ in soonest]
+    for number in np.flatnonzero(touching).tolist():
+        episode, part = group.episodes[number], group.drives.part(number)
+        others = SurroundingBoxes.of(episode.scored, episode.world)
+        found[number] = find_collisions(episode.drive, others, is_in_lane[part])
+        times = time_to_collision(episode.drive, others, found[number], is_in_lane[part], crossing[part])
+        soonest[number] = float(times.min())
+    return found, soonest
+
+
+def _off_road_times(group: DrivenEpisodes) -> Sequence[float | None]:
+    """Return times [s] outside the drivable area; None if the map has none, or the recording itself is outside."""
+    roads, lanes, drives, recorded = group.roads, group.lanes, group.drives, group.recorded
     if not roads.is_road.any():
-        return None
-    off = is_off_road(drive.corners, roads, None if lanes is None else lanes.on_lane)
-    is_recorded = np.array_equal(drive.corners, recorded.corners)
-    if (off if is_recorded else is_off_road(recorded.corners, roads)).any():
-        return None
-    return float(off.sum() * drive.dt)
+        return [None] * len(group.episodes)
+    on_road, on_lane = roads.is_on_road(recorded.corners), None if lanes is None else lanes.on_lane
+    times: list[float | None] = []
+    for number in range(len(group.episodes)):
+        known, part = recorded.part(number), drives.part(number)
+        time = None
+        if on_road[known].all() or not is_off_road(recorded.corners[known], roads).any():
+            on_lanes, time = None if on_lane is None else on_lane[part], 0.0
+            if on_lanes is None or not on_lanes.all():
+                time = float(is_off_road(drives.corners[part], roads, on_lanes).sum() * drives.dt[number])
+        times.append(time)
+    return times
 
 
-def _along_lanes(drive: EgoDrive, lanes: DrivenLanes | None) -> dict[str, Any]:
+def _along_lanes(group: DrivenEpisodes) -> MeasuredColumns:
     """Lane changes, driving against the traffic and above the speed limit."""
+    lanes, drives = group.lanes, group.drives
     if lanes is None:
-        return dict.fromkeys(
-            ("lane_changes", "failed_lane_changes", "wrong_way_distance", "max_overspeed", "speed_limit_compliance")
-        )
-    changes = lanes.lane_changes()
-    _, smallest = driving_direction(lanes.progress(drive.position), drive.dt)
-    limit = lanes.speed_limit()
-    over = np.where(np.isnan(limit), 0.0, np.maximum(drive.speed - limit, 0.0))
-    is_known = not np.isnan(limit).all()
+        names = "lane_changes", "failed_lane_changes", "wrong_way_distance", "max_overspeed", "speed_limit_compliance"
+        return dict.fromkeys(names)
+    counts, limit = lanes.num_changes.tolist(), lanes.speed_limit()
+    over = np.where(np.isnan(limit), 0.0, np.maximum(drives.speed - limit, 0.0))
+    most = np.maximum.reduceat(over, drives.offsets[:-1])
+    is_known, compliance = np.logical_or.reduceat(~np.isnan(limit), drives.offsets[:-1]), np.ones(len(most))
+    for number in np.flatnonzero(most).tolist():
+        too_fast, dt = over[drives.part(number)], group.episodes[number].world.dt
+        compliance[number] = speed_limit_score(too_fast, dt * np.arange(len(too_fast), dtype=np.float64))
     return {
-        "lane_changes": len(changes),
-        "failed_lane_changes": sum(not each.is_completed for each in changes),
-        "wrong_way_distance": -smallest,
-        "max_overspeed": float(over.max()) if is_known else None,
-        "speed_limit_compliance": speed_limit_score(over, drive.time) if is_known else None,
+        "lane_changes": counts,
+        "failed_lane_changes": [
+            sum(not each.is_completed for each in lanes.lane_changes(number)) if count else 0
+            for number, count in enumerate(counts)
+        ],
+        "wrong_way_distance": wrong_way_distances(lanes.progress(), drives.offsets, drives.dt),
+        "max_overspeed": np.where(is_known, most, np.nan),
+        "speed_limit_compliance": np.where(is_known, compliance, np.nan),
     }
 
 

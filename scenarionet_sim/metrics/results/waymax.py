@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from scenarionet_sim.metrics.drive import DrivenEpisode
-from scenarionet_sim.metrics.waymax.kinematics import is_infeasible
-from scenarionet_sim.metrics.waymax.overlap import overlaps
+from scenarionet_sim.metrics.episodes import DrivenEpisodes, MeasuredColumns
+from scenarionet_sim.metrics.overlap import count_overlaps
+from scenarionet_sim.metrics.waymax.kinematics import count_infeasible
 from scenarionet_sim.metrics.waymax.roadgraph import RoadEdges, is_offroad
-from scenarionet_sim.metrics.waymax.routes import RouteDistances, Routes, off_route, progression, wrong_way
+from scenarionet_sim.metrics.waymax.routes import Routes, off_route, wrong_way
 
 
-def measure(episode: DrivenEpisode) -> dict[str, Any]:
+def measure_together(group: DrivenEpisodes) -> MeasuredColumns:
     """Return Waymax's metrics; None where the map lacks what one needs."""
-    if not episode.is_whole:
-        return {}
-    rollout, drive, recorded, world = episode.scored, episode.drive, episode.recorded, episode.world
-    agent, edges = rollout.agent, world.roads.once(RoadEdges.of)
-    routes, has_lanes = Routes.of(recorded, world.roads), world.roads.num_lanes > 0
-    distances = RouteDistances.of(drive.position, routes)
-    touches = overlaps(rollout.position, rollout.heading, world.size[:, :2].astype(np.float64), rollout.present, agent)
+    drives, has_lanes, edges = group.drives, group.lanes is not None, group.roads.once(RoadEdges.of)
+    routes, first = Routes.of(group.recorded, group.recorded_lanes, group.roads), drives.offsets[:-1]
+    distances = routes.distances(drives)
+    overlapping, infeasible = np.empty((2, len(first)), np.int64)
+    count_overlaps(drives, group.boxes, overlapping, 0.0)
+    count_infeasible(drives, group.boxes, np.array([each.rollout.dt for each in group.episodes]), infeasible)
+    off_road = (
+        np.add.reduceat(is_offroad(drives.corners, edges), first, dtype=np.int64) if len(edges.position) else None
+    )
     return {
-        "overlap_steps": int(touches.sum()),
-        "offroad_steps": int(is_offroad(drive.corners, edges).sum()) if len(edges.position) else None,
-        "wrong_way_offset": float(wrong_way(distances).max()) if has_lanes else None,
-        "off_route_offset": float(off_route(distances).max()) if has_lanes else None,
-        "progression": progression(drive.position[-1], recorded.position[0], recorded.position[-1], routes),
-        "infeasible_steps": int(is_infeasible(rollout.velocity[:, agent], drive.heading, rollout.dt).sum()),
+        "overlap_steps": overlapping,
+        "offroad_steps": off_road,
+        "wrong_way_offset": np.maximum.reduceat(wrong_way(distances), first) if has_lanes else None,
+        "off_route_offset": np.maximum.reduceat(off_route(distances), first) if has_lanes else None,
+        "progression": routes.progression(drives, group.recorded),
+        "infeasible_steps": infeasible,
     }

@@ -7,5 +7,4 @@ from scenarionet_sim.metrics.waymax.roadgraph import is_offroad as is_offroad
 from scenarionet_sim.metrics.waymax.routes import RouteDistances as RouteDistances
 from scenarionet_sim.metrics.waymax.routes import Routes as Routes
 from scenarionet_sim.metrics.waymax.routes import off_route as off_route
-from scenarionet_sim.metrics.waymax.routes import progression as progression
 from scenarionet_sim.metrics.waymax.routes import wrong_way as wrong_way

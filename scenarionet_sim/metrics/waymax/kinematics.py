@@ -10,8 +10,9 @@ import math
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64
-from scenarionet_data.compiled.decorators import kernel
+from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
+from scenarionet_data.compiled.decorators import device_function, kernel
+from scenarionet_sim.metrics.drive import Drives, MovingBoxes
 
 MAX_ACCELERATION, MAX_CURVATURE = 10.4, 0.3
 _TOLERANCE = 1e-3
@@ -36,11 +37,29 @@ def is_infeasible(velocity: Float64, heading: Float64, dt: float) -> Bool:
 @kernel(allocates=False)
 def _mark_infeasible(velocity: Float64, heading: Float64, dt: float, infeasible: Bool) -> None:
     for t in range(len(infeasible)):
-        speed, later = math.hypot(velocity[t, 0], velocity[t, 1]), math.hypot(velocity[t + 1, 0], velocity[t + 1, 1])
-        acceleration = (later - speed) / dt
-        infeasible[t] = abs(acceleration) > MAX_ACCELERATION + _TOLERANCE
-        if not infeasible[t] and speed >= _SLOW and later >= _SLOW:
-            direction = heading[t + 1] if later <= _SLOW else math.atan2(velocity[t + 1, 1], velocity[t + 1, 0])
-            turn = (direction - heading[t] + math.pi) % (2.0 * math.pi) - math.pi
-            way = speed * dt + 0.5 * acceleration * dt**2
-            infeasible[t] = abs(turn) > (MAX_CURVATURE + _TOLERANCE) * abs(way)
+        infeasible[t] = _is_infeasible(velocity[t], velocity[t + 1], heading[t], heading[t + 1], dt)
+
+
+@kernel(allocates=False)
+def count_infeasible(drives: Drives, boxes: MovingBoxes, dt: Float64, steps: Int64) -> None:
+    """Write the number (B,) of infeasible steps of drives, whose steps take some times (B,) [s]."""
+    for b in range(len(steps)):
+        row, steps[b] = boxes.first[b] + boxes.agents[b], 0
+        for t in range(drives.offsets[b], drives.offsets[b + 1] - 1):
+            velocity, later = boxes.velocity[row], boxes.velocity[row + boxes.counts[b]]
+            steps[b] += _is_infeasible(velocity, later, drives.heading[t], drives.heading[t + 1], dt[b])
+            row += boxes.counts[b]
+
+
+@device_function
+def _is_infeasible(velocity: Float64, next_velocity: Float64, heading: float, next_heading: float, dt: float) -> bool:
+    speed, later = math.hypot(velocity[0], velocity[1]), math.hypot(next_velocity[0], next_velocity[1])
+    acceleration = (later - speed) / dt
+    if abs(acceleration) > MAX_ACCELERATION + _TOLERANCE:
+        return True
+    if speed < _SLOW or later < _SLOW:
+        return False
+    direction = next_heading if later <= _SLOW else math.atan2(next_velocity[1], next_velocity[0])
+    turn = (direction - heading + math.pi) % (2.0 * math.pi) - math.pi
+    way = speed * dt + 0.5 * acceleration * dt**2
+    return abs(turn) > (MAX_CURVATURE + _TOLERANCE) * abs(way)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Float64, Int32
+from scenarionet_data.arrays.dtypes import Float64, Int32, Int64
 from scenarionet_data.compiled.decorators import device_function, kernel
 
 _IN_BOX = 16
@@ -47,8 +48,47 @@ class PointSet:
         return rows, distance
 
 
+class BoxedLines(NamedTuple):
+    """Points of K lines, and the boxes around these of each, as in ``PointSet``.
+
+    Attributes:
+        points, boxes, groups: Of one line after another.
+        first, first_box, first_group: (K + 1,) the first of each line.
+    """
+
+    points: Float64
+    boxes: Float64
+    groups: Float64
+    first: Int64
+    first_box: Int64
+    first_group: Int64
+
+    @classmethod
+    def of(cls, points: Float64, counts: Int64) -> BoxedLines:
+        """Prepare the points (P, 2) [m] of lines of some lengths (K,)."""
+        firsts = [np.append(0, np.cumsum(-(-counts // count))) for count in (1, _IN_BOX, _IN_BOX**2)]
+        boxes, groups = (np.empty((int(first[-1]), 2, 2)) for first in firsts[1:])
+        lines = cls(points, boxes, groups, *firsts)
+        _bound_lines(lines)
+        return lines
+
+
+@kernel(allocates=False)
+def _bound_lines(lines: BoxedLines) -> None:
+    """Write the boxes around the points of each line."""
+    for k in range(len(lines.first) - 1):
+        points = lines.points[lines.first[k] : lines.first[k + 1]]
+        _bound_points(points, _IN_BOX, lines.boxes[lines.first_box[k] : lines.first_box[k + 1]])
+        _bound_points(points, _IN_BOX**2, lines.groups[lines.first_group[k] : lines.first_group[k + 1]])
+
+
 @kernel(allocates=False)
 def _bound(points: Float64, count: int, boxes: Float64) -> None:
+    _bound_points(points, count, boxes)
+
+
+@device_function
+def _bound_points(points: Float64, count: int, boxes: Float64) -> None:
     """Write the boxes around each ``count`` points."""
     for b in range(len(boxes)):
         for axis in range(2):
@@ -62,24 +102,44 @@ def _bound(points: Float64, count: int, boxes: Float64) -> None:
 def _find_nearest(
     places: Float64, points: Float64, boxes: Float64, groups: Float64, found: Int32, distance: Float64
 ) -> None:
-    """Write rows and distances.
-
-    Boxes farther than the point nearest to the place before, or than one found, are left out.
-    """
+    """Write rows and distances."""
     last = 0
     for q in range(len(places)):
-        best, most = np.inf, _square(places, q, points, last)
-        for g in range(len(groups)):
-            if not _is_reached(places, q, groups, g, most, best):
+        last, square = nearest_to(places, q, points, boxes, groups, last)
+        found[q], distance[q] = last, math.sqrt(square)
+
+
+@device_function
+def nearest_to(
+    places: Float64, q: int, points: Float64, boxes: Float64, groups: Float64, guess: int
+) -> tuple[int, float]:
+    """Return the row of the point nearest to a place, and the square of the distance [m²].
+
+    Boxes farther than the point of a guess, or than one found, are left out.
+    """
+    last, best, most = guess, np.inf, _square(places, q, points, guess)
+    for g in range(len(groups)):
+        if not _is_reached(places, q, groups, g, most, best):
+            continue
+        for b in range(_IN_BOX * g, min(_IN_BOX * (g + 1), len(boxes))):
+            if not _is_reached(places, q, boxes, b, most, best):
                 continue
-            for b in range(_IN_BOX * g, min(_IN_BOX * (g + 1), len(boxes))):
-                if not _is_reached(places, q, boxes, b, most, best):
-                    continue
-                for p in range(_IN_BOX * b, min(_IN_BOX * (b + 1), len(points))):
-                    square = _square(places, q, points, p)
-                    if square < best:
-                        best, last = square, p
-        found[q], distance[q] = last, math.sqrt(best)
+            for p in range(_IN_BOX * b, min(_IN_BOX * (b + 1), len(points))):
+                square = _square(places, q, points, p)
+                if square < best:
+                    best, last = square, p
+    return last, best
+
+
+@device_function
+def nearest_row(places: Float64, q: int, points: Float64) -> tuple[int, float]:
+    """Return the row of the point nearest to a place, and the square of the distance [m²], by looking at all."""
+    row, best = 0, np.inf
+    for p in range(len(points)):
+        square = _square(places, q, points, p)
+        if square < best:
+            row, best = p, square
+    return row, best
 
 
 @device_function(forceinline=True)

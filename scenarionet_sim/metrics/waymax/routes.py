@@ -7,17 +7,17 @@ the recorded path itself.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int32
+from scenarionet_data.arrays.dtypes import Float64, Int32, Int64
 from scenarionet_data.compiled.decorators import kernel
-from scenarionet_sim.metrics.drive import EgoDrive
+from scenarionet_sim.metrics.drive import Drives
 from scenarionet_sim.metrics.lane_links import LaneLinks, LaneRows
-from scenarionet_sim.metrics.lanes import driven_route
-from scenarionet_sim.metrics.waymax.nearest import PointSet
+from scenarionet_sim.metrics.waymax.nearest import BoxedLines, nearest_row, nearest_to
 from scenarionet_sim.roads.roads import Roads
 
 WRONG_WAY = 3.5
@@ -33,66 +33,98 @@ _MOST_PATHS = 32
 
 @dataclass(frozen=True, eq=False)
 class Routes:
-    """Paths that a vehicle may take, as P points.
+    """Paths that B vehicles may take.
 
     Attributes:
-        position: (P, 2) [m].
-        arc: (P,) distance along the path [m].
-        path: (P,) which path each point belongs to.
-        is_on_route: (P,) whether that path is on the route.
+        paths: Points of all paths (P, 2) [m].
+        arcs: (P,) distance of each along its path [m].
+        on, off: Numbers of the paths on the route of each vehicle, and of the others, with the first of each (B + 1,).
     """
 
-    position: Float64
-    arc: Float64
-    path: Int32
-    is_on_route: Bool
+    paths: BoxedLines
+    arcs: Float64
+    on: tuple[Int64, Int64]
+    off: tuple[Int64, Int64]
 
     @classmethod
-    def of(cls, recorded: EgoDrive, roads: Roads) -> Routes:
-        """Paths from the start of a recorded drive."""
-        graph, ways = roads.once(LaneLinks), roads.once(_SampledWays)
-        driven = [lanes[0] for lanes in driven_route(graph, recorded) if lanes]
-        arc = _arcs(recorded.position)
-        sampled, is_on_route = [_sampled(recorded.position, arc)], [True]
-        for way in ways.of(graph, driven[0], float(arc[-1]) + _BEYOND) if driven else ():
-            sampled.append(ways.points(way))
-            is_on_route.append(driven[-1] in way)
-        count = [len(line) for line in sampled]
-        return cls(
-            np.concatenate(sampled),
-            np.concatenate([np.arange(n) * _SPACING for n in count]),
-            np.repeat(np.arange(len(count), dtype=np.int32), count),
-            np.repeat(np.array(is_on_route), count),
-        )
+    def of(cls, recorded: Drives, lanes: Int32, roads: Roads) -> Routes:
+        """Paths from the starts of recorded drives; the first ones are those of the drives themselves.
+
+        Args:
+            recorded: The drives.
+            lanes: (S, most) their lanes, see ``DrivenLanes``.
+            roads: The map.
+        """
+        links, ways = roads.once(LaneLinks.of), roads.once(_SampledWays)
+        arcs = np.zeros(len(lanes))
+        hops = np.diff(recorded.centre[:, 0], axis=0)
+        _sum_hops(recorded.offsets, np.hypot(hops[:, 0], hops[:, 1]), arcs)
+        lengths = [float(arcs[end - 1]) if end else 0.0 for end in recorded.offsets[1:].tolist()]
+        counts = [int(np.ceil(length + _SPACING)) for length in lengths]
+        own = np.empty((sum(counts), 2))
+        _sample(recorded.offsets, recorded.centre, arcs, np.append(0, np.cumsum(counts)), own)
+        known, on, off = dict[LaneRows, int](), list[list[int]](), list[list[int]]()
+        for number, length in enumerate(lengths):
+            on.append([number])
+            off.append([])
+            driven = lanes[recorded.part(number), 0]
+            driven = driven[driven >= 0]
+            for way in ways.of(links, int(driven[0]), length + _BEYOND) if len(driven) else ():
+                place = known.setdefault(way, len(lengths) + len(known))
+                (on if driven[-1] in way else off)[number].append(place)
+        counts += [len(ways.points(way)) for way in known]
+        paths = BoxedLines.of(np.concatenate([own, *(ways.points(way) for way in known)]), np.array(counts))
+        return cls(paths, np.concatenate([np.arange(n) * _SPACING for n in counts]), _listed(on), _listed(off))
+
+    def distances(self, drives: Drives) -> RouteDistances:
+        """Measure the distances of drives from their paths."""
+        on, off = np.full((2, len(drives.heading)), np.inf)
+        for found, (which, first) in ((on, self.on), (off, self.off)):
+            _find_distances(drives.offsets, drives.centre[:, 0], self.paths, which, first, found)
+        return RouteDistances(on, off)
+
+    def progression(self, drives: Drives, recorded: Drives) -> Float64:
+        """Return the shares (B,) of the recorded ways along the path on the route that is nearest to the vehicle.
+
+        Args:
+            drives: Vehicles, of which the last places count.
+            recorded: The recordings, of which the first and last places count; if they are one, the share is 1.
+        """
+        ends, known = drives.offsets[1:] - 1, recorded.offsets
+        places = drives.centre[ends, 0], recorded.centre[known[:-1], 0], recorded.centre[known[1:] - 1, 0]
+        arcs = np.empty((len(ends), 3))
+        find_arcs(np.stack(places, axis=1), self.paths, self.arcs, *self.on, arcs)
+        here, first, last = arcs.T
+        way = last - first
+        return np.where(way == 0.0, 1.0, (here - first) / np.where(way == 0.0, 1.0, way))
+
+
+def _listed(lists: list[list[int]]) -> tuple[Int64, Int64]:
+    """Return the numbers of all lists, and the first of each."""
+    flat = [number for each in lists for number in each]
+    return np.array(flat, np.int64), np.append(0, np.cumsum([len(each) for each in lists]))
 
 
 @dataclass(frozen=True, eq=False)
 class RouteDistances:
-    """Distances of a vehicle over T moments.
+    """Distances of vehicles over S moments.
 
     Attributes:
-        on, off: (T,) to the route, and to the other paths [m]; infinite without any.
+        on, off: (S,) to the route, and to the other paths [m]; infinite without any.
     """
 
     on: Float64
     off: Float64
 
-    @classmethod
-    def of(cls, position: Float64, routes: Routes) -> RouteDistances:
-        """Measure the distances of positions (T, 2) [m] from paths."""
-        points = routes.position[routes.is_on_route], routes.position[~routes.is_on_route]
-        missing = np.full(len(position), np.inf)
-        return cls(*(PointSet.of(each).nearest(position)[1] if len(each) else missing for each in points))
-
 
 def wrong_way(distances: RouteDistances) -> Float64:
-    """Return the distance (T,) from all paths, 0 where it is below 3.5 m [m]."""
+    """Return the distance (S,) from all paths, 0 where it is below 3.5 m [m]."""
     nearest = np.minimum(distances.on, distances.off)
     return np.where(nearest < WRONG_WAY, 0.0, nearest)
 
 
 def off_route(distances: RouteDistances) -> Float64:
-    """Return the distance (T,) from the route, 0 while on it [m].
+    """Return the distance (S,) from the route, 0 while on it [m].
 
     It is off the route if that is farther than 5 m, or another path is nearer by more than 2 m.
     """
@@ -100,31 +132,60 @@ def off_route(distances: RouteDistances) -> Float64:
     return np.where((on > OFF_ROUTE) | (on - off > FARTHER_THAN_OTHERS), on, 0.0)
 
 
-def progression(position: Float64, start: Float64, end: Float64, routes: Routes) -> float:
-    """Return the share of the recorded way along the nearest path on the route; 1 if the recording stands.
-
-    Args:
-        position: (2,) where the vehicle is now [m].
-        start, end: (2,) first and last recorded positions [m].
-        routes: The paths.
-    """
-    arcs = np.empty(3)
-    _find_arcs(np.stack([position, start, end]), routes.position, routes.arc, routes.path, routes.is_on_route, arcs)
-    here, first, last = arcs.tolist()
-    return 1.0 if first == last else (here - first) / (last - first)
+@kernel(allocates=False)
+def _sum_hops(offsets: Int64, hops: Float64, arcs: Float64) -> None:
+    """Write the distances (S,) along drives, zeros before, by those from each moment to the next."""
+    for b in range(len(offsets) - 1):
+        for t in range(offsets[b] + 1, offsets[b + 1]):
+            arcs[t] = arcs[t - 1] + hops[t - 1]
 
 
 @kernel(allocates=False)
-def _find_arcs(places: Float64, points: Float64, arc: Float64, path: Int32, is_on_route: Bool, found: Float64) -> None:
-    """Write the arc length (Q,) of places on the path on the route that is nearest to the first of them."""
-    chosen = -1
-    for q in range(len(places)):
-        nearest = np.inf
-        for p in range(len(points)):
-            apart = np.hypot(points[p, 0] - places[q, 0], points[p, 1] - places[q, 1])
-            if apart < nearest and (is_on_route[p] if q == 0 else path[p] == chosen):
-                nearest, found[q] = apart, arc[p]
-                chosen = path[p] if q == 0 else chosen
+def _sample(offsets: Int64, centre: Float64, arcs: Float64, first: Int64, sampled: Float64) -> None:
+    """Write points (P, 2) of drives, every metre; ``first`` is the first of each."""
+    for b in range(len(offsets) - 1):
+        t, last = offsets[b], offsets[b + 1] - 1
+        for n in range(first[b + 1] - first[b]):
+            wanted = n * _SPACING
+            while t < last and arcs[t + 1] <= wanted:
+                t += 1
+            for axis in range(2):
+                value = centre[t, 0, axis]
+                if t < last:
+                    value += (centre[t + 1, 0, axis] - value) / (arcs[t + 1] - arcs[t]) * (wanted - arcs[t])
+                sampled[first[b] + n, axis] = value
+
+
+@kernel(allocates=False)
+def _find_distances(
+    offsets: Int64, places: Float64, paths: BoxedLines, which: Int64, first: Int64, found: Float64
+) -> None:
+    """Write the distances (S,) from the nearest of some paths, infinite before; see ``Routes``."""
+    for b in range(len(offsets) - 1):
+        for k in range(first[b], first[b + 1]):
+            n, last = which[k], 0
+            points = paths.points[paths.first[n] : paths.first[n + 1]]
+            boxes = paths.boxes[paths.first_box[n] : paths.first_box[n + 1]]
+            groups = paths.groups[paths.first_group[n] : paths.first_group[n + 1]]
+            for t in range(offsets[b], offsets[b + 1]):
+                last, square = nearest_to(places, t, points, boxes, groups, last)
+                found[t] = min(found[t], math.sqrt(square))
+
+
+@kernel(allocates=False)
+def find_arcs(places: Float64, paths: BoxedLines, arcs: Float64, which: Int64, first: Int64, found: Float64) -> None:
+    """Write the arc lengths (B, 3) of places (B, 3, 2) on the path that is nearest to the first of them."""
+    for b in range(len(found)):
+        nearest, chosen = np.inf, -1
+        for k in range(first[b], first[b + 1]):
+            begin, end = paths.first[which[k]], paths.first[which[k] + 1]
+            _, square = nearest_row(places[b], 0, paths.points[begin:end])
+            if square < nearest:
+                nearest, chosen = square, which[k]
+        begin, end = paths.first[chosen], paths.first[chosen + 1]
+        for q in range(3):
+            row, _ = nearest_row(places[b], q, paths.points[begin:end])
+            found[b, q] = arcs[begin + row]
 
 
 class _SampledWays:
@@ -139,12 +200,12 @@ class _SampledWays:
         self._length: dict[int, float] = {}
         self._points: dict[LaneRows, Float64] = {}
 
-    def of(self, graph: LaneLinks, first: int, length: float) -> Iterator[LaneRows]:
+    def of(self, links: LaneLinks, first: int, length: float) -> Iterator[LaneRows]:
         """Yield the ways from a lane, up to a length [m]."""
         found, unfinished = 0, list[tuple[LaneRows, float]]([((first,), self._length_of(first))])
         while unfinished and found < _MOST_PATHS:
             way, driven = unfinished.pop(0)
-            following = [lane for lane in graph.after(way[-1]) if lane not in way]
+            following = [lane for lane in links.after(way[-1]) if lane not in way]
             if driven >= length or not following:
                 found += 1
                 yield way

@@ -12,7 +12,7 @@ from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.vocabulary import MapFeatureType as Type
 from scenarionet_sim.metrics.drive import EgoDrive
 from scenarionet_sim.metrics.lanes import DrivenLanes, LaneChange
-from scenarionet_sim.metrics.nuplan.progress import ExpertRoute
+from scenarionet_sim.metrics.nuplan.progress import ExpertRoutes
 from scenarionet_sim.roads.roads import Roads
 
 LANES = {
@@ -41,39 +41,43 @@ def drive(x: np.ndarray, y: float | np.ndarray, heading: float = 0.0) -> EgoDriv
     return EgoDrive(0.1 * np.arange(steps), position, np.full(steps, heading), np.full(steps, 16.0), still, 4, 2, 1.2)
 
 
+def of_lanes(driven: EgoDrive, roads: Roads) -> DrivenLanes:
+    return DrivenLanes.of(driven.drives, roads)
+
+
 def test_connector_is_the_one_that_leads_to_the_next_lane(roads):
-    ways = DrivenLanes.of(drive(np.arange(44.0, 77.0, 4.0), 0.0), roads).route
+    ways = of_lanes(drive(np.arange(44.0, 77.0, 4.0), 0.0), roads).route
     assert ways == [(IN,)] * 2 + [(AHEAD,)] * 5 + [(OUT,)] * 2
-    assert DrivenLanes.of(drive(np.array([53.0, 55.0]), 0.0), roads).route[-1] == (AHEAD, LEFT)
-    assert DrivenLanes.of(drive(np.array([20.0, 21.0]), 9.0), roads).route == [(), ()], "off all lanes"
+    assert of_lanes(drive(np.array([53.0, 55.0]), 0.0), roads).route[-1] == (AHEAD, LEFT)
+    assert of_lanes(drive(np.array([20.0, 21.0]), 9.0), roads).route == [(), ()], "off all lanes"
 
 
 def test_progress_along_the_lane_and_against_it(roads):
     moved = drive(np.array([10.0, 11.0, 13.0]), 0.0)
-    assert DrivenLanes.of(moved, roads).progress(moved.position) == pytest.approx([0.0, 1.0, 2.0])
+    assert of_lanes(moved, roads).progress() == pytest.approx([0.0, 1.0, 2.0])
     wrong = drive(np.array([10.0, 11.0, 13.0]), -3.5)
-    assert DrivenLanes.of(wrong, roads).progress(wrong.position) == pytest.approx([0.0, -1.0, -2.0])
+    assert of_lanes(wrong, roads).progress() == pytest.approx([0.0, -1.0, -2.0])
     changed = drive(np.array([48.0, 52.0, 56.0, 60.0]), 0.0)
-    assert DrivenLanes.of(changed, roads).progress(changed.position)[1:3] == pytest.approx([0.0, 0.0]), "a new lane"
+    assert of_lanes(changed, roads).progress()[1:3] == pytest.approx([0.0, 0.0]), "a new lane"
 
 
-def expert_route(expert: EgoDrive, roads: Roads) -> ExpertRoute:
-    lanes = DrivenLanes.of(expert, roads)
-    return ExpertRoute.of(lanes.graph, lanes.route, expert.position)
+def expert_route(expert: EgoDrive, roads: Roads) -> ExpertRoutes:
+    lanes = of_lanes(expert, roads)
+    return ExpertRoutes.of(expert.drives, lanes.lanes, lanes.links)
 
 
 def test_progress_along_the_lanes_of_the_recording_ends_where_they_are_left(roads):
     x = np.arange(10.0, 101.0, 5.0)
     route = expert_route(drive(x, 0.0), roads)
-    assert len(route.lines) == 3
+    assert route.counts == 3
     for beside in (0.0, 3.0):
-        assert route.progress(drive(x, beside).position) == pytest.approx(90.0)
-    assert route.progress(drive(x[x < 80.0], 0.0).position) == pytest.approx(65.0), "just on the third"
-    assert route.progress(drive(x, np.where(x < 48.0, 0.0, 12.0)).position) == pytest.approx(35.0), "away since x = 50"
-    assert route.progress(drive(x, np.where(abs(x - 60.0) < 12.0, 12.0, 0.0)).position) == pytest.approx(90.0), "back"
-    assert expert_route(drive(x, 30.0), roads).ratio(drive(x, 0.0).position, drive(x, 30.0).position) == 1.0
-    standing = drive(np.full(3, 10.0), 0.0).position
-    assert ExpertRoute.of(None, (), standing).ratio(standing, standing) == 1.0, "without a map"
+        assert route.progress(drive(x, beside).drives) == pytest.approx(90.0)
+    assert route.progress(drive(x[x < 80.0], 0.0).drives) == pytest.approx(65.0), "just on the third"
+    assert route.progress(drive(x, np.where(x < 48.0, 0.0, 12.0)).drives) == pytest.approx(35.0), "away since x = 50"
+    assert route.progress(drive(x, np.where(abs(x - 60.0) < 12.0, 12.0, 0.0)).drives) == pytest.approx(90.0), "back"
+    assert expert_route(drive(x, 30.0), roads).ratios(drive(x, 0.0).drives, drive(x, 30.0).drives) == [1.0]
+    standing = drive(np.full(3, 10.0), 0.0).drives
+    assert ExpertRoutes.without_map(standing).ratios(standing, standing) == [1.0], "without a map"
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +92,7 @@ def two_lanes() -> Roads:
 def test_progress_goes_on_in_the_lane_that_the_recording_changes_to(two_lanes):
     x = np.arange(10.0, 101.0, 5.0)
     changing = drive(x, np.where(x < 42.0, 0.0, 3.5))
-    assert expert_route(changing, two_lanes).progress(changing.position) == pytest.approx(90.0)
+    assert expert_route(changing, two_lanes).progress(changing.drives) == pytest.approx(90.0)
 
 
 @pytest.mark.parametrize(
@@ -105,15 +109,15 @@ def test_progress_goes_on_in_the_lane_that_the_recording_changes_to(two_lanes):
 def test_lane_changes(two_lanes, y, changes):
     """Completed, back, to the end of the drive, off all lanes; not from between lanes, or off the road at once."""
     x = 30.0 + np.arange(len(y))
-    assert DrivenLanes.of(drive(x, np.array(y)), two_lanes).lane_changes() == changes
+    assert of_lanes(drive(x, np.array(y)), two_lanes).lane_changes() == changes
 
 
 def test_speed_limit_of_a_connector_is_the_highest_of_the_lanes_it_joins(roads):
-    limits = DrivenLanes.of(drive(np.arange(45.0, 76.0, 5.0), 0.0), roads).speed_limit()
+    limits = of_lanes(drive(np.arange(45.0, 76.0, 5.0), 0.0), roads).speed_limit()
     assert limits.tolist()[0] == 15.0 and limits.tolist()[-1] == 20.0
     assert limits[3] == 20.0
-    assert math.isnan(DrivenLanes.of(drive(np.array([50.0, 49.0]), -3.5, math.pi), roads).speed_limit()[0]), "unknown"
-    assert math.isnan(DrivenLanes.of(drive(np.array([20.0, 21.0]), 9.0), roads).speed_limit()[0]), "off all lanes"
+    assert math.isnan(of_lanes(drive(np.array([50.0, 49.0]), -3.5, math.pi), roads).speed_limit()[0]), "unknown"
+    assert math.isnan(of_lanes(drive(np.array([20.0, 21.0]), 9.0), roads).speed_limit()[0]), "off all lanes"
 
 
 @pytest.mark.parametrize(
@@ -128,7 +132,7 @@ def test_speed_limit_of_a_connector_is_the_highest_of_the_lanes_it_joins(roads):
     ],
 )
 def test_box_is_in_a_lane_in_lanes_that_follow_or_between(roads, x, y, is_in_lane):
-    found = DrivenLanes.of(drive(np.full(3, x), y), roads).is_in_lane
+    found = of_lanes(drive(np.full(3, x), y), roads).is_in_lane
     assert found.tolist() == [is_in_lane] * 3
 
 
@@ -143,8 +147,8 @@ def test_progress_is_measured_from_the_nearest_point_of_a_long_lane():
     rng.shuffle(along[:30])  # jumps there and back
     position = shapely.get_coordinates(line.interpolate(along)) + rng.uniform(-1.0, 1.0, (60, 2))
     moved = EgoDrive(0.1 * np.arange(60), position, np.zeros(60), np.full(60, 9.0), np.zeros((60, 2)), 4.0, 2.0, 1.2)
-    lanes = DrivenLanes.of(moved, Roads.from_map(builder.build(np.zeros(3))))
+    lanes = of_lanes(moved, Roads.from_map(builder.build(np.zeros(3))))
     is_on = np.array([bool(each) for each in lanes.route])
     assert is_on.all()
     arc = line.project(shapely.points(position))
-    assert np.abs(lanes.progress(position)[1:] - np.diff(arc)).max() < 1e-3
+    assert np.abs(lanes.progress()[1:] - np.diff(arc)).max() < 1e-3

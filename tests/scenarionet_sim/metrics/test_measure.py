@@ -13,7 +13,8 @@ from scenarionet_data.schema import tables
 from scenarionet_sim.backends.kinematic import Kinematic
 from scenarionet_sim.drivers.by_name import resolve_drivers
 from scenarionet_sim.metrics import results
-from scenarionet_sim.metrics.measure import measure, metrics
+from scenarionet_sim.metrics.drive import DrivenEpisode
+from scenarionet_sim.metrics.measure import measure, measure_all, metrics
 from scenarionet_sim.rollouts.batch import RolloutBatch, RolloutJob
 from scenarionet_sim.rollouts.rollout import Rollout
 from scenarionet_sim.worlds.world import World
@@ -144,6 +145,26 @@ def test_a_driver_that_arrives_early_waits_and_is_scored_to_the_end_of_its_episo
     assert scored.num_steps == rollout.num_scored == 100 and scored.present[:, scored.agent].all()
     assert np.hypot(*scored.velocity[-20:, scored.agent].T).max() == 0.0
     assert measure(rollout, world)["mean_speed"] == pytest.approx(3.0, abs=0.05)
+
+
+def test_episodes_measured_together_have_the_rows_of_each_alone():
+    """On one map, and one on another: of several lengths, with a collision, speeding, a gap, and off the lanes."""
+    scenarios = [
+        make_drive(speed=8.0, num_steps=41),
+        make_drive(others=(Other(20.0, vx=5.0), Other(-40.0, vx=3.0))),
+        make_drive(speed=12.0, num_steps=41, others=(Other(-90.0, vx=9.0), Other(40.0, vx=6.0))),
+        make_drive(speed=22.0, num_steps=31, others=(Other(90.0, vx=21.0),)),
+        make_drive(hidden=slice(10, 20)),
+        make_drive(speed=5.0, others=(Other(-15.0, vx=10.0),), red=True),
+        make_drive(speed=10.0, num_steps=12),
+    ]
+    beside = replace(scenarios[0], tracks=replace(scenarios[0].tracks, position=scenarios[0].tracks.position + 3.0))
+    on_one_map = [replace(scenario, map=scenarios[0].map) for scenario in (*scenarios, beside)]
+    driven = [DrivenEpisode(*drive(scenario)) for scenario in (*on_one_map, scenarios[1])]
+    assert len({id(episode.world.roads) for episode in driven}) == 2
+    alone = [measure(episode.rollout, episode.world) for episode in driven]
+    assert measure_all(driven) == alone
+    assert len({repr(row) for row in alone}) == len(driven) - 1, "all differ on one map"
 
 
 def test_a_metric_is_one_file(tmp_path, monkeypatch):

@@ -26,7 +26,7 @@ from scenarionet_sim.metrics.drive import EgoDrive, SurroundingBoxes
 from scenarionet_sim.metrics.lanes import DrivenLanes
 from scenarionet_sim.metrics.nuplan import collisions as colliding
 from scenarionet_sim.metrics.nuplan import errors
-from scenarionet_sim.metrics.nuplan.progress import ExpertRoute
+from scenarionet_sim.metrics.nuplan.progress import ExpertRoutes
 from scenarionet_sim.metrics.nuplan.scoring import direction_score, driving_direction, progress_score
 from scenarionet_sim.metrics.nuplan.time_to_collision import time_to_collision
 from scenarionet_sim.metrics.smoothing import savitzky_golay
@@ -309,7 +309,7 @@ ROAD = [[2.0, 5.0], [-8.9, -18.2], [-16.5, -22.0], [-24.0, -27.0]]
 def test_speed_limit(cases: Mapping[str, Any], name: str):
     case = cases[f"speed_limit_compliance/{name}"]
     moved = ego(case)
-    over = np.maximum(moved.speed - DrivenLanes.of(moved, city(ROAD)).speed_limit(), 0.0)
+    over = np.maximum(moved.speed - DrivenLanes.of(moved.drives, city(ROAD)).speed_limit(), 0.0)
     if case["expected"]["time_series"]:
         series(case, over)
         begins = int(np.count_nonzero(np.diff(over > 0.0, prepend=False) & (over > 0.0)))
@@ -323,7 +323,7 @@ def test_driving_direction(cases: Mapping[str, Any], name: str):
     """One of the devkit's tests tolerates 15 m instead of the 6 m of the score."""
     case = cases[f"driving_direction_compliance/ego_{name}"]
     moved = ego(case)
-    score, smallest = driving_direction(DrivenLanes.of(moved, city(STREET)).progress(moved.position), moved.dt)
+    score, smallest = driving_direction(DrivenLanes.of(moved.drives, city(STREET)).progress(), moved.dt)
     agree(case, direction_score(-smallest, 15.0) if name == "slightly_drives_backward" else score, smallest)
 
 
@@ -339,27 +339,28 @@ ROUTES = {
 def test_progress(cases: Mapping[str, Any], name: str):
     case = cases[f"ego_progress_along_expert_route/ego_{name}"]
     moved, expert = ego(case), drive(case["expert_ego_states"])
-    lanes = DrivenLanes.of(expert, city(*ROUTES[name]))
-    route = ExpertRoute.of(lanes.graph, lanes.route, expert.position)
-    ratio = route.ratio(moved.position, expert.position)
+    lanes = DrivenLanes.of(expert.drives, city(*ROUTES[name]))
+    route = ExpertRoutes.of(expert.drives, lanes.lanes, lanes.links)
+    (ratio,) = route.ratios(moved.drives, expert.drives)
     if name == "no_route":
-        agree(case, len(route.lines), ratio)
+        agree(case, int(route.counts[0]), ratio)
     else:
-        agree(case, route.progress(expert.position), route.progress(moved.position), ratio)
+        agree(case, *(float(route.progress(each.drives)[0]) for each in (expert, moved)), ratio)
 
 
 def test_making_progress(cases: Mapping[str, Any]):
     case = cases["ego_is_making_progress/ego_is_making_progress"]
     expert = drive(case["expert_ego_states"])
-    lanes = DrivenLanes.of(expert, city(STREET))
-    ratio = ExpertRoute.of(lanes.graph, lanes.route, expert.position).ratio(ego(case).position, expert.position)
+    lanes = DrivenLanes.of(expert.drives, city(STREET))
+    route = ExpertRoutes.of(expert.drives, lanes.lanes, lanes.links)
+    (ratio,) = route.ratios(ego(case).drives, expert.drives)
     agree(case, progress_score(ratio))
 
 
 def test_lane_change(cases: Mapping[str, Any]):
     case = cases["ego_lane_change/ego_lane_change"]
     moved = ego(case)
-    changes = DrivenLanes.of(moved, city(straight(-2.05), straight(-2.05, 3.5), half_width=1.75)).lane_changes()
+    changes = DrivenLanes.of(moved.drives, city(straight(-2.05), straight(-2.05, 3.5), half_width=1.75)).lane_changes()
     lasting = [moved.time[each.end] - moved.time[each.start] for each in changes]
     failed = np.mean([not each.is_completed for each in changes])
     agree(case, len(changes), max(lasting), float(np.mean(lasting)), failed, failed <= 0.3)

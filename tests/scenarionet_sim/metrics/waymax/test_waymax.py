@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from scenarionet_data.building import MapBuilder
 from scenarionet_data.scenario.vocabulary import MapFeatureType
+from scenarionet_sim.metrics.drive import Drives, EgoDrive
 from scenarionet_sim.metrics.waymax import (
     RoadEdges,
     RouteDistances,
@@ -17,9 +19,9 @@ from scenarionet_sim.metrics.waymax import (
     is_offroad,
     off_route,
     overlaps,
-    progression,
     wrong_way,
 )
+from scenarionet_sim.metrics.waymax.nearest import BoxedLines
 from scenarionet_sim.roads.roads import Roads
 
 
@@ -72,33 +74,39 @@ def test_infeasible_motion():
 
 
 def lines(*paths: tuple[list[float], bool]) -> Routes:
-    """Paths along x, each by its x and whether it is on the route; the n-th at y = 10 n."""
-    x, on = [np.array(path) for path, _ in paths], [is_on for _, is_on in paths]
-    count = [len(path) for path in x]
-    y = np.repeat(10.0 * np.arange(len(paths)), count)
-    number = np.repeat(np.arange(len(paths), dtype=np.int32), count)
-    return Routes(np.column_stack((np.concatenate(x), y)), np.concatenate(x), number, np.repeat(on, count))
+    """Paths of one vehicle along x, each by its x and whether it is on the route; the n-th at y = 10 n."""
+    x, on = [np.array(path, float) for path, _ in paths], np.array([is_on for _, is_on in paths])
+    count = np.array([len(path) for path in x])
+    points = np.column_stack((np.concatenate(x), np.repeat(10.0 * np.arange(len(paths)), count)))
+    listed = [(numbers, np.array([0, len(numbers)])) for numbers in (np.flatnonzero(on), np.flatnonzero(~on))]
+    return Routes(BoxedLines.of(points, count), np.concatenate(x), *listed)
+
+
+def along(points: list[list[float]]) -> Drives:
+    position, still = np.array(points, float), np.zeros(len(points))
+    return EgoDrive(0.1 * np.arange(len(points)), position, still, still, np.zeros_like(position), 4.0, 2.0, 1.2).drives
 
 
 @pytest.mark.parametrize(("x", "share"), [(0.0, 0.0), (1.0, 0.5), (2.0, 1.0), (4.0, 2.0)])
 def test_progression_of_the_owner(x, share):
     routes = lines(([0, 1, 2, 3, 4, 5], True), ([0, 20, 40, 60], True))
-    assert progression(np.array([x, 0.0]), np.zeros(2), np.array([2.0, 0.0]), routes) == share
+    assert routes.progression(along([[9.0, 9.0], [x, 0.0]]), along([[0.0, 0.0], [2.0, 0.0]])) == [share]
 
 
 def test_progression_of_a_standing_recording_is_full():
-    assert progression(np.array([3.0, 0.0]), np.zeros(2), np.zeros(2), lines(([0, 1, 2, 3], True))) == 1.0
+    routes = lines(([0, 1, 2, 3], True))
+    assert routes.progression(along([[3.0, 0.0]]), along([[0.0, 0.0]])) == [1.0]
 
 
 def test_off_route_and_wrong_way():
     def distances(points: list[list[float]], routes: Routes) -> RouteDistances:
-        return RouteDistances.of(np.array(points, float), routes)
+        return routes.distances(along(points))
 
     routes = lines(([0.0], True), ([0.0], False))
     found = off_route(distances([[0, 0], [0, 4.9], [0, 5.5], [0, 5.9], [0, 6.5]], routes))
     assert found.tolist() == [0.0, 0.0, 5.5, 5.9, 6.5]
     near = lines(([0.0], True))
     assert off_route(distances([[4.9, 0], [5.1, 0]], near)).tolist() == [0.0, 5.1]
-    beside = Routes(np.array([[0.0, 0], [4.0, 0]]), np.zeros(2), np.arange(2, dtype=np.int32), np.array([True, False]))
+    beside = replace(routes, paths=BoxedLines.of(np.array([[0.0, 0], [4.0, 0]]), np.array([1, 1])))
     assert off_route(distances([[2.9, 0], [3.1, 0]], beside)).tolist() == [0.0, 3.1], "2 m nearer to another"
     assert wrong_way(distances([[3.4, 0], [3.6, 0]], near)).tolist() == [0.0, 3.6]
