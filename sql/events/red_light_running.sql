@@ -6,19 +6,12 @@
 -- min_speed = 1.0
 -- min_red = 0.0
 -- ego_only = false
-WITH sides AS (
-    SELECT
-        *,
-        lag(before) OVER earlier AS earlier_before,
-        lag(timestep) OVER earlier AS earlier_timestep
-    FROM at_red
-    WHERE track_id = ego_id OR NOT $ego_only
-    WINDOW earlier AS (PARTITION BY scenario_id, track_id, light_id, lane_id ORDER BY timestep)
-),
-crossings AS (
-    SELECT *
-    FROM sides
-    WHERE before < 0 AND earlier_before >= 0 AND earlier_timestep = timestep - 1 AND speed > $min_speed
+WITH crossings AS (
+    SELECT r.*, b.timestep AS earlier_timestep
+    FROM at_red AS r JOIN at_red AS b USING (scenario_id, track_id, light_id, lane_id)
+    WHERE
+        b.timestep = r.timestep - 1 AND r.before < 0 AND b.before >= 0 AND r.speed > $min_speed
+        AND (r.track_id = r.ego_id OR NOT $ego_only)
 ),
 reds AS (
     SELECT
