@@ -8,7 +8,7 @@ WITH gaps AS (
         scenario_id, track_id, ego_id, timestep,
         box_gap(ahead, "left", turn, ego_length, ego_width, length, width) AS gap
     FROM ego_pairs
-    WHERE distance <= $max + sqrt(length ** 2 + width ** 2) / 2 + sqrt(ego_length ** 2 + ego_width ** 2) / 2
+    WHERE distance <= $max + reach
 )
 SELECT
     scenario_id,
@@ -18,5 +18,5 @@ SELECT
     first_timestep AS last_timestep,
     min(gap) AS value
 FROM gaps
-WHERE gap <= $max
 GROUP BY scenario_id, track_id, ego_id
+HAVING value <= $max

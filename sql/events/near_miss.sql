@@ -4,17 +4,16 @@
 -- collision below 1 s a near miss; contacts are excluded.
 -- max = 1.0
 WITH near AS (
-    SELECT *
+    -- Circles around the boxes are in reach of each other within that time, and pass each other closer than they reach.
+    SELECT *, sqrt(v_ahead * v_ahead + v_left * v_left) AS closing
     FROM ego_pairs
-    WHERE
-        distance <= $max * sqrt(v_ahead ** 2 + v_left ** 2)
-            + sqrt(length ** 2 + width ** 2) / 2 + sqrt(ego_length ** 2 + ego_width ** 2) / 2
+    WHERE distance <= $max * closing + reach AND abs(ahead * v_left - "left" * v_ahead) <= reach * closing
 ),
 times AS (
     SELECT
         scenario_id, track_id, ego_id, timestep,
         CASE
-            WHEN sqrt(v_ahead ** 2 + v_left ** 2) > 0.1
+            WHEN closing > 0.1
                 THEN box_ttc(ahead, "left", turn, v_ahead, v_left, ego_length, ego_width, length, width)
         END AS ttc,
         box_gap(ahead, "left", turn, ego_length, ego_width, length, width) AS gap
