@@ -24,22 +24,26 @@ changes AS (
     FROM stays
     WINDOW later AS (PARTITION BY scenario_id ORDER BY first_timestep)
 ),
+lanes AS (
+    SELECT dataset, version, map_id, lane_id, left_neighbors, right_neighbors, list_concat(entry_lanes, exit_lanes) AS links
+    FROM lane_outlines
+),
 beside AS (
-    SELECT dataset, version, map_id, lane_id, other_lane_id, relation FROM lane_graph WHERE relation IN ('LEFT', 'RIGHT')
+    SELECT dataset, version, map_id, lane_id, unnest(left_neighbors) AS other_lane_id, 1 AS side FROM lanes
+    UNION ALL
+    SELECT dataset, version, map_id, lane_id, unnest(right_neighbors), -1 FROM lanes
 ),
 links AS (
-    SELECT dataset, version, map_id, lane_id, other_lane_id
-    FROM lane_graph
-    WHERE relation IN ('SUCCESSOR', 'PREDECESSOR')
+    SELECT dataset, version, map_id, lane_id, unnest(links) AS other_lane_id FROM lanes
 ),
 reachable AS (
     SELECT * FROM beside
     UNION
-    SELECT dataset, version, map_id, l.lane_id, b.other_lane_id, b.relation
+    SELECT dataset, version, map_id, l.lane_id, b.other_lane_id, b.side
     FROM links AS l JOIN (SELECT * RENAME (lane_id AS middle) FROM beside) AS b USING (dataset, version, map_id)
     WHERE b.middle = l.other_lane_id
     UNION
-    SELECT dataset, version, map_id, b.lane_id, l.other_lane_id, b.relation
+    SELECT dataset, version, map_id, b.lane_id, l.other_lane_id, b.side
     FROM beside AS b JOIN (SELECT * RENAME (lane_id AS middle) FROM links) AS l USING (dataset, version, map_id)
     WHERE l.middle = b.other_lane_id
 )
@@ -49,7 +53,7 @@ SELECT
     NULL::VARCHAR AS other_id,
     c.last_timestep AS first_timestep,
     c.next_timestep AS last_timestep,
-    max(CASE WHEN relation = 'LEFT' THEN 1 ELSE -1 END)::DOUBLE AS value
+    max(side)::DOUBLE AS value
 FROM changes AS c JOIN reachable AS r
     ON r.dataset = c.dataset AND r.version = c.version AND r.map_id = c.map_id
     AND r.lane_id = c.lane_id AND r.other_lane_id = c.next_lane_id
