@@ -1,5 +1,6 @@
 -- needs: ego_states
 -- ego_states with `s` [m], the distance travelled along the ego's path.
+-- kept: views of the ego read it again and again
 CREATE VIEW ego_progress AS
 SELECT * EXCLUDE (step), sum(step) OVER (PARTITION BY scenario_id ORDER BY timestep) AS s
 FROM (
