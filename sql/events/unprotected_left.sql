@@ -9,39 +9,45 @@
 -- min_speed = 2.0
 -- ego_only = false
 WITH lefts AS (
-    SELECT t.*, m.dt, m.timestamps, m.ego_id
-    FROM turns AS t JOIN metadata_rows AS m USING (scenario_id)
-    WHERE degrees(angle) BETWEEN 45 AND 135 AND object_type = 'VEHICLE' AND (is_ego OR NOT $ego_only)
-),
-begun AS (
-    SELECT l.*, s.x, s.y, s.heading
-    FROM lefts AS l JOIN object_states AS s
-        ON s.scenario_id = l.scenario_id AND s.track_id = l.track_id AND s.timestep = l.first_timestep
+    SELECT
+        t.scenario_id, t.track_id, t.first_timestep, t.last_timestep, m.dt, m.timestamps, m.num_timesteps,
+        o.x[first_timestep - o.start + 1] AS x,
+        o.y[first_timestep - o.start + 1] AS y,
+        o.heading[first_timestep - o.start + 1] AS heading
+    FROM turns AS t JOIN tracks AS o USING (scenario_id, track_id) JOIN metadata_rows AS m USING (scenario_id)
+    WHERE degrees(angle) BETWEEN 45 AND 135 AND t.object_type = 'VEHICLE' AND (is_ego OR NOT $ego_only)
 ),
 arrows AS (
     SELECT scenario_id, x, y, unnest(range(len(state))) AS timestep, unnest(state) AS state
     FROM stop_lines
     WHERE list_contains(state, 'LANE_STATE_ARROW_GO')
 ),
+begun AS (
+    SELECT
+        scenario_id, track_id, first_timestep, last_timestep, x, y, heading, dt, timestamps,
+        unnest(range(first_timestep, num_timesteps))::INTEGER AS timestep
+    FROM lefts AS b
+    WHERE NOT EXISTS (
+        SELECT 1 FROM arrows AS a
+        WHERE a.scenario_id = b.scenario_id AND a.state = 'LANE_STATE_ARROW_GO'
+            AND a.timestep BETWEEN b.first_timestep AND b.last_timestep
+            AND (a.x - b.x) ** 2 + (a.y - b.y) ** 2 <= 400
+    )
+),
+watched AS (
+    SELECT * FROM begun
+    WHERE coalesce(timestamps[timestep + 1] - timestamps[first_timestep + 1], (timestep - first_timestep) * dt) <= $within + 1e-6
+),
 oncoming AS (
     SELECT
         b.scenario_id, b.track_id, o.track_id AS other_id, b.first_timestep, b.last_timestep,
         min((o.x - b.x) * cos(b.heading) + (o.y - b.y) * sin(b.heading)) AS ahead
-    FROM begun AS b JOIN object_states AS o ON o.scenario_id = b.scenario_id
-        AND o.timestep >= b.first_timestep
-        AND coalesce(b.timestamps[o.timestep + 1] - b.timestamps[b.first_timestep + 1], (o.timestep - b.first_timestep) * b.dt)
-            <= $within + 1e-6
+    FROM watched AS b JOIN object_states AS o USING (scenario_id, timestep)
     WHERE
         o.track_id <> b.track_id AND o.object_type = 'VEHICLE' AND o.speed > $min_speed
         AND cos(o.heading - b.heading) <= -cos(pi() / 6)
         AND (o.x - b.x) * cos(b.heading) + (o.y - b.y) * sin(b.heading) BETWEEN 0 AND $range
         AND (o.y - b.y) * cos(b.heading) - (o.x - b.x) * sin(b.heading) BETWEEN 0 AND 15
-        AND NOT EXISTS (
-            SELECT 1 FROM arrows AS a
-            WHERE a.scenario_id = b.scenario_id AND a.state = 'LANE_STATE_ARROW_GO'
-                AND a.timestep BETWEEN b.first_timestep AND b.last_timestep
-                AND (a.x - b.x) ** 2 + (a.y - b.y) ** 2 <= 400
-        )
     GROUP BY ALL
 )
 SELECT
