@@ -8,21 +8,16 @@
 -- min_speed = 2.0
 -- within = 4.0
 WITH sides AS (
-    SELECT
-        *,
-        abs("left") - width / 2 AS near_side,
-        ahead - (length + ego_length) / 2 AS gap,
-        lag(abs("left") - width / 2) OVER earlier AS near_side_before,
-        lag(timestep) OVER earlier AS timestep_before
+    SELECT *, abs("left") - width / 2 AS near_side, ahead - (length + ego_length) / 2 AS gap
     FROM ego_corridor
     WHERE object_type = 'VEHICLE' AND abs(turn) <= pi() / 4
-    WINDOW earlier AS (PARTITION BY scenario_id, track_id ORDER BY timestep)
 ),
 intrusions AS (
-    SELECT * FROM sides
+    SELECT o.*
+    FROM sides AS o JOIN sides AS b USING (scenario_id, track_id)
     WHERE
-        near_side <= 1.45 AND near_side_before > 1.45 AND timestep_before = timestep - 1
-        AND gap BETWEEN 0 AND $max_gap AND least(speed, ego_speed) > $min_speed
+        b.timestep = o.timestep - 1 AND o.near_side <= 1.45 AND b.near_side > 1.45
+        AND o.gap BETWEEN 0 AND $max_gap AND least(o.speed, o.ego_speed) > $min_speed
 ),
 middles AS (
     SELECT scenario_id, track_id, timestep, seconds FROM sides WHERE abs("left") <= 0.9 AND ahead > 0

@@ -5,28 +5,18 @@
 -- in FHWA-HRT-08-051 (SSAM).
 -- max = 5.0
 -- min_angle = 20.0
-WITH sides AS (
+WITH crossings AS (
     SELECT
-        *,
-        lag("left") OVER earlier AS left_before,
-        lag(seconds) OVER earlier AS seconds_before,
-        lag(ego_passes) OVER earlier AS passes_before,
-        lag(timestep) OVER earlier = timestep - 1 AS is_next
-    FROM ego_corridor
-    WINDOW earlier AS (PARTITION BY scenario_id, track_id ORDER BY timestep)
-),
-crossings AS (
-    SELECT
-        *,
-        left_before / (left_before - "left") AS share,
-        seconds_before + share * (seconds - seconds_before) AS object_at,
-        passes_before + share * (ego_passes - passes_before) AS ego_at,
-        abs(sin(turn)) AS sine,
-        abs(cos(turn)) AS cosine
-    FROM sides
+        o.*,
+        b.left / (b.left - o.left) AS share,
+        b.seconds + share * (o.seconds - b.seconds) AS object_at,
+        b.ego_passes + share * (o.ego_passes - b.ego_passes) AS ego_at,
+        abs(sin(o.turn)) AS sine,
+        abs(cos(o.turn)) AS cosine
+    FROM ego_corridor AS o JOIN ego_corridor AS b USING (scenario_id, track_id)
     WHERE
-        is_next AND sign(left_before) <> sign("left") AND left_before <> "left"
-        AND sine >= sin(radians($min_angle)) AND speed > 0.1 AND ego_passing_speed > 0.1
+        b.timestep = o.timestep - 1 AND sign(b.left) <> sign(o.left) AND b.left <> o.left
+        AND sine >= sin(radians($min_angle)) AND o.speed > 0.1 AND o.ego_passing_speed > 0.1
 ),
 areas AS (
     -- Half the length of the conflict area along each path, around the crossing point.

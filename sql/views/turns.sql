@@ -16,6 +16,7 @@ runs AS (
         *,
         place - row_number() OVER (PARTITION BY scenario_id, track_id, side ORDER BY timestep) AS run
     FROM moving
+    WHERE side <> 0
 )
 SELECT
     scenario_id,
@@ -26,6 +27,5 @@ SELECT
     max(timestep) AS last_timestep,
     sum(turned / num_steps) AS angle  -- each change of heading is part of num_steps rows
 FROM runs
-WHERE side <> 0
 GROUP BY scenario_id, track_id, object_type, is_ego, side, run
 HAVING abs(angle) > pi() / 6;
