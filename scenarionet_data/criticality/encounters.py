@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from scenarionet_data.arrays.dtypes import Bool, Float64, Int64
+from scenarionet_data.arrays.dtypes import Array, Bool, Float64, Int64
+from scenarionet_data.arrays.geometry import box_corners
 from scenarionet_data.criticality.following import stopping_distance
 from scenarionet_data.criticality.registry import measure
 from scenarionet_data.criticality.scene import Meeting, SurroundingTraffic
@@ -225,3 +226,32 @@ def conflict_index(scene: Meeting) -> Float64:
     index = np.where(scene.is_met, 0.0, np.nan)
     index[rows, steps] = energy * np.exp(-pet[rows, steps])
     return index
+
+
+_GRIP, _BESIDE, _NEAR_AHEAD, _NEAR_BEHIND, _NEAR_ASIDE = 0.7, 5.0, 2.0, 0.5, 0.5  # personal space: friction, [m]
+
+
+@measure("soi", "", "max", "steps t' >= t at which the other is in the object's personal space",
+         "Tsukaguchi and Mori 1987")  # fmt: skip
+def space_occupancy(scene: Meeting) -> Float64:
+    """Steps from now on at which the other is in the object's way of braking on its lanes, or 0.5 m beside it."""
+    t, row = scene.traffic, scene.row
+    seen = np.flatnonzero(np.isfinite(t.x[row]))
+    x, y, heading, length, width = (each[row, seen] for each in (t.x, t.y, t.heading, t.length, t.width))
+    braking = (3.6 * t.speed[row, seen]) ** 2 / (254 * _GRIP)
+
+    def box(more_ahead: Float64, aside: float) -> Array:
+        shift = (more_ahead + _NEAR_AHEAD - _NEAR_BEHIND) / 2
+        middle = np.stack([x + shift * np.cos(heading), y + shift * np.sin(heading)], axis=-1)
+        corners = box_corners(middle, heading, length + more_ahead + _NEAR_AHEAD + _NEAR_BEHIND, width + 2 * aside)
+        boxes: Array = shapely.polygons(corners)
+        return boxes
+
+    near, reached = box(np.zeros_like(x), _NEAR_ASIDE), box(braking, _NEAR_ASIDE + _BESIDE)
+    hit = np.zeros(t.x.shape, np.bool_)
+    for step, core, reach in zip(seen.tolist(), near, reached, strict=True):
+        points = shapely.points([*shapely.get_coordinates(core), *shapely.get_coordinates(core.centroid)])
+        parts = [lane.intersection(reach) for lane in t.lanes.at(points)]
+        others = scene.is_met[:, step]
+        hit[others, step] = shapely.intersects(shapely.union_all([core, *parts]), t.outlines[others, step])
+    return np.where(scene.is_met, np.cumsum(hit[:, ::-1], axis=1)[:, ::-1], np.nan)

@@ -131,6 +131,11 @@ class LaneAreas:
         """Return the area of a lane."""
         return self._outlines[index]
 
+    def at(self, points: Array) -> Array:
+        """Return the areas of lanes that any of some points are on."""
+        found: Array = self._tree.geometries[np.unique(self._tree.query(points, predicate="intersects")[1])]
+        return found
+
     def centre(self, index: int) -> Float64:
         """Return the middle (P, 2) between the sides of a lane [m]."""
         return 0.5 * (self.lanelets[index].left[:, :2] + self.lanelets[index].right[:, :2])

@@ -29,10 +29,10 @@ MEASURES = {
     "lat_jerk": "jerk.lat_j.LatJ", "dce": "distance.dce.DCE", "ttce": "time.ttce.TTCE", "wttc": "time.wttc.WTTC",
     "delta_v": "velocity.delta_v.DeltaV", "et": "time.et.ET", "pet": "time.pet.PET", "psd": "distance.psd.PSD",
     "ci": "index.ci.CI", "ttc_star": "time.ttc_star.TTCStar", "ttb": "time.ttb.TTB", "ttk": "time.ttk.TTK",
-    "tts": "time.tts.TTS", "ttr": "time.ttr.TTR", "ttz": "time.ttz.TTZ",
+    "tts": "time.tts.TTS", "ttr": "time.ttr.TTR", "ttz": "time.ttz.TTZ", "soi": "index.soi.SOI",
 }  # fmt: skip
-_OF_PAIR = ("ttc_star", "ttb", "ttk", "tts", "ttr", "ttz")  # here with one obstacle: they meet all at once
-_SLOW = ("cpi", "tet", "tit")  # they sum over all later steps
+_OF_PAIR = ("ttc_star", "ttb", "ttk", "tts", "ttr", "ttz", "soi")  # here with one obstacle: they meet all at once
+_SLOW = ("cpi", "tet", "tit", "soi")  # they sum over all later steps
 
 
 def correct(folder: Path) -> None:
@@ -94,6 +94,7 @@ def answers(folder: Path, scene: dict) -> dict:
             scenario.remove_obstacle(obstacle)
     ego, others = number[scene["ego"]], list(scene["steps"])
     et_module.AREAS = {number[track]: shapely.from_wkt(area) for track, area in scene["areas"].items()}
+    config = CriMeConfiguration()  # it reads its parameters anew each time
     found, seconds = {}, {}
     for name in scene.get("measures") or MEASURES:
         place = MEASURES[name]
@@ -101,7 +102,6 @@ def answers(folder: Path, scene: dict) -> dict:
         kind = getattr(importlib.import_module(f"commonroad_crime.measure.{module}"), kind)
         found[name], seconds[name] = {}, []
         for other in others:
-            config = CriMeConfiguration()
             shown = with_crosswalks if name == "ttz" else scenario
             config.update(ego_id=ego, sce=shown if name not in _OF_PAIR else only(shown, (ego, number[other])))
             path = general.generate_reference_path(None, network)

@@ -207,6 +207,12 @@ CORRECTIONS = {
          "        v = math.hypot(*(m1 * u1 * f(theta1) + m2 * u2 * f(theta2) for f in (math.cos, math.sin))) / (m1 + m2)\n"
          "        # k_delta to calculate"),
     ],
+    "measure/index/soi.py": [
+        # The same as of dce; and the way of braking is that of the speed along x of the map.
+        ("len(self.ego_vehicle.prediction.trajectory.state_list)\n        ):\n            ego_poly",
+         "self.ego_vehicle.prediction.final_time_step + 1\n        ):\n            ego_poly"),
+        ("                * math.cos(state.orientation)\n", ""),
+    ],
     "measure/distance/psd.py": [
         # The list of states begins after the initial one.
         ("state_list = self.ego_vehicle.prediction.trajectory.state_list[\n"

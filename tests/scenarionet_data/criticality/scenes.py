@@ -55,7 +55,7 @@ def recorded(lake: Lake) -> Iterator[Compared]:
     """Scenes of recordings at the step of CommonRoad-CriMe, their beginning."""
     for scenario in ScenarioLoader(lake, lake.select("num_map_features > 0")):
         if abs(scenario.dt - 0.1) < 1e-3:
-            yield from meetings(_begun(scenario), others=2)
+            yield from meetings(_forward(_begun(scenario)), others=1)
 
 
 def meetings(scenario: ScenarioDescription, others: int = _OTHERS) -> Iterator[Compared]:
@@ -93,6 +93,17 @@ def _begun(scenario: ScenarioDescription) -> ScenarioDescription:
     )  # fmt: skip
     lights = replace(scenario.lights, state=scenario.lights.state[:, :_STEPS])
     return replace(scenario, tracks=tracks, lights=lights, timestamps=scenario.timestamps[:_STEPS])
+
+
+def _forward(scenario: ScenarioDescription) -> ScenarioDescription:
+    """Return a scenario without speeds to the side, which are no part of the measures.
+
+    CommonRoad-CriMe takes them for speeds along y of the map.
+    """
+    tracks = scenario.tracks
+    way = np.stack([np.cos(tracks.heading), np.sin(tracks.heading)], axis=-1)
+    velocity = (tracks.velocity * way).sum(axis=-1, keepdims=True) * way
+    return replace(scenario, tracks=replace(tracks, velocity=velocity.astype(np.float32)))
 
 
 def _hurried(scenario: ScenarioDescription, factor: float) -> ScenarioDescription:

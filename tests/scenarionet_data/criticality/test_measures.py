@@ -97,6 +97,16 @@ def test_jerk_is_along_and_across_the_lane():
     assert value(scenario, "lat_jerk", 10) == pytest.approx(0.1 / math.hypot(1, 0.1), abs=1e-3)
 
 
+@pytest.mark.parametrize(("y", "expected"), [(0.0, 39), (2.7, 39), (3.0, 0)])
+def test_personal_space(y, expected):
+    """29.156 m of braking from 72 km/h and 2 m ahead, half a metre behind, as wide as the lane of 3.5 m.
+
+    The middles are apart by 50.3 - 10 t m: from 35.156 m, after 1.6 s, until -4.5 m, after 5.4 s.
+    """
+    scenario = moment("space", along(0, 0, 20), (ROAD,), other=along(50.3, y, 10))
+    assert value(scenario, "soi") == expected
+
+
 def test_crosswalk():
     """Its middle is 60 m ahead of the middle of the car."""
     scenario = approach("crosswalk", features=(ROAD, crosswalk("zebra", 58, -5, 62, 5)))
