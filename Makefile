@@ -21,7 +21,7 @@ RAW ?= $(if $(SCENARIONET_RAW),$(SCENARIONET_RAW)/$(DATASET),$(if $(filter nupla
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-locked lock test-plain test-unchecked install-browser demo compile test test-integration test-all test-packaging test-damage bench bench-cameras bench-cluster bench-learn bench-maintenance bench-remote bench-samples bench-sim build check \
-	clean convert docs docs-site notebooks pictures mutants test-cuda test-devkits test-interop test-learn test-metadrive test-planners test-ros planners
+	clean convert docs docs-site notebooks pictures mutants test-cuda test-devkits test-interop test-learn test-metadrive test-planners test-ros test-openpilot planners openpilot
 
 help:  ## List the targets.
 	@sed -nE 's/^([a-z0-9-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-16s %s\n", $$1, $$2}'
@@ -78,7 +78,7 @@ test-integration: install  ## Run the tests of whole programs, servers, workers,
 	$(PYTEST) -m 'integration and not long and not damage' $(ARGS)
 
 test-all: install  ## Run all tests that need no other environment, including those marked as long.
-	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn and not ros and not planners and not cuda and not interop' $(ARGS)
+	SCENARIONET_HYPOTHESIS=thorough $(PYTEST) -m 'not damage and not metadrive and not devkits and not learn and not ros and not planners and not openpilot and not cuda and not interop' $(ARGS)
 
 test-plain: install  ## Run tests of kernels as with versions of numba that were not tested: by its own compiler and cache.
 	cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && \
@@ -121,6 +121,15 @@ test-ros: install .venv-ros/.installed  ## Run the tests in which processes of R
 	.venv-ros/bin/python -m pytest -m ros tests/ros $(ARGS)
 
 .venv-ros/.installed: tests/ros/make_environment.sh
+	sh $< $(PYTHON)
+	@touch $@
+
+openpilot: .venv-openpilot/.installed  ## Make .venv-openpilot, an environment with pycapnp, opendbc and msgq (MSGQ=FOLDER of its source).
+
+test-openpilot: install openpilot  ## Run the tests of openpilot's protocol (OPENPILOT=FOLDER with log.capnp).
+	.venv-openpilot/bin/python -m pytest -m openpilot tests/openpilot $(ARGS)
+
+.venv-openpilot/.installed: tests/openpilot/make_environment.sh
 	sh $< $(PYTHON)
 	@touch $@
 

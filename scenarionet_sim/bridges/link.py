@@ -39,6 +39,7 @@ class StackMoment:
         is_first: Whether a scenario begins.
         seen: What the sensors see, by name of the sensor.
         is_ready: Whether the stack drives; before, the clock runs and the scene stands.
+        until: When it is over on the wall clock [s, monotonic]; 0 in lockstep.
     """
 
     view: View
@@ -46,6 +47,7 @@ class StackMoment:
     is_first: bool
     seen: dict[str, Array] = field(default_factory=dict)
     is_ready: bool = True
+    until: float = 0.0
 
 
 class Transport(Protocol):
@@ -163,7 +165,7 @@ class Link:
         """Send a moment, wait until its timestep is over on the wall clock, and keep the newest command until then."""
         dt = moment.view.dt
         self._due += dt
-        self.transport.send(moment)
+        self.transport.send(replace(moment, until=self._due))
         for _ in range(ROOM):
             received = self.transport.take(self._due)
             if received is None:

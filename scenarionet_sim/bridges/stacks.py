@@ -1,4 +1,4 @@
-"""Driving stacks as planners, by name: ``ros2:zenoh+camera+lidar``, ``ros2:dds+realtime``, ``autoware:dds``."""
+"""Driving stacks as planners, by name: ``ros2:zenoh+camera+lidar``, ``autoware:dds+realtime``, ``openpilot:msgq``."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import NamedTuple
 from scenarionet_data.errors import BadParameter
 from scenarionet_sim.bridges.autoware_transport import AutowareTransport
 from scenarionet_sim.bridges.link import Link, Transport
+from scenarionet_sim.bridges.openpilot.transport import OpenpilotTransport
 from scenarionet_sim.bridges.ros_topics import OPTIONS
 from scenarionet_sim.bridges.ros_transport import RosTransport
 from scenarionet_sim.bridges.sensing import SENSORS, StackSensors
@@ -24,6 +25,7 @@ TRANSPORTS: dict[str, Callable[[Collection[str]], Transport]] = {
     "ros2:zenoh": lambda options: RosTransport(2, "zenoh", options),
     "ros1:tcp": lambda options: RosTransport(1, "tcp", options),
     "autoware:dds": AutowareTransport,
+    "openpilot:msgq": OpenpilotTransport,
 }
 """What speaks to each kind of stack."""
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from scenarionet_sim.bridges import autoware_topics, ros_topics
+from scenarionet_sim.bridges.openpilot.car import CAN
+from scenarionet_sim.bridges.openpilot.messages import ANSWER, SAMPLES, SENT
 from scenarionet_sim.bridges.ros_topics import Topic
 
 PAGES = Path(__file__).parents[3] / "docs/guides"
@@ -22,6 +24,11 @@ def listed(head: str, topics: Mapping[str, Topic]) -> list[str]:
         once = ", where a scenario begins" if topic.is_once else ""
         lines.append(f"| `/{name}` | `{topic.kind}` | {needs} | {topic.content}{once} |")
     return lines
+
+
+def told(head: str, rows: Mapping[str, tuple[object, str]]) -> list[str]:
+    """A table of what openpilot gets."""
+    return ["", f"| {head} | content |", "| --- | --- | --- |", *(f"| `{k}` | {v[0]} | {v[1]} |" for k, v in rows.items())]
 
 
 def served(head: str, services: Mapping[str, str]) -> list[str]:
@@ -40,6 +47,11 @@ TABLES = {
         *listed("from Autoware", autoware_topics.ANSWERS),
         *served("service of the vehicle", autoware_topics.SERVED),
         *served("service of Autoware, called in this order", autoware_topics.CALLED),
+    ],
+    "openpilot.md": [
+        *told("service | Hz", {name: (SAMPLES // each.every, each.content) for name, each in SENT.items()}),
+        *told("message on CAN | bus", CAN),
+        *told("from openpilot | Hz", {ANSWER: ("any", "whether it is `enabled`, `accel` and `steeringAngleDeg`")}),
     ],
 }
 

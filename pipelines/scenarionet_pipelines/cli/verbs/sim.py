@@ -58,10 +58,10 @@ class SimVerb(LakeVerb, Choosing, Distributed):
     policy: str = option(
         "Policy of the ego: replay, idm, idm-sampled, constant, constant-noisy, random, a planner (log-planner, "
         "constant-planner, pure-pursuit, idm-planner, lane-graph), runs/NAME of a training run, ros2:dds, "
-        "ros2:zenoh or ros1:tcp for a stack of ROS, autoware:dds, driver:PORT for a driver of any language, "
-        "carla:agent.py:Class for an agent of CARLA's leaderboard, commonroad:reactive or commonroad:frenetix, which "
-        "need an environment of their own, module:Class, or in a process of its own file.py:Class or "
-        "git:REF:module:Class.",
+        "ros2:zenoh or ros1:tcp for a stack of ROS, autoware:dds, openpilot:msgq, driver:PORT for a driver of any "
+        "language, carla:agent.py:Class for an agent of CARLA's leaderboard, commonroad:reactive or "
+        "commonroad:frenetix, which need an environment of their own, module:Class, or in a process of its own "
+        "file.py:Class or git:REF:module:Class.",
         metavar="NAME",
     )
     traffic: str = option(

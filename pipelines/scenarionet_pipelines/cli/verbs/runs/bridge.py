@@ -10,9 +10,9 @@ from scenarionet_pipelines.messages import one_line
 class BridgeVerb(Progressing):
     """Let a driving stack in another process drive a scenario, a database, or the whole lake.
 
-    STACK is ros2, ros1 or autoware. The stack's run is a run of the lake, as of `scenarionet sim --policy ros2:dds`,
-    which this is a shorter way to say. Start the stack before or after; docs/guides/stacks.md and
-    docs/guides/autoware.md list what it gets and answers.
+    STACK is ros2, ros1, autoware or openpilot. The stack's run is a run of the lake, as of `scenarionet sim --policy
+    ros2:dds`, which this is a shorter way to say. Start the stack before or after; in docs/guides, stacks.md,
+    autoware.md and openpilot.md list what it gets and answers.
 
     Exits with 1 if a scenario could not be driven to its end, and says why.
     """
@@ -22,6 +22,7 @@ class BridgeVerb(Progressing):
         "scenarionet runs bridge ros2 lake nuscenes/v1.0-mini/scene-0061 --realtime --with camera --with lidar",
         "scenarionet runs bridge ros2 lake busy_val --wire zenoh --name stack",
         "scenarionet runs bridge autoware lake nuscenes/v1.0-mini/scene-0061 --realtime",
+        "scenarionet runs bridge openpilot lake nuscenes/v1.0-mini/scene-0061 --realtime",
     )
     stack: str = argument("STACK")
     lake: str = argument()
@@ -40,7 +41,7 @@ class BridgeVerb(Progressing):
         from scenarionet_sim.bridges.stacks import REALTIME, Stack, link
         from scenarionet_sim.evaluation.evaluation import evaluate
 
-        wire = self.wire or ("tcp" if self.stack == "ros1" else "dds")
+        wire = self.wire or {"ros1": "tcp", "openpilot": "msgq"}.get(self.stack, "dds")
         policy = "+".join((f"{self.stack}:{wire}", *self.topics, *([REALTIME] if self.realtime else [])))
         stack, wanted = Stack.parse(policy), self.scenario_or_database
         with self.progress(f"bridge {policy}") as progress:
