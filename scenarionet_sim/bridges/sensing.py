@@ -60,16 +60,16 @@ def jpeg(picture: UInt8) -> UInt8:
 def nv12(picture: UInt8) -> UInt8:
     """Return a picture (H, W, 3) of even sides as NV12 (H * W * 3 / 2,): Y, then U and V of two by two pixels in turns.
 
-    Levels are those of BT.601, 16 to 235 (240), in the whole numbers of openpilot's ``tools/sim/lib/camerad.py``.
+    Levels are those of BT.601, 16 to 235 (240), within one.
     """
     height, width, _ = picture.shape
     planes = np.ascontiguousarray(np.moveaxis(picture, -1, 0)).astype(np.uint16)
     red, green, blue = planes
     made = np.empty(height * width * 3 // 2, np.uint8)
-    made[: height * width] = (((13 * blue + 65 * green + 33 * red + 64) >> 7) + 16).ravel()
+    made[: height * width] = (((25 * blue + 129 * green + 66 * red + 128) >> 8) + 16).ravel()
     pairs = planes[:, 0::2] + planes[:, 1::2]
     red, green, blue = ((pairs[..., 0::2] + pairs[..., 1::2] + 2) >> 2).astype(np.int32)
     chroma = made[height * width :].reshape(height // 2, width)
-    chroma[:, 0::2] = (56 * blue - 37 * green - 19 * red + 0x8080) >> 8
-    chroma[:, 1::2] = (56 * red - 47 * green - 9 * blue + 0x8080) >> 8
+    chroma[:, 0::2] = (112 * blue - 74 * green - 38 * red + 0x8080) >> 8
+    chroma[:, 1::2] = (112 * red - 94 * green - 18 * blue + 0x8080) >> 8
     return made

@@ -1,7 +1,7 @@
 """A lane keeper with nothing of ours: comma's msgq and VisionIPC, pycapnp, opendbc, numpy, and a checkout's schema.
 
-It holds the distance to the kerb that it first saw, in frames of the wide camera, and the speed that it first had, by the
-wheels. A word on its command line is a fault.
+It stays half a lane to the right of the yellow line, in frames of the wide camera, and holds the speed that it first
+had, by the wheels. A word on its command line is a fault.
 """
 
 import math
@@ -20,7 +20,8 @@ FAULT = sys.argv[1] if len(sys.argv) > 1 else ""
 FAULT_AFTER = 15  # frames of a drive
 WIDE, FOCAL, HEIGHT = 2, 567.0, 1.22
 STEER_RATIO, WHEELBASE = 15.38, 2.7
-LIGHT = 165  # luma of a kerb in the sun
+HALF_LANE = 1.75  # [m]
+YELLOW = 25  # V over U of the line, in the shade, too; grey has none
 
 capnp.remove_import_hook()
 schemas = capnp.SchemaParser()
@@ -31,27 +32,29 @@ parser = CANParser("honda_bosch_radarless_generated", [("WHEEL_SPEEDS", 100), ("
 
 
 def frames() -> Iterator[tuple[int, np.ndarray]]:
-    """Stamps [ns] and luma (H, W) of frames as they come."""
+    """Stamps [ns] and chroma (H / 2, W / 2, 2) of frames as they come."""
     client = VisionIpcClient("camerad", WIDE, False)
     client.connect(True)
     while True:
         buffer = client.recv(50)
         if buffer is not None:
             width, height = buffer.width, buffer.height
-            yield client.timestamp_eof, np.frombuffer(buffer.data, np.uint8)[: width * height].reshape(height, width)
+            chroma = np.frombuffer(buffer.data, np.uint8)[width * height : width * height * 3 // 2]
+            yield client.timestamp_eof, chroma.reshape(height // 2, width // 2, 2).astype(np.int16)
 
 
-def kerb(luma: np.ndarray, distance: float) -> float:
-    """How far to the right the kerb is, at a distance ahead [m]; NaN where nothing is light."""
-    row = round(luma.shape[0] / 2 + FOCAL * HEIGHT / distance)
-    right = luma[row - 1 : row + 2, luma.shape[1] // 2 :].mean(axis=0)
-    light = np.convolve(right > LIGHT, np.ones(6), "valid") == 6  # noise and dashes are narrower
-    return float(np.argmax(light)) * distance / FOCAL if light.any() else math.nan
+def line(chroma: np.ndarray, distance: float) -> float:
+    """How far to the left the nearest yellow line is, at a distance ahead [m]; NaN where none is."""
+    row = round(chroma.shape[0] / 2 + FOCAL / 2 * HEIGHT / distance)
+    seen = chroma[row - 1 : row + 2]
+    columns = np.flatnonzero((seen[..., 1] - seen[..., 0]).max(axis=0) > YELLOW)
+    left = (chroma.shape[1] / 2 - columns) * distance / (FOCAL / 2)
+    left = left[(left > -1.0) & (left < 8.0)]
+    return float(left.min()) if len(left) else math.nan
 
 
-held: dict[float, float] = {}
 wanted, count = math.nan, 0
-for stamp, luma in frames():
+for stamp, chroma in frames():
     for content in msgq.drain_sock_raw(can):
         with log.Event.from_bytes(content) as event:
             parser.update([(event.logMonoTime, [(each.address, each.dat, each.src) for each in event.can])])
@@ -60,12 +63,11 @@ for stamp, luma in frames():
     is_driving = bool(parser.vl["POWERTRAIN_DATA"]["ACC_STATUS"])
     if not is_driving:
         wanted, count = math.nan, 0
-        held = {distance: kerb(luma, distance) for distance in (8.0, 10.0, 12.0, 14.0)}
     elif math.isnan(wanted):
         wanted = speed
     count += is_driving
-    aside = [(kerb(luma, distance) - there, distance) for distance, there in held.items()]
-    bends = [-2.0 * right / distance**2 for right, distance in aside if abs(right) < 3.0]
+    ahead = {distance: line(chroma, distance) - HALF_LANE for distance in (6.0, 7.0, 8.0, 9.0, 10.0)}
+    bends = [2.0 * left / (distance**2 + left**2) for distance, left in ahead.items() if not math.isnan(left)]
     bend = float(np.median(bends)) if bends else 0.0
     event = log.Event.new_message(logMonoTime=stamp, valid=True)
     told = event.init("carControl")

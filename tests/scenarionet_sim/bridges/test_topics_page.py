@@ -28,7 +28,8 @@ def listed(head: str, topics: Mapping[str, Topic]) -> list[str]:
 
 def told(head: str, rows: Mapping[str, tuple[object, str]]) -> list[str]:
     """A table of what openpilot gets."""
-    return ["", f"| {head} | content |", "| --- | --- | --- |", *(f"| `{k}` | {v[0]} | {v[1]} |" for k, v in rows.items())]
+    lines = [f"| `{name}` | {number} | {content} |" for name, (number, content) in rows.items()]
+    return ["", f"| {head} | content |", "| --- | --- | --- |", *lines]
 
 
 def served(head: str, services: Mapping[str, str]) -> list[str]:
