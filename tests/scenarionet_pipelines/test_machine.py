@@ -105,15 +105,17 @@ def test_rospy_is_found_where_debian_has_it(monkeypatch, tmp_path):
 
 def test_a_checkout_of_openpilot_is_named(monkeypatch, tmp_path):
     monkeypatch.delenv("OPENPILOT", raising=False)
-    assert "OPENPILOT names the folder of a checkout of openpilot; it is not set" in local.examine_openpilot().found
+    assert list(local.examine_openpilot()) == []
     monkeypatch.setenv("OPENPILOT", str(tmp_path))
-    assert f"{tmp_path} has no log.capnp" in local.examine_openpilot().found
+    (found,) = local.examine_openpilot()
+    assert f"{tmp_path} has no log.capnp" in found.found
+    assert "missing: capnp" in found.found
     (tmp_path / "cereal").mkdir()
     (tmp_path / "cereal" / "log.capnp").touch()
     for name in ("capnp", "msgq", "opendbc"):
         (tmp_path / f"{name}.py").touch()
     monkeypatch.syspath_prepend(str(tmp_path))
-    assert local.examine_openpilot().state == "ok"
+    assert [each.state for each in local.examine_openpilot()] == ["ok"]
 
 
 def test_converter_that_fails_to_load_is_named(monkeypatch):

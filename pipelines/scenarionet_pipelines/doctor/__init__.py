@@ -16,7 +16,7 @@ def examine(lake: str | None = None) -> list[Finding]:
     from scenarionet_data.storage.files.places import is_url
     from scenarionet_pipelines.doctor import local
 
-    found = [*local.examine_installation(), local.examine_ros1(), local.examine_openpilot()]
+    found = [*local.examine_installation(), local.examine_ros1(), *local.examine_openpilot()]
     if lake is None or not is_url(lake):
         return [*found, *local.examine_machine(lake or "."), *(local.examine_lake(lake) if lake else ())]
     from scenarionet_data.storage.files.cache import folder_of

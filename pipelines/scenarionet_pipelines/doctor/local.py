@@ -177,19 +177,22 @@ def examine_ros1() -> Finding:
     return Finding("packages", "rospy", "missing", "for driving stacks over ROS 1: rospy is not installed", remedy)
 
 
-def examine_openpilot() -> Finding:
-    """Check the schema that openpilot's messages are made by; its packages are those of openpilot's own environment."""
+def examine_openpilot() -> Iterator[Finding]:
+    """Check the packages and the schema of a checkout of openpilot, where one is named."""
     from scenarionet_sim.bridges.openpilot.checkout import CHECKOUT, schema_folder
 
+    if CHECKOUT not in os.environ:
+        return
     lacking = [name for name in ("capnp", "msgq", "opendbc") if not PathFinder.find_spec(name)]
     try:
         found = f"for openpilot, by the schema in {schema_folder()}"
     except ScenarioNetError as error:
         found, lacking = f"for openpilot: {error}", [*lacking, CHECKOUT]
-    if not lacking:
-        return Finding("packages", "openpilot", "ok", found)
     remedy = f"install scenarionet-lake in openpilot's own environment, and name its checkout in {CHECKOUT}"
-    return Finding("packages", "openpilot", "missing", f"{found}; missing: {', '.join(lacking)}", remedy)
+    if lacking:
+        yield Finding("packages", "openpilot", "missing", f"{found}; missing: {', '.join(lacking)}", remedy)
+    else:
+        yield Finding("packages", "openpilot", "ok", found)
 
 
 # --- machine, lake --------------------------------------------------------------------------------------------
