@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import os
 from functools import partial
+from importlib import import_module
 from typing import Any, cast
 
-import numba
-
 from scenarionet_data.compiled.decorators import Function
-
-_numba: Any = numba  # which is not typed
-_types = _numba.types
 
 CHECK = "SCENARIONET_CHECK_KERNELS"
 """Environment variable; 1 compares the arguments of every call through ``unchecked``."""
@@ -34,10 +30,11 @@ def unchecked(function: Function) -> Function:
 
 
 def _checked_call(function: Any, *arguments: Any) -> Any:
+    numba: Any = import_module("numba")
     name = getattr(function, "__qualname__", repr(function))
     for signature in getattr(function, "signatures", [])[:1]:
         for place, (value, expected) in enumerate(zip(arguments, signature, strict=True)):
-            found = _numba.typeof(value)
+            found = numba.typeof(value)
             if not _fits(found, expected):
                 raise TypeError(f"{name}(): argument {place} is {found}, but the kernel was compiled for {expected}")
     result = getattr(function, "only_entry", function)(*arguments)
@@ -48,13 +45,14 @@ def _checked_call(function: Any, *arguments: Any) -> Any:
 
 def _fits(found: Any, expected: Any) -> bool:
     """Return whether machine code for one type reads a value of another as it is."""
-    if isinstance(expected, _types.Array) and isinstance(found, _types.Array):
+    types: Any = import_module("numba.core.types")
+    if isinstance(expected, types.Array) and isinstance(found, types.Array):
         return (
             (found.dtype, found.ndim, found.aligned) == (expected.dtype, expected.ndim, expected.aligned)
             and expected.layout in ("A", found.layout)
             and (found.mutable or not expected.mutable)
         )
-    if isinstance(expected, _types.BaseTuple) and isinstance(found, _types.BaseTuple):
+    if isinstance(expected, types.BaseTuple) and isinstance(found, types.BaseTuple):
         return (
             getattr(found, "instance_class", None) is getattr(expected, "instance_class", None)
             and len(found) == len(expected)

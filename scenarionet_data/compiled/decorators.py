@@ -6,23 +6,25 @@ user's cache folder. A cached kernel is valid as long as its code, that of every
 constants they read are unchanged, so editing any of these recompiles it. Processes that need the same kernel at
 once wait for the first one to compile it.
 
+Importing a module with kernels of this package does not import Numba; their first calls may do without, see ``bare``.
+
 Versions of Numba that were not tested compile and cache by themselves, see ``gate``.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from typing import Any, TypeVar, cast, overload
 
-import numba
-
+from scenarionet_data.compiled import bare
+from scenarionet_data.compiled.declared import DeclaredDeviceFunction, DeclaredKernel
 from scenarionet_data.compiled.gate import uses_internals
 
-if uses_internals():
-    from scenarionet_data.compiled import dispatchers
-
-_njit: Any = numba.njit
+_COMMON = {"nopython": True, "boundscheck": None, "no_cfunc_wrapper": True}
+"""Options that Numba knows of all compiled functions."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -55,12 +57,20 @@ def kernel(
 
     def decorate(plain: Function) -> Function:
         options = {"nogil": nogil, "error_model": "numpy" if divides_by_zero else "python"}
-        if uses_internals():
-            return cast(Function, dispatchers.as_kernel(plain, options, allocates=allocates, is_wide=is_wide))
-        compiled = _njit(_nrt=allocates, **options)(plain)  # kernels that count references crash
-        with suppress(AttributeError, RuntimeError):  # NUMBA_DISABLE_JIT; no folder to write to
-            compiled.enable_caching()
-        return cast(Function, compiled)
+
+        def make() -> Any:
+            if uses_internals():
+                dispatchers: Any = import_module("scenarionet_data.compiled.dispatchers")
+                return dispatchers.as_kernel(plain, options, allocates=allocates, is_wide=is_wide)
+            compiled = import_module("numba").njit(_nrt=allocates, **options)(
+                plain
+            )  # those that count references crash
+            with suppress(AttributeError, RuntimeError):  # NUMBA_DISABLE_JIT; no folder to write to
+                compiled.enable_caching()
+            return compiled
+
+        known = options | _COMMON | {"_nrt": allocates}
+        return cast(Function, DeclaredKernel(plain, known, make) if _waits(plain) else make())
 
     return decorate if function is None else decorate(function)
 
@@ -102,10 +112,18 @@ def device_function(
         options["forceinline"] = True
 
     def decorate(plain: Function) -> Function:
-        if uses_internals():
-            return cast(
-                Function, dispatchers.as_device_function(plain, options, allocates=allocates, in_lanes=in_lanes)
-            )
-        return cast(Function, _njit(_nrt=allocates, **options)(plain))
+        def make() -> Any:
+            if uses_internals():
+                dispatchers: Any = import_module("scenarionet_data.compiled.dispatchers")
+                return dispatchers.as_device_function(plain, options, allocates=allocates, in_lanes=in_lanes)
+            return import_module("numba").njit(_nrt=allocates, **options)(plain)
+
+        known = options | _COMMON | {"_nrt": allocates, "no_cpython_wrapper": True}
+        return cast(Function, DeclaredDeviceFunction(plain, known, make) if _waits(plain) else make())
 
     return decorate if function is None else decorate(function)
+
+
+def _waits(plain: Callable[..., Any]) -> bool:
+    """Whether Numba is imported when the function is called."""
+    return "numba" not in sys.modules and bare.is_of_data(plain)

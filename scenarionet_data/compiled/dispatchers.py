@@ -9,13 +9,14 @@ import importlib
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, NoReturn
+from typing import Any
 
 from numba import njit, types
 from numba.core import compiler_lock, registry
 
 from scenarionet_data.compiled.announcing import Compilation, compilations
 from scenarionet_data.compiled.compiler import loop_compiler
+from scenarionet_data.compiled.declared import DeclaredDeviceFunction
 from scenarionet_data.compiled.kernel_cache import KernelCache
 from scenarionet_data.optional_imports import hidden
 from scenarionet_data.public_names import paused_collector
@@ -102,10 +103,7 @@ def _load_array_functions() -> None:
 class DeviceFunction(CompiledFunction):
     """A compiled function without an entry for Python."""
 
-    def __call__(self, *_args: object, **_keywords: object) -> NoReturn:
-        """Refuse: without an entry, a call would end the interpreter."""
-        name = self.py_func.__qualname__
-        raise TypeError(f"{name}() is a device function, which only kernels call; from Python use {name}.py_func(...)")
+    __call__ = DeclaredDeviceFunction.__call__
 
     def compile(self, sig: Any) -> Any:
         """Compile for one signature as part of a kernel."""

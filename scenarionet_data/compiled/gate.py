@@ -7,10 +7,12 @@ and round pictures of cameras differently.
 
 from __future__ import annotations
 
+import importlib
 import os
 from functools import cache
+from pathlib import Path
 
-import numba
+from scenarionet_data.optional_imports import hidden
 
 TESTED = (0, 65), (0, 68)
 """Oldest and newest minor version of Numba whose internals are known."""
@@ -21,6 +23,9 @@ PLAIN = "SCENARIONET_PLAIN_NUMBA"
 
 @cache
 def uses_internals() -> bool:
-    """Return whether this process may use the internals of the installed version."""
+    """Return whether this process may use the internals of the installed version, which it imports."""
+    configuration = () if Path(".numba_config.yaml").exists() else ("yaml",)
+    with hidden("coverage", "scipy", *configuration):  # which Numba imports if it finds them, in 0.1 s
+        numba = importlib.import_module("numba")
     version = tuple(map(int, numba.__version__.split(".")[:2]))
     return TESTED[0] <= version <= TESTED[1] and os.environ.get(PLAIN) != "1"

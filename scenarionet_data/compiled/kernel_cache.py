@@ -5,30 +5,25 @@ It derives from the cache inside of Numba, and is used with the versions of ``TE
 
 from __future__ import annotations
 
-import hashlib
 import os
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import suppress
-from enum import EnumMeta
-from types import CodeType, FunctionType, ModuleType
-from typing import Any, cast
+from typing import Any
 
-from numba.core import caching, registry, runtime
+from numba.core import caching, runtime
 
-from scenarionet_data.compiled import shipped
+from scenarionet_data.compiled import bare, shipped
 from scenarionet_data.compiled.announcing import announce
+from scenarionet_data.compiled.stamps import stamp_of
 
 if sys.platform != "win32":
     import fcntl
 
-_CPUDispatcher: Any = registry.CPUDispatcher
 _FunctionCache: Any = caching.FunctionCache
 _IndexDataCacheFile: Any = caching.IndexDataCacheFile
 _runtime: Any = runtime
 
-_PACKAGES = ("scenarionet_data", "scenarionet_sim")
 _LONGEST_WAIT = 120.0  # [s] for another process to compile a kernel
 
 
@@ -47,7 +42,7 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
 
     def __init__(self, dispatcher: Any) -> None:
         super().__init__(dispatcher.py_func)
-        stamp = hashlib.sha256(repr(list(_ingredients(dispatcher, set()))).encode()).hexdigest()
+        stamp = self._stamp = stamp_of(dispatcher)
         self._cache_file = _CacheFile(self.cache_path, self._impl.filename_base, stamp)
         self._level, package = shipped.level(), dispatcher.py_func.__module__.rpartition(".")[0]
         if self._level is not None:
@@ -78,49 +73,17 @@ class KernelCache(_FunctionCache):  # type: ignore[misc]
         # Two processes that add signatures of one kernel concurrently can swap their files.
         return found if found is not None and found.signature.args == tuple(sig) else None
 
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write the machine code for one signature, also for processes without Numba."""
+        super().save_overload(sig, data)
+        with self._guard_against_spurious_io_errors():
+            bare.write(self.cache_path, self._py_func, self._stamp, data)
+
     def unlock(self) -> None:
         """Let other processes compile."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
-
-
-def _ingredients(dispatcher: Any, seen: set[int]) -> Iterator[object]:
-    """The code of a compiled function, of those it calls, and the constants they read."""
-    function = dispatcher.py_func
-    seen.add(id(function))
-    yield function.__qualname__, sorted(dispatcher.targetoptions.items()), function.__defaults__
-    names: set[str] = set()
-    for code in _code_objects(function.__code__):
-        yield code.co_code, [value for value in code.co_consts if not isinstance(value, CodeType)], code.co_names
-        names.update(code.co_names)
-    cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
-    values = {name: function.__globals__[name] for name in sorted(names) if name in function.__globals__}
-    values |= {name: cell.cell_contents for name, cell in sorted(cells.items())}
-    for name, value in values.items():
-        if isinstance(value, _CPUDispatcher):
-            if id(value.py_func) not in seen:
-                yield from _ingredients(value, seen)
-        elif isinstance(value, ModuleType) and value.__name__.startswith(_PACKAGES):
-            yield name, [(other, repr(getattr(value, other))) for other in sorted(names) if hasattr(value, other)]
-        elif isinstance(value, EnumMeta):
-            yield name, [(member.name, member.value) for member in cast(Any, value)]
-        elif isinstance(value, type):
-            yield name, getattr(value, "_fields", None)
-        elif isinstance(value, (bool, int, float, str, tuple)):
-            yield name, value
-        elif hasattr(value, "tobytes"):
-            yield name, str(value.dtype), value.shape, hashlib.sha256(value.tobytes()).hexdigest()
-        elif isinstance(value, FunctionType):
-            yield name, value.__code__.co_code
-
-
-def _code_objects(code: CodeType) -> Iterator[CodeType]:
-    """A code object and the code objects of comprehensions and functions inside it."""
-    yield code
-    for value in code.co_consts:
-        if isinstance(value, CodeType):
-            yield from _code_objects(value)
 
 
 def _locked(folder: str) -> int | None:

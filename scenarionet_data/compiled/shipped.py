@@ -8,13 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
-
-from llvmlite import binding
-from numba.core import config
-
-_config: Any = config  # which is not typed
 
 FOLDER = Path(__file__).parent / "machine_code"
 
@@ -46,14 +42,28 @@ LEVELS = (
 """The best first. Of processors with AVX-512, the older ones without vbmi2 slow down with it."""
 
 
+_FLAGS = {"avx512vbmi2": "avx512_vbmi2", "bmi": "bmi1", "lzcnt": "abm"}
+"""Names that Linux has for features, where they differ from LLVM's."""
+
+
 def levels_of_host() -> list[Level]:
     """Return the levels whose code this processor runs."""
+    from llvmlite import binding
+
     features = binding.get_host_cpu_features()
     return [level for level in LEVELS if all(features.get(name) for name in level.needs)]
+
+
+def levels_by_flags() -> list[Level]:
+    """Return the same of Linux on x86, without LLVM."""
+    lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
+    flags = set(next((line for line in lines if line.startswith("flags")), "").split())
+    return [level for level in LEVELS if flags.issuperset(_FLAGS.get(name, name) for name in level.needs)]
 
 
 @cache
 def level() -> Level | None:
     """Return the level whose machine code this process uses; None for another processor, or one set for Numba."""
-    chosen = _config.CPU_NAME is not None or _config.CPU_FEATURES is not None or not _config.ENABLE_AVX
+    config: Any = import_module("numba.core.config")
+    chosen = config.CPU_NAME is not None or config.CPU_FEATURES is not None or not config.ENABLE_AVX
     return None if chosen else next(iter(levels_of_host()), None)

@@ -69,7 +69,7 @@ def test_processors_without_a_level_compile(package, monkeypatch):
 )
 def test_levels_are_those_whose_features_the_processor_has(monkeypatch, missing, names):
     features = {name: missing not in (name, "all") for level in shipped.LEVELS for name in level.needs}
-    monkeypatch.setattr(shipped.binding, "get_host_cpu_features", lambda: features)
+    monkeypatch.setattr("llvmlite.binding.get_host_cpu_features", lambda: features)
     assert [level.cpu for level in shipped.levels_of_host()] == names
 
 

@@ -5,14 +5,12 @@ Nothing is compared with the bounds of the array.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
 from typing import Any
 
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-
-_types: Any = types  # numba has no types of its own
-_intrinsic: Any = intrinsic
+from scenarionet_data.compiled.declared import instruction
 
 
 def pointer_to(context: Any, builder: Any, kind: Any, array: Any, at: Any, value: Any) -> Any:
@@ -21,8 +19,19 @@ def pointer_to(context: Any, builder: Any, kind: Any, array: Any, at: Any, value
     return builder.bitcast(builder.gep(data, [at]), value.as_pointer())
 
 
-def _load(bits: int, kind: Any) -> Any:
+def _instruction(define: Callable[[Any, Any], Any]) -> Any:
+    """Instruction that is defined with Numba's types and LLVM's."""
+
+    def make() -> Any:
+        defined = define(import_module("numba.core.types"), import_module("llvmlite.ir"))
+        return import_module("numba.extending").intrinsic(defined)
+
+    return instruction(make)
+
+
+def _load(bits: int, name: str, types: Any, ir: Any) -> Any:
     """Reader of little-endian numbers of some bits."""
+    kind = getattr(types, name)
 
     def load(_: Any, data: Any, at: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -32,10 +41,10 @@ def _load(bits: int, kind: Any) -> Any:
 
         return kind(data, at), generate
 
-    return _intrinsic(load)
+    return load
 
 
-def _copy(size: int) -> Any:
+def _copy(size: int, types: Any, ir: Any) -> Any:
     """Copier of some bytes, which are read before any of them is written."""
 
     def copy(_: Any, target: Any, to: Any, source: Any, at: Any) -> Any:
@@ -47,33 +56,39 @@ def _copy(size: int) -> Any:
             builder.store(builder.load(found, align=1), wanted, align=1)
             return context.get_dummy_value()
 
-        return _types.void(target, to, source, at), generate
+        return types.void(target, to, source, at), generate
 
-    return _intrinsic(copy)
-
-
-def _store(_: Any, target: Any, to: Any, value: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array, place, number = arguments
-        pointer = pointer_to(context, builder, signature.args[0], array, place, ir.IntType(64))
-        builder.store(number, pointer, align=1)
-        return context.get_dummy_value()
-
-    return _types.void(target, to, value), generate
+    return copy
 
 
-def _trailing_zeros(_: Any, value: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+def _store(types: Any, ir: Any) -> Any:
+    def store(_: Any, target: Any, to: Any, value: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            array, place, number = arguments
+            pointer = pointer_to(context, builder, signature.args[0], array, place, ir.IntType(64))
+            builder.store(number, pointer, align=1)
+            return context.get_dummy_value()
 
-    return _types.int64(value), generate
+        return types.void(target, to, value), generate
+
+    return store
 
 
-byte_at = _load(8, _types.int64)
-short_at = _load(16, _types.int64)
-word_at = _load(32, _types.int64)
-double_at = _load(64, _types.uint64)
-copy_8, copy_16, copy_32 = _copy(8), _copy(16), _copy(32)
-store_8 = _intrinsic(_store)
-trailing_zeros = _intrinsic(_trailing_zeros)
+def _trailing_zeros(types: Any, ir: Any) -> Any:
+    def trailing_zeros(_: Any, value: Any) -> Any:
+        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+        return types.int64(value), generate
+
+    return trailing_zeros
+
+
+byte_at = _instruction(partial(_load, 8, "int64"))
+short_at = _instruction(partial(_load, 16, "int64"))
+word_at = _instruction(partial(_load, 32, "int64"))
+double_at = _instruction(partial(_load, 64, "uint64"))
+copy_8, copy_16, copy_32 = (_instruction(partial(_copy, size)) for size in (8, 16, 32))
+store_8 = _instruction(_store)
+trailing_zeros = _instruction(_trailing_zeros)
 """Number of bits below the lowest one that is set, of a uint64 that is not 0."""
