@@ -164,11 +164,12 @@ def find(function: Any, stamp: Callable[[], str]) -> Image | None:
         function: The Python function.
         stamp: Returns the stamp of its code.
     """
-    folder = _folder()
-    if folder is None:
-        return None
-    begin, path = time.process_time(), folder / function.__module__.rpartition(".")[0] / file_name(function)
+    begin = time.process_time()
     try:
+        folder = _folder()
+        if folder is None:
+            return None
+        path = folder / function.__module__.rpartition(".")[0] / file_name(function)
         head, image = _read(path)
         if (head["stamp"], head["numba"]) != (stamp(), _numba_version()):
             return None
