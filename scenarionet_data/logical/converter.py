@@ -143,8 +143,11 @@ def concrete(
         values: Its parameters.
 
     Raises:
-        InvalidScenario: The ego leaves its route.
+        InvalidScenario: The ego leaves its route, or a speed is below 0.
     """
+    if motions.backwards[row].any():
+        actor = logical.actors[int(motions.backwards[row].argmax())].id
+        raise InvalidScenario(scenario_id, "speed", f"wanted speeds from 0 on, found one below of {actor} at the start")
     valid = motions.valid[row]
     if not valid[0].all():
         step = int(valid[0].argmin())

@@ -30,6 +30,7 @@ class Motions:
         heading: (B, N, T) [rad].
         size: (B, N, 3) [m].
         valid: (B, N, T): on the route.
+        backwards: (B, N): a speed below 0 at the start, which cannot be.
     """
 
     position: Float64
@@ -37,6 +38,7 @@ class Motions:
     heading: Float64
     size: Float64
     valid: Bool
+    backwards: Bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,8 +163,8 @@ def _crossing(each: _Placed, other: _Placed, lag: Float64, time: Float64, is_cle
 
 def _states(
     actor: ActorSpec, placed: _Placed, names: Mapping[str, Float64], time: Float64, number: int
-) -> tuple[Float64, Float64, Float64, Float64, Bool]:
-    """Position, velocity, heading, size, valid of a road user."""
+) -> tuple[Float64, Float64, Float64, Float64, Bool, Bool]:
+    """Position, velocity, heading, size, valid, backwards of a road user."""
     grid = np.broadcast_to(time, (number, len(time)))
     speed, along = placed.sense * placed.travelled(grid)[1], placed.along(grid)
     offset, drift = _sideways(actor, names, time, number)
@@ -178,6 +180,7 @@ def _states(
         heading,
         placed.size,
         (along >= 0) & (along <= placed.route.length),
+        placed.speeds[:, 0] < 0,
     )
 
 

@@ -143,3 +143,15 @@ def test_bad_files_are_a_sentence(tmp_path, old, new, message):
 def test_an_unknown_name_lists_the_library():
     with pytest.raises(BadParameter, match="one of crossing_pedestrian, cut_in, cut_out"):
         read_logical("cutin")
+
+
+def test_combinations_with_a_speed_below_0_cannot_be(tmp_path):
+    """And the others can."""
+    text = (LIBRARY / "cut_in.toml").read_text().replace("[15, 33]", '"5"').replace("[0, 10]", '"2,8"')
+    (tmp_path / "slow.toml").write_text(text)
+    report = convert("logical", str(tmp_path / "slow.toml"), tmp_path / "lake", options={"number": 20})
+    assert report.converted + report.quarantined == 20 and report.converted and report.quarantined
+    lake = Lake(tmp_path / "lake")
+    assert set(lake.sql("SELECT parameter(extras, 'slower') FROM metadata").to_series()) == {2.0}
+    told = lake.sql("SELECT DISTINCT message FROM quarantine").item()
+    assert "wanted speeds from 0 on, found one below of cutter at the start" in told
