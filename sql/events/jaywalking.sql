@@ -5,13 +5,17 @@
 -- half_width = 1.5
 -- margin = 2.0
 -- min_duration = 1.0
-WITH walkers AS (
+WITH mapped AS (
+    SELECT * FROM metadata_rows SEMI JOIN (SELECT * FROM maps WHERE feature_type = 'CROSSWALK') AS c
+        USING (dataset, version, map_id)
+),
+walkers AS (
     SELECT
         s.scenario_id, s.track_id, s.timestep, m.dataset, m.version, m.map_id,
         coalesce(m.timestamps[s.timestep + 1], s.timestep * m.dt) AS seconds,
         s.x + m.origin_x AS x,
         s.y + m.origin_y AS y
-    FROM object_states AS s JOIN metadata_rows AS m USING (scenario_id)
+    FROM object_states AS s JOIN mapped AS m USING (scenario_id)
     WHERE object_type = 'PEDESTRIAN'
 ),
 reaches AS (
@@ -71,15 +75,9 @@ crosswalks AS (
     FROM on_road AS p JOIN edges AS e USING (scenario_id)
     GROUP BY ALL
 ),
-mapped AS (
-    SELECT m.scenario_id
-    FROM metadata_rows AS m SEMI JOIN (SELECT * FROM maps WHERE feature_type = 'CROSSWALK') AS c
-        USING (dataset, version, map_id)
-),
 off AS (
     SELECT *, timestep - row_number() OVER (PARTITION BY scenario_id, track_id ORDER BY timestep) AS run
-    FROM on_road SEMI JOIN mapped USING (scenario_id)
-    ANTI JOIN (SELECT * FROM crosswalks WHERE is_on) AS c USING (scenario_id, track_id, timestep)
+    FROM on_road ANTI JOIN (SELECT * FROM crosswalks WHERE is_on) AS c USING (scenario_id, track_id, timestep)
 )
 SELECT
     scenario_id,
