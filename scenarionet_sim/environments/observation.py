@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -26,7 +27,6 @@ class Observation:
 
     Attributes:
         names: Names of the sensors, from their classes: ``ego_state``, a second one ``ego_state_2``.
-        space: Observation space of one agent.
     """
 
     def __init__(self, sensors: Sequence[Sensor], form: Literal["flat", "dict"]) -> None:
@@ -40,14 +40,17 @@ class Observation:
         self.names = _names(self._sensors)
         self._first: list[int] = []
         self._place, self._place_for = self._compiled.place, -1
+
+    @cached_property
+    def space(self) -> spaces.Space[Any]:
+        """Observation space of one agent."""
         parts: dict[str, spaces.Space[Any]] = {
             name: sensor.space() for name, sensor in zip(self.names, self._sensors, strict=True)
         }
-        self.space: spaces.Space[Any] = spaces.Dict(parts)
-        if self._is_flat:
-            boxes = [sensor.space() for sensor in self._sensors]
-            low, high = (np.concatenate([getattr(box, end).ravel() for box in boxes]) for end in ("low", "high"))
-            self.space = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+        if not self._is_flat:
+            return spaces.Dict(parts)
+        low, high = (np.concatenate([getattr(box, end).ravel() for box in parts.values()]) for end in ("low", "high"))
+        return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
     @property
     def is_compiled(self) -> bool:

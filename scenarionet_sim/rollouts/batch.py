@@ -19,6 +19,7 @@ from scenarionet_sim.drivers.by_name import BatchDriver, Driver, Drivers
 from scenarionet_sim.environments.batched import BatchedEnvironment
 from scenarionet_sim.environments.config import PAPER_OBSERVATION, EnvConfig
 from scenarionet_sim.environments.observation import Observation
+from scenarionet_sim.policies.base import Policy
 from scenarionet_sim.rollouts.rollout import Rollout, RolloutRecorder
 from scenarionet_sim.scenarios.selection import Scenarios
 from scenarionet_sim.worlds.world import World
@@ -124,21 +125,25 @@ class RolloutBatch:
     def _begin(
         self, core: BatchedEnvironment, recorder: RolloutRecorder, jobs: Mapping[int, RolloutJob]
     ) -> dict[int, _Slot]:
-        """Begin the episodes of jobs by slot."""
-        seats = {}
+        """Begin the episodes of jobs by slot; those with the same policies and start together."""
+        seats, alike = dict[int, _Slot](), dict[tuple[int | None, ...], tuple[tuple[Policy, ...], list[int]]]()
         for slot, job in jobs.items():
             rng, driver = np.random.default_rng(job.seed), self._driver_of(slot)
-            core.simulation.policies = tuple(policy.sampled(rng) for policy in self._drivers.policies)
-            core.begin([slot], [job.world], job.start, is_observed=False)
+            policies = tuple(policy.sampled(rng) for policy in self._drivers.policies)
+            alike.setdefault((job.start, *map(id, policies)), (policies, []))[1].append(slot)
             if driver is not None and hasattr(driver, "reset"):
                 driver.reset()
             if driver is not None and hasattr(driver, "seed"):
                 driver.seed(rng)
             seats[slot] = _Slot(job, rng, driver)
+        for (start, *_), (policies, slots) in alike.items():
+            core.simulation.policies = policies
+            core.begin(slots, [jobs[slot].world for slot in slots], start, is_observed=False)
         if jobs:
             core.simulation.observe_begun()
-        for slot, job in jobs.items():
-            recorder.begin(slot, job.world, job.num_steps, waits=job.waits)
+            for slot, job in jobs.items():
+                recorder.begin(slot, job.world, job.num_steps, waits=job.waits)
+            recorder.add(np.array(list(jobs)))
         return seats
 
     def _driver_of(self, slot: int) -> Driver | None:

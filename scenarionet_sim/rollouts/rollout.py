@@ -83,7 +83,7 @@ class RolloutRecorder:
         self._episodes = EpisodeArrays.of(count, _MOMENTS, objects)
 
     def begin(self, slot: int, world: World, num_scored: int | None = None, *, waits: bool = True) -> None:
-        """Record the first moment of an episode that has just begun.
+        """Prepare to record an episode that has just begun; its first moment is the next that is added.
 
         Args:
             slot: The slot.
@@ -96,7 +96,6 @@ class RolloutRecorder:
             num_scored = int(np.flatnonzero(world.log_valid[:, world.ego])[-1] - self._start[slot])
         self._episodes.num_scored[slot], self._episodes.waits[slot] = num_scored, waits
         self._episodes.last[slot], self._episodes.status[slot] = -1, DRIVING
-        self.add(np.array([slot]))
 
     def play(self) -> None:
         """Record the episodes of all slots to their ends, as far as there is room, if policies drive every object."""

@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from scenarionet_data.arrays.dtypes import Array
 
-_GROWTH = 1.5
-"""Factor by which full arrays grow; memory that was never written to costs nothing."""
+_GROWTH, _FEWEST = 1.5, 16
+"""Factor by which full arrays grow, and number of blocks like the next one for which they do at least; memory that was
+never written to costs nothing."""
 
 _REMEMBERED = 256
 """Number of blocks in ``Blocks.last_put``."""
@@ -47,7 +48,7 @@ class Blocks:
         if room is None:
             is_tail_free = bool(self._gaps) and self._gaps[-1][1] == self._num_rows
             used = self._gaps.pop()[0] if is_tail_free else self._num_rows
-            self._num_rows = max(used + count, int(_GROWTH * self._num_rows))
+            self._num_rows = max(used + _FEWEST * count, int(_GROWTH * self._num_rows))
             for name, old in self.arrays.items():
                 self.arrays[name] = np.empty((self._num_rows, *old.shape[1:]), old.dtype)
                 self.arrays[name][:used] = old[:used]

@@ -6,6 +6,7 @@ N objects, P points of all paths, L lights.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -46,6 +47,10 @@ class Paths:
 
     def length(self) -> Float32:
         """Return the length (N,) float32 of each path [m]; 0 without points."""
+        return self._length
+
+    @cached_property
+    def _length(self) -> Float32:
         first, end = self.path_offsets[:-1], self.path_offsets[1:]
         length = np.zeros(len(first), np.float32)
         length[end > first] = self.path_arc[end[end > first] - 1]

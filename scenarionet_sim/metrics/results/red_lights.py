@@ -15,9 +15,12 @@ _STOP_REACH = 2.0  # [m] to either side of a stop point
 
 def measure(episode: DrivenEpisode) -> dict[str, Any]:
     """Return the number of lights that the vehicle runs; None without lights."""
+    world = episode.world
     if not episode.is_whole:
         return {}
-    rollout, world = episode.scored, episode.world
+    if not len(world.light_lane):
+        return {"red_light_violations": None}
+    rollout = episode.scored
     rows = np.flatnonzero((world.light_lane >= 0) & np.isfinite(world.light_stop).all(axis=1))
     rows = rows[world.roads.lanes.lengths[world.light_lane[rows]] > 1]
     if not len(rows):
