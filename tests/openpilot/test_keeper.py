@@ -84,13 +84,13 @@ def test_without_its_steering_it_leaves_the_road(bends: Lake) -> None:
 )
 def test_a_fault_is_a_sentence(bends: Lake, monkeypatch: pytest.MonkeyPatch, fault: str, reason: str) -> None:
     monkeypatch.setattr(stacks.link(stacks.Stack.parse("openpilot:msgq")), "limit", 3.0)
-    one = bends.sql("SELECT scenario_id FROM scenarios LIMIT 1")["scenario_id"].to_list()
+    one = next(iter(ScenarioLoader(bends.root))).id
     with keeper(fault):
-        report = evaluate(bends, tuple(one), policy="openpilot:msgq", name=f"fault-{fault}")
+        report = evaluate(bends, (one,), policy="openpilot:msgq", name=f"fault-{fault}")
     assert [error for _, error in report.broken if reason in error], report.broken
 
 
 def test_a_flood_of_old_commands_hides_no_new_one(bends: Lake) -> None:
-    one = bends.sql("SELECT scenario_id FROM scenarios LIMIT 1")["scenario_id"].to_list()
+    one = next(iter(ScenarioLoader(bends.root))).id
     with keeper("flood"):
-        assert not evaluate(bends, tuple(one), policy="openpilot:msgq", name="flood").broken
+        assert not evaluate(bends, (one,), policy="openpilot:msgq", name="flood").broken

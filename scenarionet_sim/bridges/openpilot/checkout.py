@@ -115,7 +115,7 @@ class Messaging:
         try:
             with self._event.from_bytes(content) as event:
                 return int(event.logMonoTime), getattr(event, service).to_dict()
-        except self._is_wrong as error:
+        except (self._is_wrong, ValueError) as error:  # the second, where it does not end with a word
             reason = str(error).partition("\n")[0]
             raise SourceError(
                 f"{len(content)} bytes on {service} are no message of it ({reason}); compare the schemas of both sides"
