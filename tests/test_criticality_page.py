@@ -18,22 +18,24 @@ from tests.fixtures.examples import ROOT, blocks
 
 PAGE = "docs/guides/criticality.md"
 FIGURES = ROOT / "tests" / "fixtures" / "criticality_figures.json"
+RECORDED = ROOT / "tests" / "fixtures" / "criticality_recorded.json"
 
 
 def tables() -> dict[str, str]:
     """Return the tables of the page by name."""
-    figures = json.loads(FIGURES.read_text("utf-8")) if FIGURES.exists() else {}
+    generated, recorded = (json.loads(path.read_text("utf-8")) for path in (FIGURES, RECORDED))
     rows = [
-        "| measure | what it says | formula | unit | source | compared, of these not 0 or inf | largest difference |",
+        "| measure | what it says | formula | unit | source | generated scenes | recorded scenes |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name, each in MEASURES.items():
         formula = each.formula.replace("|", "&#124;")
-        found = figures.get(name)
-        compared = "by hand" if found is None else f"{found['values']:,}, {found['finite']:,}"
-        largest = "" if found is None else f"{found['largest']:.1g}"
+        compared = [
+            f"{found['values']:,}, {found['finite']:,}: {found['largest']:.1g}" if (found := figures.get(name)) else "-"
+            for figures in (generated, recorded)
+        ]
         rows.append(
-            f"| `{name}` | {each.doc} | <code>{formula}</code> | {each.unit} | {each.source} | {compared} | {largest} |"
+            f"| `{name}` | {each.doc} | <code>{formula}</code> | {each.unit} | {each.source} | {' | '.join(compared)} |"
         )
     left_out = ["| measure | why |", "| --- | --- |", *(f"| `{name}` | {why} |" for name, why in LEFT_OUT.items())]
     return {"measures": "\n".join(rows), "left out": "\n".join(left_out)}

@@ -178,6 +178,11 @@ CORRECTIONS = {
          "0.0, 0.0 if np.real(np.prod(wttc_list)) > 0 else min(np.real(x) for x in wttc_list if np.isreal(x) and x > 0)"),
     ],
     "measure/velocity/delta_v.py": [
+        # One that rolls back, as recorded ones do, counts as if it rolled ahead.
+        ("            delta_v = (\n                m_b\n",
+         "            states = [each.state_at_time(self.time_step) for each in (self.ego_vehicle, self.other_vehicle)]\n"
+         "            v_ego, v_b = (s.velocity * np.cos(s.orientation) + s.velocity_y * np.sin(s.orientation) for s in states)\n"
+         "            delta_v = (\n                m_b\n"),
         # Two that drive behind each other at one speed collide with twice that speed.
         ("                    v_ego\n                    + v_b\n                    * np.cos(",
          "                    v_ego**2 + v_b**2 - 2 * v_ego * v_b\n                    * np.cos("),
@@ -218,6 +223,11 @@ CORRECTIONS = {
         ("state_list = self.ego_vehicle.prediction.trajectory.state_list[\n"
          "                        self.time_step : enter_time + 1\n                    ]",
          "state_list = [self.ego_vehicle.state_at_time(i) for i in range(self.time_step, enter_time + 1)]"),
+        # One that stands divides by 0.
+        ("                        rd\n                        / self._msd_object.compute(\n"
+         "                            vehicle_id, time_step, verbose=verbose\n                        ),",
+         "                        (lambda m: rd / m if m else rd and float('inf'))("
+         "self._msd_object.compute(vehicle_id, time_step, verbose=verbose)),"),
     ],
 }  # fmt: skip
 ADDED = {

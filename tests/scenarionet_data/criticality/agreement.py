@@ -47,6 +47,8 @@ def compare(compared: Sequence[Compared], answers: Mapping[str, Any]) -> Agreeme
             for other, steps in others.items():
                 row = each.scenario.tracks.index(other)
                 for step, text in steps:
+                    if np.isnan(scene.s[scene.row, step]):
+                        continue  # off the lanes nothing is defined along them, and theirs is infinite
                     mine, wanted = float(values[name][row, step]), float(text or "nan")
                     found = figures[name]
                     found["values"] += 1

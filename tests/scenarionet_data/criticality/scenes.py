@@ -52,10 +52,13 @@ def scenes(seeds: Sequence[int] = SEEDS) -> Iterator[Compared]:
 
 
 def recorded(lake: Lake) -> Iterator[Compared]:
-    """Scenes of recordings at the step of CommonRoad-CriMe, their beginning."""
+    """The beginnings of recordings at the step of CommonRoad-CriMe, of vehicles of one size, as files have it."""
     for scenario in ScenarioLoader(lake, lake.select("num_map_features > 0")):
         if abs(scenario.dt - 0.1) < 1e-3:
-            yield from meetings(_forward(_begun(scenario)), others=1)
+            for each in meetings(_forward(_begun(scenario)), others=1):
+                length = each.scene.traffic.length[[each.scene.row, *each.others]]
+                if (np.nanmax(length, axis=1) - np.nanmin(length, axis=1)).max() < 1e-3:
+                    yield each
 
 
 def meetings(scenario: ScenarioDescription, others: int = _OTHERS) -> Iterator[Compared]:
