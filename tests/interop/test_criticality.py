@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 PYTHON = ROOT / ".venv-interop" / "criticality" / "bin" / "python"
 SOURCES = {"scenarionet": "scenarionet", "waymo": "waymo/training", "gpudrive": "gpudrive",
            "argoverse2": "argoverse2/motion-forecasting/val", "interaction": "interaction"}  # fmt: skip
-SMALLEST = 9
+SMALLEST = 7
 
 pytestmark = pytest.mark.interop
 
