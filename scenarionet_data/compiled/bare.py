@@ -8,6 +8,7 @@ have constants that are Python objects, have no image. Other systems than Linux,
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import importlib
 import json
 import mmap
@@ -71,7 +72,7 @@ def write(folder: str, function: Any, stamp: str, result: Any) -> None:
     """
     path = Path(folder, file_name(function))
     try:
-        if not (_IS_POSSIBLE and is_of_data(function)) or (path.exists() and _read(path)[0]["stamp"] == stamp):
+        if not (_IS_POSSIBLE and is_of_data(function)) or _has_stamp(path, stamp):
             return
         environments = [result.environment, *result._find_referenced_environments()]
         if any(each.consts for each in environments):
@@ -81,9 +82,18 @@ def write(folder: str, function: Any, stamp: str, result: Any) -> None:
     except NotBare:
         return
     head = {"stamp": stamp, "numba": _numba_version(), "arguments": arguments, "entry": entry, "places": places}
+    content = json.dumps(head).encode() + b"\n" + image
     written = path.with_suffix(f".{os.getpid()}")
-    written.write_bytes(json.dumps(head).encode() + b"\n" + image)
+    written.write_bytes(hashlib.sha256(content).digest() + content)
     written.replace(path)
+
+
+def _has_stamp(path: Path, stamp: str) -> bool:
+    """Whether there is a whole image of such code."""
+    try:
+        return path.exists() and bool(_read(path)[0]["stamp"] == stamp)
+    except NotBare:
+        return False
 
 
 def link(file: bytes, name: str) -> tuple[bytes, int, list[tuple[int, str, int]]]:
@@ -248,7 +258,16 @@ def _numba_version() -> str:
 
 
 def _read(path: Path) -> tuple[dict[str, Any], bytes]:
-    head, _, image = path.read_bytes().partition(b"\n")
+    """What is needed to load an image, and the image.
+
+    Raises:
+        NotBare: The file is damaged: its machine code would end the process.
+    """
+    file = path.read_bytes()
+    digest, content = file[:32], file[32:]
+    if hashlib.sha256(content).digest() != digest:
+        raise NotBare(f"{path} is damaged")
+    head, _, image = content.partition(b"\n")
     return json.loads(head), image
 
 

@@ -62,9 +62,8 @@ def kernel(
             if uses_internals():
                 dispatchers: Any = import_module("scenarionet_data.compiled.dispatchers")
                 return dispatchers.as_kernel(plain, options, allocates=allocates, is_wide=is_wide)
-            compiled = import_module("numba").njit(_nrt=allocates, **options)(
-                plain
-            )  # those that count references crash
+            # kernels that count references crash
+            compiled = import_module("numba").njit(_nrt=allocates, **options)(plain)
             with suppress(AttributeError, RuntimeError):  # NUMBA_DISABLE_JIT; no folder to write to
                 compiled.enable_caching()
             return compiled

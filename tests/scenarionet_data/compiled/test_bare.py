@@ -162,3 +162,22 @@ def test_settings_of_numba_are_obeyed(shipped_at, tmp_path, name):
     environment = {name: value, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     code = "note(lambda: module.divided(7, 2))\nprint(json.dumps(found))"
     assert run(shipped_at / "kernels.py", shipped_at / "shipped", code, environment) == [[3, True]]
+
+
+@pytest.mark.integration
+def test_damaged_images_are_not_run(shipped_at, tmp_path):
+    """A changed byte of machine code ends the process, or computes something else."""
+    whole = shipped_at / "shipped"
+    (image,) = whole.rglob("divided.*.bare")
+    size = image.stat().st_size
+    code = "note(lambda: module.divided(7, 2))\nprint(json.dumps(found))"
+    for place in (0, 40, size // 2, size - 1, None):
+        damaged = tmp_path / f"at {place}"
+        shutil.copytree(whole, damaged)
+        content = bytearray(image.read_bytes())
+        if place is None:
+            del content[size // 2 :]
+        else:
+            content[place] ^= 1
+        (damaged / image.relative_to(whole)).write_bytes(content)
+        assert run(shipped_at / "kernels.py", damaged, code) == [[3, True]]
