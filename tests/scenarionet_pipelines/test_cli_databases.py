@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from scenarionet_data import Lake
@@ -142,6 +144,8 @@ def test_vary_from_a_file_and_options(lake, ok, as_json, tmp_path):
     assert made["partitions"] == ["variation/v/train"]
     again = as_json("vary", lake, "few", "--name", "v", "--file", file, "-p", "ego.offset=0.5", "--quiet")
     assert again["converted"] + again["quarantined"] == 0
+    fast = run("vary", lake, "few", "--name", "fast", "-p", "ego.speed=100", "--number", "2", "--json", "--quiet")
+    assert fast.exit_code == 1 and json.loads(fast.stdout)["quarantined"] == 2 * few
     refused = run("vary", lake, "few", "--name", "w", "-p", "ego.speed=2:1")
     assert refused.exit_code == 2 and "ego.speed=2:1: wanted LOW:HIGH with LOW at most HIGH" in refused.stderr
     file.write_text("count = 3\n")

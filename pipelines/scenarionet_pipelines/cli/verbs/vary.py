@@ -27,7 +27,7 @@ class VaryVerb(Choosing, Distributed):
 
     Variations are version NAME of the dataset variation; the same command makes the same ones, and goes on where
     it was interrupted. What is not plausible (acceleration, jerk, contact at the start) is quarantined and counted by
-    reason, not clipped.
+    reason, not clipped. The exit code is 1 if none is plausible.
 
     --file is a TOML file with the table [parameters], and number, seed, method, acceleration, jerk and margin (time
     kept around moments in seconds); options win.
@@ -70,7 +70,7 @@ class VaryVerb(Choosing, Distributed):
                 on_progress=progress.update,
             )  # fmt: skip
         self.say(*report_content(report, self.lake))
-        return not report.failed
+        return not report.failed and (report.converted > 0 or not report.quarantined)
 
 
 def read_settings(file: str) -> dict[str, Any]:
