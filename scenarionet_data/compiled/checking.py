@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import Any, cast
 
 from scenarionet_data.compiled.decorators import Function
+from scenarionet_data.compiled.gate import import_numba
 
 CHECK = "SCENARIONET_CHECK_KERNELS"
 """Environment variable; 1 compares the arguments of every call through ``unchecked``."""
@@ -30,7 +31,7 @@ def unchecked(function: Function) -> Function:
 
 
 def _checked_call(function: Any, *arguments: Any) -> Any:
-    numba: Any = import_module("numba")
+    numba = import_numba()
     name = getattr(function, "__qualname__", repr(function))
     for signature in getattr(function, "signatures", [])[:1]:
         for place, (value, expected) in enumerate(zip(arguments, signature, strict=True)):

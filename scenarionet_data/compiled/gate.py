@@ -11,6 +11,7 @@ import importlib
 import os
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from scenarionet_data.optional_imports import hidden
 
@@ -22,10 +23,15 @@ PLAIN = "SCENARIONET_PLAIN_NUMBA"
 
 
 @cache
+def import_numba() -> Any:
+    """Import Numba without what it imports if it finds it, in 0.1 s."""
+    configuration = () if Path(".numba_config.yaml").exists() else ("yaml",)
+    with hidden("coverage", "scipy", *configuration):
+        return importlib.import_module("numba")
+
+
+@cache
 def uses_internals() -> bool:
     """Return whether this process may use the internals of the installed version, which it imports."""
-    configuration = () if Path(".numba_config.yaml").exists() else ("yaml",)
-    with hidden("coverage", "scipy", *configuration):  # which Numba imports if it finds them, in 0.1 s
-        numba = importlib.import_module("numba")
-    version = tuple(map(int, numba.__version__.split(".")[:2]))
+    version = tuple(map(int, import_numba().__version__.split(".")[:2]))
     return TESTED[0] <= version <= TESTED[1] and os.environ.get(PLAIN) != "1"
