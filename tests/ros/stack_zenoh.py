@@ -71,20 +71,20 @@ for key, value in (
 ):
     config.insert_json5(key, json.dumps(value))
 session, received = zenoh.open(config), queue.Queue()
-subscribers = [
-    session.declare_subscriber(key, lambda sample, name=name: received.put((name, bytes(sample.payload))))
-    for name, key in KEYS.items()
-]
+
+
+def putting(name):
+    """A callback in zenoh's own thread; with a thread for each subscriber, a route could come after its first pose."""
+    return zenoh.handlers.Callback(lambda sample: received.put((name, bytes(sample.payload))), indirect=False)
+
+
+subscribers = [session.declare_subscriber(key, putting(name)) for name, key in KEYS.items()]
 seen = {}  # stamps of the latest picture and scan
 if fault == "sensors":
-    subscribers += [
-        session.declare_subscriber(
-            f"0/{name}/*/*", lambda sample, name=name: received.put((name, bytes(sample.payload)))
-        )
-        for name in ("camera/image_raw", "points")
-    ]
+    names = "camera/image_raw", "points"
+    subscribers += [session.declare_subscriber(f"0/{name}/*/*", putting(name)) for name in names]
 route, pose, clock, answered, driver = None, None, None, None, Pursuit()
-while True:  # topics come in any order: each subscriber has a thread of its own
+while True:
     name, content = received.get(timeout=60)
     if name == "route":
         places = read_route(content)
