@@ -43,3 +43,25 @@ def test_the_lane_that_holds_most_goes_before_the_one_that_turns_so():
 def test_outside_intersections_lanes_do_not_turn():
     """There the first of equal lanes is taken."""
     assert chosen([(0, 0, SQUARE), (1, 0, SQUARE)], [(5, 5)], 0.3)[0] == [0]
+
+
+def test_how_far_aside_is_of_the_nearest_of_all_segments():
+    """Of a line that winds: each is measured here, and of those that share the nearest point the least counts."""
+    rng = np.random.default_rng(6)
+    line = np.cumsum(rng.normal(0, 2, (40, 2)), axis=0)
+    places = line[rng.integers(0, 40, 200)] + rng.normal(0, 3, (200, 2))
+    (left, low), (right, high) = line.min(axis=0) - 20, line.max(axis=0) + 20
+    outline = np.array([(left, low), (right, low), (right, high), (left, high)])
+    near = NearLanes(
+        np.array([0, 1]), np.array([0]), np.array([0]), np.array([0, 4]), *outline.T.copy(), np.array([0, 40]),
+        *line.T.copy(),
+    )  # fmt: skip
+    found, aside = np.full(200, -1), np.zeros(200)
+    choose_lanes(PlacedSteps(np.array([0, 200]), *places.T.copy(), np.zeros(200)), near, found, aside)
+    along, from_start = np.diff(line, axis=0), places[:, None] - line[:-1]
+    lengths = np.linalg.norm(along, axis=1)
+    share = np.clip((from_start * along).sum(axis=-1) / lengths**2, 0, 1)
+    gap = np.linalg.norm(from_start - share[..., None] * along, axis=-1).round(12)
+    lefts = (along[:, 0] * from_start[..., 1] - along[:, 1] * from_start[..., 0]) / lengths
+    assert found.tolist() == [0] * 200
+    assert aside == pytest.approx(np.where(gap == gap.min(axis=1, keepdims=True), lefts, np.inf).min(axis=1))
