@@ -65,10 +65,7 @@ def find_routes(
     """
     for drive in range(len(offsets) - 1):
         begin, count = offsets[drive], offsets[drive + 1] - offsets[drive]
-        stays = stays_between(
-            begin, begin + count, centre, links.polygons, len(links.speed_limit), memory.first, memory.starts,
-            memory.around,
-        )  # fmt: skip
+        stays = _find_stays(begin, begin + count, centre, links, memory)
         num_last = 0
         for stay in range(stays):
             here = memory.around[memory.starts[stay] : memory.starts[stay + 1]]
@@ -91,6 +88,13 @@ def find_routes(
                 t += 1
         for t in range(begin + count - 2, begin - 1, -1):
             _leave_other_branches(route[t], route[t + 1], links)
+
+
+@device_function
+def _find_stays(begin: int, end: int, points: Float64, links: LaneLinks, memory: LaneMemory) -> int:
+    """Fill the memory with the spans of moments at which points stay in the same lanes; return how many they are."""
+    lanes = len(links.speed_limit)
+    return stays_between(begin, end, points, links.polygons, lanes, memory.first, memory.starts, memory.around)
 
 
 @device_function
@@ -242,10 +246,7 @@ def share_lanes(
     """
     for drive in range(len(offsets) - 1):
         begin, count = offsets[drive], offsets[drive + 1] - offsets[drive]
-        stays = stays_between(
-            begin, begin + count, corners, links.polygons, len(links.speed_limit), memory.first, memory.starts,
-            memory.around,
-        )  # fmt: skip
+        stays = _find_stays(begin, begin + count, corners, links, memory)
         num_candidates = num_before = num_left = start = num_changes[drive] = 0
         for stay in range(stays):
             end, t = memory.first[stay + 1] if stay + 1 < stays else count, memory.first[stay]
